@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -363,15 +364,16 @@ def kinematic(one: str, other: str) -> bool:
     return reproduces(one, other) or reproduces(other, one)
 
 
-def raw_needs(name: str) -> set[str]:
+@cache
+def raw_needs(name: str) -> frozenset[str]:
     """Return the measured channels behind a channel or a pseudo input, through all steps.
 
     >>> sorted(raw_needs("q_lat"))
     ['alpha', 'beta', 'ny', 'phi', 'tas', 'theta']
     """
     if name not in PSEUDO_INPUTS:
-        return {name}
-    return {raw for need in PSEUDO_INPUTS[name].needs for raw in raw_needs(need)}
+        return frozenset({name})
+    return frozenset(raw for need in PSEUDO_INPUTS[name].needs for raw in raw_needs(need))
 
 
 def factor_of(name: str) -> float:

@@ -21,6 +21,8 @@ STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faste
 FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
 
+_EVEN = 1e-9  # of a step
+_ROUNDS, _SAME_DEG = 60, 1e-11
 _RAD = math.pi / 180.0
 
 
@@ -133,6 +135,12 @@ class AttitudeEstimator:
         if not len(changed):
             return bent
         first = max(int(changed[0]), 1)
+        if np.ptp(steps_s) <= _EVEN * float(steps_s[0]):
+            since = slice(first - 1, None)
+            off = self._bend(float(steps_s[0]), rates[since], broken_rates[since], told[since])
+            if off is not None:
+                bent[since] += off
+                return bent
         bend: Sequence[float] = (0.0, 0.0, 0.0)
         bias: Sequence[float] = (0.0, 0.0, 0.0)
         rows = range(first, len(rates))
@@ -155,6 +163,35 @@ class AttitudeEstimator:
             bends.append(bend)
         bent[first:] += np.array(bends)
         return bent
+
+    def _bend(self, step_s: float, rates: FloatArray, broken: FloatArray, path: FloatArray) -> FloatArray | None:
+        """Return the bend d of evenly sampled rows, shape (rows, 3), for all rows at once; None where that isn't sure.
+
+        It is linear but for f(d) = g(x + d, y_d - b_d) - g(x, y) - d + Ts b_d: d is filtered out of f of the last d,
+        until it stays. What a turn carries from angle to angle is small beside what the references pull back.
+        """
+        from scipy.signal import lfilter
+
+        kept = self.time_constant_s / (self.time_constant_s + step_s)
+        gain = step_s / (self.time_constant_s * self.bias_time_constant_s)
+        over, under = (
+            ([kept, -kept], [1.0, kept * step_s * gain - 1.0 - kept, kept]) if gain else ([kept], [1.0, -kept])
+        )
+        healthy = _steps(path[:-1], rates[:-1], rates[1:], step_s)
+        bend, bias = np.zeros_like(path), np.zeros_like(path)
+        for _ in range(_ROUNDS):
+            was = path[:-1] + bend[:-1]
+            if np.abs(was[:, 1]).max() > STEEPEST_DEG:
+                return None
+            turned = _steps(was, broken[:-1] - bias[:-1], broken[1:] - bias[:-1], step_s)
+            if np.abs(was[:, 1] + turned[:, 1]).max() > STEEPEST_DEG:
+                return None
+            before = bend.copy()
+            bend[1:] = lfilter(over, under, turned - healthy + step_s * bias[:-1], axis=0)
+            bias = gain * np.cumsum(bend, axis=0)
+            if np.abs(bend - before).max() <= _SAME_DEG:
+                return bend
+        return None
 
 
 # those that can be named: complementary filters by their time constants, and a Kalman filter with states for the gyros'
@@ -209,6 +246,20 @@ def carried_on(
         theta + half * (first[1] + second[1]),
         psi + half * (first[2] + second[2]),
     )
+
+
+def _steps(attitude: FloatArray, before: FloatArray, now: FloatArray, step_s: float) -> FloatArray:
+    """Return what `carried_on` adds to each of some attitudes, shape (rows, 3)."""
+    first = _all_euler_rates(attitude, before)
+    return np.asarray(0.5 * step_s * (first + _all_euler_rates(attitude + step_s * first, now)))
+
+
+def _all_euler_rates(attitude_deg: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return `_euler_rates` of rows."""
+    (phi, theta), (p, q, r) = attitude_deg.T[:2] * _RAD, rates.T
+    sin_phi, cos_phi = np.sin(phi), np.cos(phi)
+    turn = (q * sin_phi + r * cos_phi) / np.cos(theta)
+    return np.column_stack([p + np.sin(theta) * turn, q * cos_phi - r * sin_phi, turn])
 
 
 def _euler_rates(phi_deg: float, theta_deg: float, p: float, q: float, r: float) -> tuple[float, float, float]:

@@ -38,6 +38,7 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"\| replacing \| gyro +\| ",
         r"\| noise \| [0-9.]+ deg/s \|",  # the smallest that is found
     ),
+    "strange_faults": (r"# Strange faults\n\n\*\*Quick: ", r"\| bursts +\| strong +\| 100.0 % .* of 2 "),
     "other_sensors": (
         r"# Other sensors, other tests\n\n\*\*Quick: ",
         r"\| 1 s +\| 100.0 % .* of 1 ",

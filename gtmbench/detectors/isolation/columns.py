@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Columns:
         What is added to the readings, per unit.
     """
 
-    def __init__(self, suspect: Suspect, shapes: dict[str, FloatArray]) -> None:
+    def __init__(self, suspect: Suspect, shapes: Mapping[str, FloatArray]) -> None:
         self.names = tuple(shapes)
         self._suspect = suspect
         self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}

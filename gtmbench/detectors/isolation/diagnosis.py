@@ -24,11 +24,12 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
-from gtmbench.detectors.isolation.fits import ABSORBING, FittedHypothesis, suspects_in
+from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
+from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.detectors.isolation.health import MOST, greatest
+from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import is_straighter
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.isolation.transients import transients
@@ -45,6 +46,7 @@ _END = 20.0  # nats
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
 _ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
+_VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
 _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
@@ -258,10 +260,45 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
     """Return the suspects that the best doesn't decisively beat, likeliest first."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
-    return tuple(
-        channel
-        for channel, fit in best.items()
-        if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE)
+
+    def is_near(channel: str, fit: FittedHypothesis) -> bool:
+        if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE):
+            return True
+        is_vague = fit.bic < first.bic + _VAGUE * (case.deviance - first.bic)
+        return is_vague and _reads_anything(case, first, fit)
+
+    return tuple(channel for channel, fit in best.items() if is_near(channel, fit))
+
+
+def _reads_anything(case: Case, first: FittedHypothesis, other: FittedHypothesis) -> bool:
+    """Tell whether two sensors of an axis are alike where what each reads is anything, as nothing definite explains it.
+
+    Noise explains whatever is left, a little better or worse as its spectrum happens to fit. What tells then is what
+    the readings as a whole, beside what they should have been, do to the axes that one of the two enters.
+    """
+    is_noise = 0.0 < first.misfit <= 1.0  # and fits
+    if (
+        not first.is_absorbing
+        or is_noise
+        or other.channel not in axis_of(first.channel)
+        or first.left.heals(case.monitor)
+    ):
+        return False
+    left = [_left_elsewhere(case, fit) for fit in (first, other)]
+    return left[1] - left[0] < _FREELY
+
+
+def _left_elsewhere(case: Case, fit: FittedHypothesis) -> float:
+    """Return what is left of all but an axis's own residuals once its suspect reads what it should."""
+    suspect = suspect_through(case, fit.channel, fit.estimator)
+    if suspect is None:
+        return np.inf
+    axis = axis_of(fit.channel)
+    left = dict(zip(suspect.outputs, suspect.white - suspect.shown(suspect.off[np.newaxis])[0], strict=True))
+    others = (output for output in case.residuals.raw if output not in axis)
+    mates = (own(name) for name in axis if name != fit.channel)
+    return sum(energy(left.get(output, case.white[output][case.judged])) for output in others) + sum(
+        case.energies.get(name, 0.0) for name in mates
     )
 
 
@@ -303,11 +340,11 @@ def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
 
 
 def _definite(fit: FittedHypothesis) -> bool:
-    return fit.kind not in ABSORBING
+    return not fit.is_absorbing
 
 
 def _absorbing(fit: FittedHypothesis) -> bool:
-    return fit.kind in ABSORBING and fit.kind != UNKNOWN
+    return fit.is_absorbing and fit.kind != UNKNOWN and fit.misfit <= 1.0
 
 
 def _strays(case: Case, best: FittedHypothesis) -> list[str]:
@@ -397,7 +434,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     fault = fault_of(best)
     if fault is None or best.channel in ANGLES:
         return None
-    (suspect,) = suspects_in(case, (best.channel,)) or (None,)
+    suspect = suspect_through(case, best.channel, best.estimator)
     if suspect is None:
         return None
     begun = suspect.time_s >= fault.onset_s
@@ -435,7 +472,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
 
 def is_bent_far(case: Case) -> bool:
     """Tell whether a gyro seems to have bent the attitude so far that its fit errs: what was said stands."""
-    for suspect in suspects_in(case, case.driving):
+    for suspect in likely_suspects_in(case, case.driving):
         if suspect.bend is None:
             continue
         change = suspect.off if suspect.away is None else suspect.away

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
 
-from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, sharpness_of
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import PEERS, UNKNOWN, Fit, Fitter, simplest
+from gtmbench.detectors.isolation.driving import likely_suspects_in
+from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import axis_of
 
-_LIKELY = 3  # estimators
-_RARELY = 10.0  # of -2 log likelihood: an attitude that is taken for driven isn't
 _HOPELESS = 200.0  # of -2 log likelihood
-ABSORBING = (UNKNOWN, "random_walk", "noise")  # explain a little of everything
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,34 +25,7 @@ class FittedHypothesis(Fit):
 
     channel: str
     bic: float
-
-
-def suspects_in(case: Case, channels: Sequence[str]) -> list[Suspect]:
-    """Return those of some channels that have a virtual sensor."""
-    return [suspect for name in channels if (suspect := _suspect(case, name)) is not None]
-
-
-@lru_cache(maxsize=12)  # one case is judged in several steps
-def _suspect(case: Case, channel: str) -> Suspect | None:
-    return _driving(case, channel) if channel in case.driving else Suspect.of(case, channel)
-
-
-def _driving(case: Case, channel: str) -> Suspect:
-    """Return a gyro that drives the attitude, through the estimator by which simple shapes explain most.
-
-    Which that is the linear tells but for a few, and of these the whole equations. It may also be that the estimator
-    takes another gyro than the one that is logged, or that there is none: then the attitude stays straight.
-    """
-    sharpness = sharpness_of(case.monitor.operators[channel])
-    bends = [Bend(estimator, case.record, case.start, channel, sharpness) for estimator in CANDIDATES]
-    tried = [simplest(Suspect.driving(case, channel, bend)) for bend in bends]
-    likely = sorted(tried, key=lambda simple: simple.deviance)[:_LIKELY]
-    bent = [simple.suspect.without(simple.change) for simple in likely]
-    best = likely[0] if bent[0] is likely[0].suspect else min(map(simplest, bent), key=lambda simple: simple.deviance)
-    straight = Suspect.of(case, channel)
-    if straight is not None and simplest(straight).least + _RARELY < best.least:
-        return straight
-    return best.suspect
+    estimator: AttitudeEstimator | None = None  # through which it bends the attitude
 
 
 def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str] = ()) -> list[FittedHypothesis]:
@@ -66,25 +36,17 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     isn't tried further; nor is a suspect that could explain all that it enters and would still leave far more.
     """
     penalty = float(np.log(max(case.count, 2)))
-    suspects = suspects_in(case, channels)
-    fitters = [Fitter(suspect, without) for suspect in suspects]
-    mates = {
-        fitter: [other for other in fitters if other.suspect.channel in axis_of(fitter.suspect.channel)]
-        for fitter in fitters
-    }
+    suspects = likely_suspects_in(case, channels)
     ranking: list[FittedHypothesis] = []
-    for fitter in sorted(fitters, key=lambda fitter: _likely_first(fitter, mates[fitter])):
-        best = min(ranking, key=lambda fit: fit.bic, default=None)
-        if best is not None and _is_out(fitter, mates[fitter], best):
+    for axis in _likely_first([Fitter(suspect, without) for suspect in suspects]):
+        most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
+        if all(_leaves_more(fitter, most) for fitter in axis):
             continue
-        objection = case.objection(fitter.suspect.channel)
-        for fit in (*known(fitter), *unknown(fitter)):
-            bic = fit.left.deviance + fitter.suspect.elsewhere + fit.free * penalty + objection
-            if fit.is_shown and fitter.suspect.sick_elsewhere and fit.left.heals(case.monitor):
-                bic -= fitter.suspect.sick_elsewhere
-            ranking.append(FittedHypothesis(**vars(fit), channel=fitter.suspect.channel, bic=bic))
+        for fitter in axis:
+            if fitter.suspect.at_least <= min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS:
+                ranking += _fitted(fitter, penalty)
     ranking.sort(key=lambda fit: fit.bic)
-    is_open = bool(ranking) and ranking[0].kind in ABSORBING and not ranking[0].left.heals(case.monitor)
+    is_open = bool(ranking) and ranking[0].is_absorbing and not ranking[0].left.heals(case.monitor)
     if is_open and "cross-axis" not in set(without):
         ranking = sorted([*ranking, *_swaps(case, suspects)], key=lambda fit: fit.bic)
     return ranking
@@ -102,39 +64,52 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 
-def _is_out(fitter: Fitter, mates: Sequence[Fitter], best: FittedHypothesis) -> bool:
-    """Tell whether a suspect leaves far more than the best so far, and its mates too.
+def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
+    """Give the hypotheses on a suspect; `penalty` is what a fitted number costs."""
+    suspect, case = fitter.suspect, fitter.suspect.case
+    beside = suspect.elsewhere + case.objection(suspect.channel)
+    estimator = None if suspect.bend is None else suspect.bend.estimator
+    for fit in (*known(fitter), *unknown(fitter)):
+        bic = fit.left.deviance + beside + fit.free * penalty
+        if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
+            bic -= suspect.sick_elsewhere
+        yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, estimator=estimator)
 
-    Simple shapes are no measure of a suspect where they aren't of the best one, its mate: a sign that has flipped isn't
-    one.
+
+def _likely_first(fitters: Sequence[Fitter]) -> list[list[Fitter]]:
+    """Return suspects axis by axis: first those whose readings look held or clipped, then whose own residual is worst.
+
+    What the first leave rules out most of the others, before any of their shapes is filtered.
     """
-    most = best.bic + _HOPELESS
-    if fitter.suspect.at_least > most:
-        return True
-    is_other = all(best.channel != mate.suspect.channel for mate in mates)
-    return is_other and all(_leaves_more(mate, most) for mate in mates)
+    axes: dict[tuple[str, ...], list[Fitter]] = {}
+    for fitter in fitters:
+        axes.setdefault(axis_of(fitter.suspect.channel), []).append(fitter)
 
+    def place(axis: tuple[str, ...]) -> tuple[bool, float, float]:
+        beside = min(fitter.suspect.sick_elsewhere for fitter in axes[axis])
+        energies = fitters[0].suspect.case.energies
+        return (
+            not any(fitter.is_traced for fitter in axes[axis]),
+            beside,
+            -max((energies[name] for name in axis if name in energies), default=0.0),
+        )
 
-def _likely_first(fitter: Fitter, mates: Sequence[Fitter]) -> tuple[float, float]:
-    """Return what orders suspects: about the least that those of an axis leave without noise, then one alone."""
-    if any(mate.is_traced for mate in mates):
-        return -np.inf, float(not fitter.is_traced)
-    return min(map(_left_by_shapes, mates)), _left_by_shapes(fitter)
-
-
-def _left_by_shapes(fitter: Fitter) -> float:
-    """Return about the least that a suspect leaves without noise; of one that holds or clips shapes don't tell."""
-    return -np.inf if fitter.is_traced else fitter.plain(*fitter.shapes).deviance + fitter.suspect.elsewhere
+    return [sorted(axes[axis], key=lambda fitter: not fitter.is_traced) for axis in sorted(axes, key=place)]
 
 
 def _leaves_more(fitter: Fitter, most: float) -> bool:
-    """Tell whether a suspect leaves more than so much with whatever simple shape and noise."""
+    """Tell whether a suspect leaves more than so much with whatever simple shape and noise.
+
+    Of one that holds or clips shapes don't tell.
+    """
     elsewhere = fitter.suspect.elsewhere
-    if _left_by_shapes(fitter) <= most:
+    if fitter.is_traced or not np.isfinite(most):
         return False
-    return elsewhere > most or all(
-        noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0]
-    )
+    if elsewhere > most:
+        return True
+    if fitter.plain(*fitter.shapes).deviance + elsewhere <= most:
+        return False
+    return all(noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0])
 
 
 def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:

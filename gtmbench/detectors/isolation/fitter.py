@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
+from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
@@ -21,12 +22,14 @@ from gtmbench.values.record import FloatArray
 
 UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
+_ABSORBING = (UNKNOWN, "random_walk", "noise")
 _HELD = ("jam", "stuck", "hardover", "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
 _MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
 _AGAIN, _PILED = 10, 0.05  # rows, and of those judged, at the readings' ends
+_LATE = 0.05  # of what the best shapes explain
 WORTH = 10.0  # of -2 log likelihood, that a search is worth
 
 Parameters = dict[str, float]  # by name, in the channel's unit (per second for slopes; times in seconds)
@@ -53,6 +56,8 @@ ANYTHING: tuple[tuple[str, ...], ...] = (
     ("t", "x", "x'"),
 )
 
+WALKING: tuple[tuple[str, ...], ...] = ((), ("1",), ("1", "t"))  # a random walk may go with
+_NOISY = 5  # sets of shapes that are tried with noise
 _SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), ("x", "x'"), ("sgn",))
 
 
@@ -76,6 +81,8 @@ class Fit:
         Gives the parameters' standard errors.
     lasts : bool
         Whether the fault is there to the end; one that comes and goes may have gone.
+    misfit : float
+        Of noise, how far its spectrum is from what it leaves; up to 1 that is such noise.
     """
 
     kind: str
@@ -86,6 +93,12 @@ class Fit:
     partner: str | None = None
     errors: Callable[[], Parameters] = field(default=dict, repr=False)
     lasts: bool = True
+    misfit: float = 0.0
+
+    @property
+    def is_absorbing(self) -> bool:
+        """Whether it explains a little of everything: noise of whatever spectrum, and what belongs to no kind."""
+        return self.kind in _ABSORBING or self.misfit > 0.0
 
     @property
     def is_shown(self) -> bool:
@@ -124,29 +137,34 @@ class Fitter:
     # ---- what all hypotheses are made of ----
 
     @cached_property
-    def shapes(self) -> dict[str, FloatArray]:
+    def shapes(self) -> Mapping[str, FloatArray]:
         """What a fault may add, per unit; nothing before the onset.
 
         Where the attitude bends with the sensor, what it should have read is known far worse than what it read, which
         tells the same: a gain is one over another. Noise is left out, or a shape would take the sensor's own away.
         """
-        v, t = self.suspect.case.smooth(self.measured) if self.is_driven else self.virtual, self.after_s
+        names = ("1", "t", "x", "x'", "lag", "sgn", "sin", "cos")
+        return Lazily((*names, *(f"of {name}" for name in (*self.peers, *self.felt))), self._shape)
+
+    def _shape(self, name: str) -> FloatArray:
+        v, t = self._expected, self.after_s
         level = v - (v[0] if self.suspect.channel == "psi" else 0.0)
-        frequency = 2.0 * np.pi * self.frequency_hz
-        shapes = {
-            "1": np.ones_like(t),
-            "t": t,
-            "x": level,
-            "x'": np.gradient(v) / self.period_s,
-            "lag": _lagged(v, _LAG_S, self.period_s) - v,
-            "sgn": np.sign(self.measured if self.is_driven else level),
-            "sin": np.sin(frequency * t),
-            "cos": np.cos(frequency * t),
+        of: dict[str, Callable[[], FloatArray]] = {
+            "1": lambda: np.ones_like(t),
+            "t": lambda: t,
+            "x": lambda: level,
+            "x'": lambda: np.gradient(v) / self.period_s,
+            "lag": lambda: _lagged(v, _LAG_S, self.period_s) - v,
+            "sgn": lambda: np.sign(self.measured if self.is_driven else level),
+            "sin": lambda: np.sin(2.0 * np.pi * self.frequency_hz * t),
+            "cos": lambda: np.cos(2.0 * np.pi * self.frequency_hz * t),
         }
-        for name, readings in self.peers.items():
-            shapes[f"of {name}"] = readings
-        shapes |= {f"of {name}": readings for name, readings in self.felt.items()}
-        return {name: shape * self.on for name, shape in shapes.items()}
+        beside = self.peers | self.felt
+        return np.asarray((of[name]() if name in of else beside[name.removeprefix("of ")]) * self.on)
+
+    @cached_property
+    def _expected(self) -> FloatArray:
+        return self.suspect.case.smooth(self.measured) if self.is_driven else self.virtual
 
     @property
     def is_driven(self) -> bool:
@@ -197,22 +215,35 @@ class Fitter:
         return self.columns.weights(names)
 
     def weigh_all(self) -> None:
-        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long."""
+        """Solve for all sets of shapes that hypotheses ask for, together: one by one takes several times as long.
+
+        So for the noise beside some of them.
+        """
         mixed = [("x", f"of {name}") for name in self.peers] + [(f"of {name}",) for name in self.felt]
         sets = [names for names in ANYTHING if 3 * len(names) < self.suspect.white.size]
         self._plains([*sets, ("sin", "cos", "x"), *mixed])
+        self.noises(list(dict.fromkeys([*WALKING, *self.noisy])))
+
+    @cached_property
+    def possible(self) -> list[tuple[str, ...]]:
+        """The sets of a few shapes that don't say that the sensor reads ahead of time."""
+        return [names for names in self.anything if not leads(names, self.weights(*names))]
+
+    @cached_property
+    def noisy(self) -> list[tuple[str, ...]]:
+        """The best of them: they are tried with noise, too."""
+        return sorted(self.possible, key=lambda names: self.plain(*names).deviance + 8.0 * len(names))[:_NOISY]
 
     def plain(self, *names: str) -> Left:
         """Return what some shapes leave."""
-        return self._plains([names])[0]
+        found = self._plain.get(names)
+        return found if found is not None else self._plains([names])[0]
 
     def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
-        deviances = self.columns.deviances(sets)
-        for names, deviance in zip(sets, deviances, strict=True):
-            if names not in self._plain:
-                white = partial(self.columns.left, names)
-                left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=white)
-                self._plain[names] = self._dense(names, left)
+        new = [names for names in sets if names not in self._plain]
+        for names, deviance in zip(new, self.columns.deviances(new), strict=True):
+            left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=partial(self.columns.left, names))
+            self._plain[names] = self._dense(names, left)
         return [self._plain[names] for names in sets]
 
     def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
@@ -222,6 +253,11 @@ class Fitter:
             white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in fits)
             self._noises[names] = white, walk
         return [self._noises[names] for names in sets]
+
+    @cached_property
+    def band(self) -> NoiseFit:
+        """The best noise around the frequency at which the residual is strongest."""
+        return self._noise.band(self.plain(), self.frequency_hz)
 
     def _dense(self, names: tuple[str, ...], left: Left) -> Left:
         """Make a density of what an angle's gain leaves one of what was read.
@@ -323,9 +359,15 @@ class Fitter:
         return np.asarray(np.sqrt(np.diag(self.columns.covariance(names))))
 
     def is_late(self) -> bool:
-        """Whether shapes of readings that come late explain anything."""
-        late = [self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
-        return min(late, default=np.inf) < self.anything[()].deviance - WORTH
+        """Whether shapes of readings that come late explain enough of what any shape does for a search of how late."""
+        nothing = self.anything[()].deviance
+        late = [nothing - self.anything[names].deviance for names in (("lag",), ("x'",)) if names in self.anything]
+        return max(late, default=0.0) > max(WORTH, 2.0 * _LATE * (nothing - self.half_explained))
+
+    @cached_property
+    def half_explained(self) -> float:
+        """-2 log likelihood of what explains half as much as the best few shapes do: no more is no kind of fault."""
+        return 0.5 * (self.anything[()].deviance + min(left.deviance for left in self.anything.values()))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

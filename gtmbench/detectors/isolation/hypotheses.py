@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.isolation.fitter import UNKNOWN, WORTH, Fit, Fitter, Parameters, leads
+from gtmbench.detectors.isolation.fitter import UNKNOWN, WALKING, WORTH, Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.noise import spikes_of
 from gtmbench.detectors.isolation.search import (
     Search,
@@ -32,7 +32,6 @@ _TURNED = 0.1  # a sensor that is turned keeps its gain, but for as much
 _BEYOND = 1.5  # times the greatest reading before: nothing healthy
 _EVENLY = 0.8  # of the readings are repeated equally often
 _REPEATED = 3  # samples and more are no chance
-_NOISY = 5  # shapes that are tried with noise
 
 
 def _additive(fitter: Fitter) -> Iterator[Fit]:
@@ -40,8 +39,7 @@ def _additive(fitter: Fitter) -> Iterator[Fit]:
     yield fitter.shaped("bias", "additive", ("1",), {"size": float(size)}, partial(_errors, fitter, "size", "1"))
     yield from _drift(fitter)
     yield from _oscillation(fitter)
-    walking: tuple[tuple[str, ...], ...] = ((), ("1",), ("1", "t"))
-    for names, (_, walk) in zip(walking, fitter.noises(walking), strict=True):
+    for names, (_, walk) in zip(WALKING, fitter.noises(WALKING), strict=True):
         gain = float(np.sqrt(walk.variance / fitter.period_s))
         yield Fit(
             kind="random_walk",
@@ -50,6 +48,7 @@ def _additive(fitter: Fitter) -> Iterator[Fit]:
             parameters={"gain": gain},
             free=1 + len(names),
             errors=partial(_scaled, "gain", gain, 0.5 * walk.spread),
+            misfit=walk.misfit,
         )
 
 
@@ -76,13 +75,24 @@ def _ramp_errors(fitter: Fitter, names: tuple[str, ...], slope: float, began_s: 
 
 
 def _oscillation(fitter: Fitter) -> Iterator[Fit]:
-    """Give a sine that is added, and one in place of the signal; its frequency was fitted, too."""
+    """Give a sine that is added, for ever or now and then, and one in place of the signal; its frequency was fitted."""
     for family, names in (("additive", ("sin", "cos")), ("replacing", ("sin", "cos", "x"))):
         weights = fitter.weights(*names)
         if len(names) == 2 or (abs(weights[2] + 1.0) <= _REPLACED and not fitter.is_driven):
             found = {"amplitude": float(np.hypot(*weights[:2])), "frequency_hz": fitter.frequency_hz}
             errors = partial(_errors, fitter, "amplitude", "sin", "cos")
             yield fitter.shaped("oscillation", family, names, found, errors, more=1)
+    tone = {"amplitude": float(np.sqrt(2.0 * fitter.band.variance)), "frequency_hz": fitter.frequency_hz}
+    spread = partial(_scaled, "amplitude", tone["amplitude"], 0.5 * fitter.band.spread)
+    yield Fit(
+        kind="oscillation",
+        family="additive",
+        left=fitter.band.left,
+        parameters=tone,
+        free=3,
+        errors=spread,
+        misfit=fitter.band.misfit,
+    )
 
 
 def _multiplicative(fitter: Fitter) -> Iterator[Fit]:
@@ -190,6 +200,7 @@ def _variance(fitter: Fitter) -> Iterator[Fit]:
         parameters={"deviation": deviation},
         free=1,
         errors=partial(_scaled, "deviation", deviation, 0.5 * noise.spread),
+        misfit=noise.misfit,
     )
     spikes = spikes_of(fitter.suspect)
     if spikes is not None:
@@ -296,13 +307,12 @@ def unknown(fitter: Fitter) -> Iterator[Fit]:
     """Give fits of shapes that belong to no kind, the best of them with noise, too."""
     if fitter.is_constant and "replacing" not in fitter.without:
         return
-    sets = [names for names in fitter.anything if not leads(names, fitter.weights(*names))]
-    for names in sets:
+    for names in fitter.possible:
         yield _of_no_kind(fitter.plain(*names), len(names))
-    noisy = sorted(sets, key=lambda names: fitter.plain(*names).deviance + 8.0 * len(names))[:_NOISY]
-    for names, noises in zip(noisy, fitter.noises(noisy), strict=True):
+    yield replace(_of_no_kind(fitter.band.left, 3), misfit=fitter.band.misfit)
+    for names, noises in zip(fitter.noisy, fitter.noises(fitter.noisy), strict=True):
         for noise in noises:
-            yield _of_no_kind(noise.left, len(names) + 1)
+            yield replace(_of_no_kind(noise.left, len(names) + 1), misfit=noise.misfit)
 
 
 def _of_no_kind(left: Left, free: int) -> Fit:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.isolation.case import own
 from gtmbench.detectors.isolation.effects import powers
-from gtmbench.detectors.isolation.parabola import vertex
+from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.record import FloatArray
 
@@ -19,7 +19,9 @@ _VARIANCES = np.geomspace(1e-3, 1e5, 27)  # of noise that a fault adds, over the
 _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
 _LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
+_CHANCE, _KNOWN = 1.0, 0.02  # of a bin, by chance half; of a spectrum
 _TURNS = 4
+_BAND, _BAND_HZ = 0.1, 0.2  # a band's half width: of its frequency, and beside that
 _SPIKE = 40.0  # of -2 log likelihood, that a spike explains
 
 Indices = np.ndarray[Any, np.dtype[np.int_]]
@@ -36,11 +38,14 @@ class NoiseFit:
         Of the noise, of a walk's steps.
     spread : float
         The standard error of its logarithm; NaN where the record doesn't tell.
+    misfit : float
+        How far the periodogram is from its spectrum, over what chance makes: up to 1 it is noise of that kind.
     """
 
     left: Left = field(repr=False)
     variance: float
     spread: float
+    misfit: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,13 +80,25 @@ class _Spectra:
     def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:
         variances = _VARIANCES / max(float(np.median(power, axis=1).max()), 1e-12)  # where it shows most
         if least > 0.0:
-            variances = np.geomspace(least, max(variances[-1], 4.0 * least), len(variances))
+            variances = spaced(least, max(variances[-1], 4.0 * least), len(variances))
         spectra = 1.0 + np.outer(variances, power)
         return cls(variances=variances, logs=np.log(spectra) @ counts.ravel(), inverse=1.0 / spectra)
 
     def deviances(self, binned: FloatArray) -> FloatArray:
         """Return -2 log likelihood of periodograms, shape (any, outputs * bins), of each variance."""
         return np.asarray(self.logs + binned @ self.inverse.T)
+
+    def misfit(self, binned: FloatArray, counts: FloatArray, place: int) -> float:
+        """Return Itakura's and Saito's distance of a periodogram from one of the spectra, over the most that is chance.
+
+        It is the sum over bins of n (r - 1 - log r) for n lines whose mean is r times the spectrum, half by chance
+        of every bin. Spectra of healthy residuals are themselves known to a few percent.
+        """
+        lines = 0.5 * counts.ravel()
+        there = lines > 0.0
+        ratio = np.maximum(0.5 * binned[there] * self.inverse[place, there] / lines[there], 1e-9)
+        distance = float(np.sum(lines[there] * (ratio - 1.0 - np.log(ratio))))
+        return distance / (_CHANCE * float(np.count_nonzero(there)) + _KNOWN * float(lines.sum()))
 
 
 class Noise:
@@ -100,22 +117,33 @@ class Noise:
         """Return the best white noise and the best random walk on the readings, of each of what is left otherwise."""
         if not lefts:
             return []
-        binned = np.array([self._binned(left.work_out()) for left in lefts])
+        binned = self._binned(np.array([left.work_out() for left in lefts]))
         return list(zip(self._best(lefts, binned, self._white), self._best(lefts, binned, self._walk), strict=True))
 
-    def _binned(self, left: FloatArray) -> FloatArray:
+    def band(self, left: Left, frequency_hz: float) -> NoiseFit:
+        """Return the best noise around a frequency: a tone that comes and goes, or whose phase wanders."""
+        rad_hz = 2.0 * np.pi * self._suspect.case.period_s
+        width = rad_hz * (_BAND * frequency_hz + _BAND_HZ)
+        band = 1.0 / (1.0 + np.square((self._frequency - rad_hz * frequency_hz) / width))
+        spectra = _Spectra.of(self._power * band, self._counts)
+        (fit,) = self._best([left], self._binned(left.work_out()[np.newaxis]), spectra)
+        return replace(fit, variance=fit.variance * width)  # of all that is in the band
+
+    def _binned(self, lefts: FloatArray) -> FloatArray:
+        """Return periodograms of what is left, shape (any, outputs, rows), in bins: shape (any, outputs * bins)."""
         weights, _, edges = self._bins
         counts = np.maximum(self._there.sum(axis=1, keepdims=True), 1)
-        lines = np.fft.rfft(left if self._suspect.is_whole else np.where(self._there, left, 0.0), self._size)
+        lines = np.fft.rfft(lefts if self._suspect.is_whole else np.where(self._there, lefts, 0.0), self._size)
         power = weights * (np.square(lines.real) + np.square(lines.imag)) / counts
-        return np.add.reduceat(power, edges, axis=1).ravel()
+        return np.asarray(np.add.reduceat(power, edges, axis=-1).reshape(len(lefts), -1))
 
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
         logs = np.log(spectra.variances)
-        for left, total in zip(lefts, spectra.deviances(binned), strict=True):
+        for left, each, total in zip(lefts, binned, spectra.deviances(binned), strict=True):
             at, spread = _bottom(logs, total)
             noisy = replace(left, deviance=float(total.min()))
-            yield NoiseFit(left=noisy, variance=float(np.exp(at)), spread=spread)
+            misfit = spectra.misfit(each, self._told, int(np.argmin(total)))
+            yield NoiseFit(left=noisy, variance=float(np.exp(at)), spread=spread, misfit=misfit)
 
     @cached_property
     def _white(self) -> _Spectra:
@@ -133,19 +161,16 @@ class Noise:
         return np.asarray(np.add.reduceat(weights, edges) * self._there.mean(axis=1, keepdims=True))
 
     @cached_property
+    def _told(self) -> FloatArray:
+        """The same of residuals alone: a sensor's own innovations aren't white where it is healthy."""
+        suspect = self._suspect
+        residuals = [[output != own(suspect.channel)] for output in suspect.outputs]
+        return np.asarray(self._counts * np.array(residuals, dtype=float))
+
+    @cached_property
     def _bins(self) -> tuple[FloatArray, FloatArray, Indices]:
         """Return weights and angular frequencies of a periodogram's lines, and where bins of them begin."""
-        rows, size = self._suspect.white.shape[1], self._size
-        lines = size // 2 + 1
-        weights = np.full(lines, 2.0 * rows / size)  # they count as many as there are samples
-        weights[0] = rows / size
-        if size % 2 == 0:
-            weights[-1] = rows / size
-        edges: Indices = np.concatenate(
-            [np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)]
-        )
-        edges = np.unique(edges[edges < lines])
-        return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
+        return _bins(self._suspect.white.shape[1], self._size)
 
     @cached_property
     def _size(self) -> int:
@@ -164,6 +189,18 @@ class Noise:
         """What white noise of unit variance on the readings makes of the residuals, shape (outputs, bins)."""
         suspect = self._suspect
         return powers(suspect.paths, suspect.outputs, self._frequency, suspect.case.period_s, suspect.bend)
+
+
+@lru_cache(maxsize=64)  # the same for all suspects of a case, and for all cases as long
+def _bins(rows: int, size: int) -> tuple[FloatArray, FloatArray, Indices]:
+    lines = size // 2 + 1
+    weights = np.full(lines, 2.0 * rows / size)  # they count as many as there are samples
+    weights[0] = rows / size
+    if size % 2 == 0:
+        weights[-1] = rows / size
+    edges: Indices = np.concatenate([np.arange(_FINE), np.geomspace(_FINE, max(lines, _FINE + 1), _BINS).astype(int)])
+    edges = np.unique(edges[edges < lines])
+    return weights, np.asarray(np.arange(lines) * (2.0 * np.pi / size)), edges
 
 
 def spikes_of(suspect: Suspect) -> SpikesFit | None:

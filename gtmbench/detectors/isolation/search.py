@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import Fit, Fitter, Parameters
-from gtmbench.detectors.isolation.parabola import vertex
+from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.values.record import FloatArray
 
 _GRID = 12
 _TURNS = 5
 _FINER = 4
+_BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
 _AT_LIMIT = 1.0 - 1e-6
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
@@ -51,9 +52,9 @@ class Search:
             changes = np.array([self._changes(fitter, value) for value in values.tolist()])
             return suspect.deviances(fitter.left_of(changes))
 
-        grid = np.geomspace(self.low, self.high, _GRID)
+        grid = spaced(self.low, self.high, _GRID)
         grid = np.sort(np.append(grid, self.guess)) if self.low < self.guess < self.high else grid
-        value = _least(tried, grid, fitter.anything[()].deviance)
+        value = _least(tried, grid, fitter.half_explained)
         error = partial(_curved, self.name, tried, value)
         yield fitter.fixed(self.kind, self.family, self._changes(fitter, value), {self.name: value}, 1, error)
 
@@ -99,7 +100,7 @@ def hysteresis_step(width: float, y: FloatArray, before: FloatArray, _: float) -
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:
-    """Return where a function is least: of some values, and ever finer around the best where that is worth it.
+    """Return where a function is least: of some values, and ever finer around the best where that is `worth` it.
 
     A few at once: values evenly between the best one's neighbours, and the bottom of the parabola through the three.
     """
@@ -109,7 +110,7 @@ def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth:
         three = slice(best - 1, best + 2)
         if not 0 < best < len(values) - 1 or least > worth or scores[three].max() - least < _SETTLED:
             break
-        between = np.linspace(values[best - 1], values[best + 1], _FINER + 2)[1:-1]
+        between = values[best - 1] + (values[best + 1] - values[best - 1]) * _BETWEEN
         at, bend = vertex(values[three], scores[three])
         finer = np.append(between, at if bend > 0.0 else values[best])
         values, order = np.unique(np.append(values[three], finer), return_index=True)

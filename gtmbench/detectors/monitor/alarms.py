@@ -300,7 +300,7 @@ class AlarmLogic:
         others = self._open.values()
         leader = leader_of(fault, others)
         outcome = Outcome()
-        if leader is None and not (fault.is_late and fault.held is None):
+        if leader is None and not ((fault.is_late or fault.is_decided) and fault.held is None):
             outcome = review(fault, self._case(fault), others, self.row, self._without)
         self._apply(outcome, fault, fault if leader is None else leader)
 
@@ -320,6 +320,7 @@ class AlarmLogic:
             is_judged=fault.is_judged or judged is not None,
             ruled_out=fault.ruled_out | outcome.ruled_out,
             held=outcome.held or fault.held,
+            is_decided=fault.is_decided or outcome.is_decided,
         )
         if outcome.closing is not None:
             self._close(self._open[fault.number], outcome.closing)

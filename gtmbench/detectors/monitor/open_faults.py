@@ -18,7 +18,7 @@ from gtmbench.detectors.isolation.readings import Habit
 from gtmbench.detectors.isolation.referee import Referee
 from gtmbench.detectors.monitor.scores import Crossing
 
-HORIZONS_S = (0.75, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
+HORIZONS_S = (0.75, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end
 _APART_S = 3.0  # what shakes the aircraft shakes all of it within that
 
@@ -41,6 +41,7 @@ class OpenFault:
     ruled_out: frozenset[str] = frozenset()
     held: FittedHypothesis | None = None  # the last that was decisive
     settling: Excursion | None = None  # just before
+    is_decided: bool = False  # so that only its end is still looked for
 
     @property
     def number(self) -> int:

@@ -23,7 +23,8 @@ from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked
 from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, rows_of, trusted
 
-_SURE_S = 5.0  # after an alarm: whether the noise has changed
+_SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
+_LONG_S = 20.0  # after an alarm: what looks have said until then, twice, the next one says, too
 _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
 
 
@@ -57,16 +58,21 @@ class Outcome:
     held : FittedHypothesis or None
         What is decisive, and says when the fault would have ended.
     closing : Closing or None
+    is_decided : bool
+        Whether no later look is expected to say anything else: what is left to find is the fault's end.
     """
 
     judgement: Judgement | None = None
     ruled_out: frozenset[str] = frozenset()
     held: FittedHypothesis | None = None
     closing: Closing | None = None
+    is_decided: bool = False
 
 
 def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()) -> Outcome:
     """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
+
+    So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
 
     Parameters
     ----------
@@ -80,9 +86,13 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     """
     if not case.is_ripe:
         return Outcome()
-    ranking = [] if fault.is_late else ranked_hypotheses(case, case.suspects, without)
+    if fault.is_late or fault.is_decided:
+        end = _end(fault, case, ())
+        if end is None or fault.is_late:
+            return Outcome(closing=end)
+    ranking = ranked_hypotheses(case, case.suspects, without)
     end = _end(fault, case, ranking)
-    if end is not None or fault.is_late:
+    if end is not None:
         return Outcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = judge(case, ranking, first)
@@ -94,7 +104,25 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         ruled_out=frozenset(hopeless(case, ranking, case.suspects)),
         held=_decisive(ranking, judged),
         closing=_closing(case, judged, row - fault.row),
+        is_decided=_is_decided(fault, judged, row),
     )
+
+
+def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
+    """Tell whether an alarm is decided: two looks in a row name one sensor and one kind of fault, without a doubt.
+
+    The kind decisively, or until the looks have become long. A sensor that reads one value may yet move.
+    """
+    last, since = fault.alarm.last, row - fault.row
+    if (
+        last is None
+        or judged.doubt
+        or judged.sensor is None
+        or (last.sensor, last.kind) != (judged.sensor, judged.kind)
+    ):
+        return False
+    least_s = _SURE_S if judged.kind_margin > DECISIVE else _LONG_S
+    return since >= rows_of(least_s, fault.monitor) and judged.kind_margin < float("inf")
 
 
 def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:

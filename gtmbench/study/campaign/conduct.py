@@ -6,11 +6,12 @@ and it doesn't matter who ends when.
 
 from __future__ import annotations
 
+import itertools
 import os
 import pickle
 import platform
 from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +24,7 @@ from gtmbench.jobs.processes import completed
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
-from gtmbench.study.campaign.task import Task, Watchers, rows_of
+from gtmbench.study.campaign.task import Task, rows_of
 from gtmbench.study.campaign.watchers import Monitors, Named, calibrated, named
 
 if TYPE_CHECKING:
@@ -35,13 +36,25 @@ _LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions rows hang on
 _KILLED = "a process was killed (no memory?); what is finished stays: go on with --resume, perhaps with fewer --jobs"
 
 
-class Work(NamedTuple):
-    """A task as it travels: what has to be imported first, what watches, and the task, the two as pickles."""
+_MOST_PARTS = 1000  # of a folder: a part costs 18 kB and a few milliseconds however many flights it holds
 
-    versions: tuple[tuple[str, str], ...]
+
+class Crew(NamedTuple):
+    """What all flights of a campaign share, as it travels: once to a process.
+
+    Attributes
+    ----------
+    versions : dict
+        Of the gtmbench that conducts, and of what its rows hang on.
+    files : tuple of str
+        To be imported first.
+    watchers : bytes
+        The detectors by name and their monitors, as a pickle.
+    """
+
+    versions: dict[str, str]
     files: tuple[str, ...]
     watchers: bytes
-    task: bytes
 
 
 def campaign(
@@ -60,7 +73,7 @@ def campaign(
     source : str, Path or Campaign
         A TOML file, or the name of one of the package's (``ci``).
     out : str or Path
-        The folder of its parts, one a flight, each written when finished.
+        The folder of its parts, one a flight (of more than a thousand flights, several), each written when finished.
     detectors : sequence of str
         They watch in addition to its own, as `find_detector` takes them.
     jobs : int
@@ -137,17 +150,29 @@ def conduct(
         check_cluster(scheduler, tls, versions)
     files = _files(campaign, detectors)
     facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
-    with parts_in(out, what=WHAT, tasks=campaign.flights, facts=facts, resume=resume, shard=shard) as begun:
+    a_part = flights_a_part(campaign.flights)
+    tasks = -(-campaign.flights // a_part)
+    with parts_in(out, what=WHAT, tasks=tasks, facts=facts, resume=resume, shard=shard) as begun:
         parts, monitors = calibrated(campaign, detectors, begun, processes=jobs, progress=progress)
         todo = parts.todo(shard)
         wanted = frozenset(todo)
-        tasks = (task for task in campaign.tasks() if task.number in wanted)
-        packed = (_packed(task, detectors, monitors, files) for task in tasks)
-        progress("flights", 0, len(todo))
-        for finished, (place, rows) in enumerate(_worked(packed, jobs, scheduler, tls), 1):
+        grouped = itertools.groupby(campaign.tasks(), lambda task: task.number // a_part)
+        packed = (pickle.dumps(list(flights)) for part, flights in grouped if part in wanted)
+        crew = Crew(facts["versions"], files, pickle.dumps((detectors, monitors)))
+        progress("flights", 0, len(todo) * a_part)
+        for finished, (place, rows) in enumerate(_worked(crew, packed, jobs, scheduler, tls), 1):
             parts.write(todo[place], rows)
-            progress("flights", finished, len(todo))
+            progress("flights", finished * a_part, len(todo) * a_part)
         return parts
+
+
+def flights_a_part(flights: int) -> int:
+    """Return how many flights one part of a campaign holds: one, unless there are thousands.
+
+    >>> flights_a_part(1000), flights_a_part(125_000)
+    (1, 125)
+    """
+    return -(-flights // _MOST_PARTS)
 
 
 def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
@@ -178,41 +203,47 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     return files_of([*faults, *detectors.detectors.values(), *functions])
 
 
-def _packed(task: Task, detectors: Named, monitors: Monitors, files: tuple[str, ...]) -> Work:
-    watchers = detectors.watchers(task.setup, monitors)
-    return Work(tuple(versions().items()), files, pickle.dumps(watchers), pickle.dumps(task))
-
-
 def _worked(
-    packed: Iterable[Work], jobs: int, scheduler: str | None, tls: Path | None
+    crew: Crew, packed: Iterable[bytes], jobs: int, scheduler: str | None, tls: Path | None
 ) -> Iterator[tuple[int, pa.Table]]:
-    if scheduler is None:
-        return completed(done, packed, processes=jobs, killed=_KILLED)
-    return completed_on_cluster(done, packed, scheduler=scheduler, tls=tls)
+    if scheduler is not None:
+        return completed_on_cluster(partial(done, crew), packed, scheduler=scheduler, tls=tls)
+    if jobs <= 1:
+        return completed(partial(done, crew), packed, processes=1)
+    return completed(_done_here, packed, processes=jobs, begin=partial(_join, crew), killed=_KILLED)
 
 
-def done(work: Work) -> pa.Table:
-    """Do a task, in whichever process, and return its rows.
+def done(crew: Crew, packed: bytes) -> pa.Table:
+    """Do some tasks, in whichever process, and return their rows.
 
     Raises
     ------
     InputError
         If this isn't the gtmbench that the work comes from: its rows would be others.
     """
-    if differs := difference(dict(work.versions), versions()):
+    detectors, monitors = _watchers(tuple(crew.versions.items()), crew.files, crew.watchers)
+    tasks: list[Task] = pickle.loads(packed)  # noqa: S301  our own, from the process that conducts
+    return table_of([row for task in tasks for row in rows_of(task, detectors.watchers(task.setup, monitors))])
+
+
+_joined: list[Crew] = []
+
+
+def _join(crew: Crew) -> None:
+    """Keep what all tasks share, in a process that begins."""
+    _joined[:] = [crew]
+
+
+def _done_here(packed: bytes) -> pa.Table:
+    return done(_joined[0], packed)
+
+
+@lru_cache(maxsize=1)
+def _watchers(there: tuple[tuple[str, str], ...], files: tuple[str, ...], pickled: bytes) -> tuple[Named, Monitors]:
+    """Return what watches, unpickled once a process, if this is the gtmbench that it comes from."""
+    if differs := difference(dict(there), versions()):
         here = f"process {os.getpid()} on {platform.node()}"
         raise InputError(f"a worker ({here}) has {differs}; rows of both don't mix: install the same everywhere")
-    return table_of(rows_of(_task(work.files, work.task), _watchers(work.files, work.watchers)))
-
-
-@lru_cache(maxsize=8)  # of several aircraft and attitudes
-def _watchers(files: tuple[str, ...], pickled: bytes) -> Watchers:
     load_files(files)
-    watchers: Watchers = pickle.loads(pickled)  # noqa: S301  our own, from the process that conducts
-    return watchers
-
-
-def _task(files: tuple[str, ...], pickled: bytes) -> Task:
-    load_files(files)
-    task: Task = pickle.loads(pickled)  # noqa: S301
-    return task
+    found: tuple[Named, Monitors] = pickle.loads(pickled)  # noqa: S301
+    return found

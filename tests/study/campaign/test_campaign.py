@@ -369,14 +369,28 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
 
 def test_work_of_another_version_is_refused_where_it_is_done(tmp_path, monkeypatch):
     sent = []
-    monkeypatch.setattr(
-        "gtmbench.study.campaign.conduct.completed", lambda _work, tasks, **_: iter(sent.extend(tasks) or ())
-    )
+
+    def completed(work, tasks, **_):
+        sent.extend((work.args[0], packed) for packed in tasks)
+        return iter(())
+
+    monkeypatch.setattr("gtmbench.study.campaign.conduct.completed", completed)
     conduct(loaded(tmp_path), tmp_path / "out")
-    work = sent[0]
-    assert len(done(work)) == 5
+    crew, packed = sent[0]
+    assert len(done(crew, packed)) == 5
     with pytest.raises(gb.InputError, match=r"a worker \(process \d+ on .*\) has gtmbench \S+ instead of 0.2"):
-        done(work._replace(versions=(("gtmbench", "0.2"), *work.versions[1:])))
+        done(crew._replace(versions={**crew.versions, "gtmbench": "0.2"}), packed)
+
+
+def test_parts_of_several_flights_hold_the_same_rows(tmp_path, monkeypatch):
+    alone = conduct(loaded(tmp_path), tmp_path / "alone").read()
+    monkeypatch.setattr("gtmbench.study.campaign.conduct._MOST_PARTS", 3)
+    whole = loaded(tmp_path)
+    first = conduct(whole, tmp_path / "several", shard=Shard(2, 3))
+    assert (first.tasks, first.done()) == (3, (1,))
+    several = conduct(whole, tmp_path / "several", jobs=2, resume=True)
+    assert several.done() == (0, 1, 2)
+    assert several.read().equals(alone)
 
 
 def test_a_detector_of_ones_own_watches_in_every_process(cli, tmp_path):

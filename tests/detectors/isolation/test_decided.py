@@ -1,0 +1,111 @@
+"""A decided alarm stops computing, in a stream as at once; what noise may be told; fast ways give what slow ones do."""
+
+from dataclasses import dataclass
+from functools import cache
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.detectors.monitor import review
+from gtmbench.values.attitude import AttitudeEstimator
+from tests.helpers import monitors
+
+ONSET_S, PERIOD_S = 60.0, 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bursts(gb.Fault):
+    """A tone for 0.6 s, every 2.5 s."""
+
+    kind = "bursts"
+    amplitude: float
+
+    def distort(self, readings, elapsed_s, _sample_period_s, carried):
+        tone = self.amplitude * np.sin(8.0 * np.pi * elapsed_s)
+        return readings[:, 0] + np.where(elapsed_s % 2.5 < 0.6, tone, 0.0), carried
+
+
+@cache
+def broken(fault):
+    return gb.inject(monitors.record(7000, seed=23), fault)
+
+
+def ranked(fault):
+    """The first alarm of a fault, and how often its hypotheses were weighed."""
+    weighed = []
+
+    def counting(case, *given):
+        weighed.append(case.end_s)
+        return review_ranked(case, *given)
+
+    review_ranked = review.ranked_hypotheses
+    with patch.object(review, "ranked_hypotheses", counting):
+        alarm = monitors.monitor("C").watch(broken(fault)).faults[0]
+    return alarm, [time_s - alarm.time_s for time_s in weighed]
+
+
+def test_a_decided_alarm_is_weighed_no_more():
+    alarm, after_s = ranked(gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3))
+    assert (alarm.sensor, alarm.last.kind) == ("q", "lag")
+    assert max(after_s) < 21.0
+    assert len(alarm.judgements) == len(after_s) + 1  # the first stands on the signature
+
+
+def test_a_sensor_that_reads_one_value_is_looked_at_to_the_end():
+    alarm, after_s = ranked(gb.Stuck(channel="r", onset_s=ONSET_S, value=2.0))
+    assert alarm.sensor == "r"
+    assert max(after_s) == pytest.approx(60.0, abs=0.1)
+
+
+def test_the_end_of_a_decided_fault_is_found():
+    fault = gb.ScaleFactor(channel="p", onset_s=ONSET_S, factor=1.6, duration_s=30.0)
+    alarm, _ = ranked(fault)
+    assert alarm.sensor == "p"
+    assert alarm.ended_s == pytest.approx(ONSET_S + 30.0, abs=1.0)
+
+
+def test_a_stream_decides_as_a_record_at_once_does():
+    record = broken(gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3))
+    monitor = monitors.monitor("C")
+    stream, told = monitor.stream(), {}
+    for first_s in range(0, 140, 10):
+        part = record.between(first_s, first_s + 10 - 0.5 * PERIOD_S)
+        told |= {alarm.number: alarm for alarm in stream.push(part)}
+
+    def said(alarm):  # but for figures that round otherwise
+        return [(each.time_s, each.sensor, each.candidates, each.kind) for each in alarm.judgements]
+
+    assert [said(told[number]) for number in sorted(told)] == [said(alarm) for alarm in monitor.watch(record).alarms]
+
+
+@pytest.mark.parametrize("channel", ["p", "phi"])
+def test_bursts_of_a_tone_are_an_oscillation_or_of_no_kind(channel):
+    alarm, _ = ranked(Bursts(channel=channel, onset_s=ONSET_S, amplitude=6.0 if channel == "p" else 1.0))
+    assert alarm.sensor in (channel, None)
+    assert channel in alarm.candidates
+    assert alarm.last.kind in ("oscillation", "unknown")
+
+
+def test_noise_is_told_where_its_spectrum_fits():
+    for kind, fault in (
+        ("noise", gb.Noise(channel="q", onset_s=ONSET_S, deviation=4.0, seed=3)),
+        ("random_walk", gb.RandomWalk(channel="q", onset_s=ONSET_S, gain=3.0, seed=3)),
+    ):
+        alarm, _ = ranked(fault)
+        assert (alarm.sensor, alarm.last.kind) == ("q", kind)
+
+
+@pytest.mark.parametrize("bias_s", [np.inf, 16.0])
+def test_a_bend_of_all_rows_at_once_is_that_row_by_row(bias_s):
+    estimator = AttitudeEstimator(time_constant_s=5.0, bias_time_constant_s=bias_s)
+    record = monitors.record(4000, seed=5)
+    gyros, attitude = (record.matrix(names) for names in (("p", "q", "r"), ("phi", "theta", "psi")))
+    change = np.where(np.arange(4000)[:, np.newaxis] > 1000, [2.0, 0.0, 0.5], 0.0)
+    given = np.full(3999, PERIOD_S), gyros, gyros + change, attitude, record.time_s
+    at_once = estimator.bent_path(*given)
+    with patch.object(AttitudeEstimator, "_bend", lambda *_: None):
+        by_row = estimator.bent_path(*given)
+    assert np.abs(by_row - attitude).max() > 1.0
+    assert np.abs(at_once - by_row).max() < 1e-9
