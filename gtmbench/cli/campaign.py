@@ -119,11 +119,13 @@ def campaign_command(
 
 
 def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:
-    done, share = len(parts.done()), str(shard)
-    of = f"{done} of {parts.tasks} tasks stand in {parts.folder}/"
+    from gtmbench.study.campaign.conduct import flights_of
+
+    (flights, done), share = flights_of(parts), str(shard)
+    of = f"{done} of {flights} flights stand in {parts.folder}/"
     verdict = f"Shard {share} is done: {of}, --resume collects them."
     if as_json:
-        own = {"out": str(parts.folder), "shard": share, "tasks": parts.tasks, "tasks_done": done}
+        own = {"out": str(parts.folder), "shard": share, "tasks": flights, "tasks_done": done}
         print_json(envelope("campaign-shard", verdict, own))
     elif not quiet:
         echo(verdict)
@@ -139,4 +141,4 @@ def _print_results(results: dict[str, Any], folder: Path) -> None:
         print_table(f"{results['campaign']}: {results['title']}", columns, rows, right=right)
     for line in summary_lines(results):
         echo(line)
-    echo(f"results.json, trials.csv, {results['tasks']} parts: {folder}/")
+    echo(f"results.json, trials.csv, {results['parts']} parts: {folder}/")

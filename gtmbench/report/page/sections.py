@@ -17,6 +17,7 @@ from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import Table, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
 from gtmbench.report.words.units import counted
+from gtmbench.study.campaign.conduct import flights_of
 from gtmbench.study.scores.scoring import DEADLINE_S, READ, TARGET_PER_HOUR, Scores, scored
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_
     """
     if parts.what != "campaign":
         raise InputError(f"{parts.folder} holds parts of a {parts.what}, no campaign's; a report is of a campaign")
-    done = len(parts.done())
+    flights, done = flights_of(parts)
     if not done:
         raise InputError(f"nothing of {parts.folder} is finished yet: run gtmbench campaign ... --resume first")
     if target_per_hour is None:
@@ -167,7 +168,7 @@ def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_
     rows = parts.read(list(READ)).to_pandas()
     spreads = parts.facts.get("threshold_spreads", {})
     scores = scored(rows, target_per_hour=target_per_hour, deadline_s=deadline_s, spreads=spreads)
-    return Contents(facts=parts.facts, tasks=parts.tasks, done=done, scores=scores)
+    return Contents(facts=parts.facts, tasks=flights, done=done, scores=scores)
 
 
 def _asked_words(rate: float) -> str:

@@ -13,6 +13,7 @@ from gtmbench.jobs.parts import Parts
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import false_alarm_figures
 from gtmbench.report.words.campaign import campaign_verdict
+from gtmbench.study.campaign.conduct import flights_of
 
 SOME_FAILED = 3  # an exit code
 _READ = [
@@ -30,14 +31,15 @@ def campaign_results(parts: Parts) -> dict[str, Any]:
     """
     rows = parts.read(_READ).to_pandas()
     rows = rows[rows["mildest"].isna()]  # searches are scored by `gtmbench report`
-    done = parts.done()
+    flights, finished = flights_of(parts)
     by_detector = rows.groupby("detector", sort=False)
     failed = int(rows["error"].notna().sum())
     own = {
         "campaign": parts.facts["campaign"]["name"],
         "title": parts.facts["campaign"]["title"],
-        "tasks": parts.tasks,
-        "tasks_done": len(done),
+        "tasks": flights,
+        "tasks_done": finished,
+        "parts": parts.tasks,
         "rows": len(rows),
         "failed": failed,
         "detectors": [_detector(str(name), own) for name, own in by_detector],

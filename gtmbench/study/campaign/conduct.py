@@ -149,7 +149,13 @@ def conduct(
     if scheduler is not None:
         check_cluster(scheduler, tls, versions)
     files = _files(campaign, detectors)
-    facts = {"campaign": campaign.facts(), "versions": versions(), "python": digests_of(files)}
+    own = versions()
+    facts = {
+        "campaign": campaign.facts(),
+        "flights": campaign.flights,
+        "versions": own,
+        "python": digests_of(files),
+    }
     a_part = flights_a_part(campaign.flights)
     tasks = -(-campaign.flights // a_part)
     with parts_in(out, what=WHAT, tasks=tasks, facts=facts, resume=resume, shard=shard) as begun:
@@ -158,7 +164,7 @@ def conduct(
         wanted = frozenset(todo)
         grouped = itertools.groupby(campaign.tasks(), lambda task: task.number // a_part)
         packed = (pickle.dumps(list(flights)) for part, flights in grouped if part in wanted)
-        crew = Crew(facts["versions"], files, pickle.dumps((detectors, monitors)))
+        crew = Crew(own, files, pickle.dumps((detectors, monitors)))
         progress("flights", 0, len(todo) * a_part)
         for finished, (place, rows) in enumerate(_worked(crew, packed, jobs, scheduler, tls), 1):
             parts.write(todo[place], rows)
@@ -173,6 +179,12 @@ def flights_a_part(flights: int) -> int:
     (1, 125)
     """
     return -(-flights // _MOST_PARTS)
+
+
+def flights_of(parts: Parts) -> tuple[int, int]:
+    """Return how many flights a campaign has, and how many of them are finished."""
+    flights = int(parts.facts.get("flights", parts.tasks))
+    return flights, min(len(parts.done()) * -(-flights // parts.tasks), flights)
 
 
 def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:

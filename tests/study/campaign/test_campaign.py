@@ -319,10 +319,10 @@ def test_shards_and_processes_come_to_the_same_bytes_as_one_run(cli, tmp_path):
     path = written(tmp_path)
     assert cli("campaign", path, "--out", "whole", "--jobs", 1)[0] == 0
     code, out, _ = cli("campaign", path, "--out", "out", "--jobs", 1, "--shard", "3/3")
-    assert (code, "2 of 8 tasks stand in out/, --resume collects" in out) == (0, True)
+    assert (code, "2 of 8 flights stand in out/, --resume collects" in out) == (0, True)
     assert not Path("out/results.json").exists()
     assert json.loads(cli("campaign", path, "--out", "out", "--jobs", 1, "--shard", "1/3", "--json")[1]) == {
-        "verdict": "Shard 1/3 is done: 5 of 8 tasks stand in out/, --resume collects them.",
+        "verdict": "Shard 1/3 is done: 5 of 8 flights stand in out/, --resume collects them.",
         "exit_code": 0,
         "findings": [],
         "schema_version": 3,
