@@ -36,7 +36,7 @@ _STEPS = 50  # from a thousandth of the largest to that
 _NOT_SEEN = _STEPS + 1
 _RANGE = 30.0  # times what a sensor and its residual do: the largest fault that is tried
 _TURNED = 2.0  # a scale error that turns the sign
-_HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
+HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
 _NAMED_OF = 3  # onsets that are watched anew
 _TIMES = (1.0, 1.5, 2.0, 3.0, 5.0)  # the size that is seen
 _ARMING_S = 5.0  # before what statistics look back at, where a record is watched anew
@@ -245,7 +245,7 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     seconds = [3600.0 * watch.armed_hours for watch in watches]
     if not any(seconds):
         return Certificate(missing="at no time was an alarm possible")
-    longest_s = round(_HALF * max(seconds), 1)
+    longest_s = round(HALF * max(seconds), 1)
     if longest_s <= 0.0:
         return Certificate(missing="too little of it was watched")
     within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}

@@ -22,6 +22,7 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
@@ -30,13 +31,11 @@ BETWEEN, HELD = "between IMUs", "held"  # tests of such alarms
 SAME = "the other IMUs read the same"
 APART = "the IMUs disagree about its axis"
 _FASTEST_HZ = 25.0
-_BLOCK_S = 1.0
 _LONGEST_S = 2e4  # of a log that is compared
-_FEWEST, _MOST_IMUS, _MOST = 15, 3, 6
+_MOST_IMUS, _MOST = 3, 6
 _WINDOWS = (1, 2, 4, 8)  # blocks whose mean is judged ...
 _APART, _MINUTE, _FEWEST_BEFORE = 5, 60, 10  # ... against the median of the minute before, five seconds earlier
 _LEAST_DEG_S, _OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 0.3, 1.5, 8.0, 0.03
-_GAIN = 0.02  # by which scale and direction of two gyros differ: an a priori standard deviation
 _VOTE, _ALIKE, _EITHER_HALF = 8, 0.25, 0.3
 _LATE = (15, 40)  # blocks after the onset: an estimator has been corrected
 _ENOUGH_LATE, _FEWEST_SHIFTS, _ABOVE = 15, 3, 4.0
@@ -69,7 +68,7 @@ class Comparison:
         """Return what the channels differ by that part, second by second: which, times, in deg/s."""
         channels = {name for alarm in self.alarms for name in alarm.candidates}
         seconds = np.arange(len(self.blocks.motion), dtype=np.float64) + 0.5
-        time_s = np.asarray(self.blocks.start_s + seconds * _BLOCK_S)
+        time_s = np.asarray(self.blocks.start_s + seconds * SECOND_S)
         return [
             (f"{name} of {self.imus[i].name} - {self.imus[j].name}", time_s, difference[:, axis])
             for axis, name in enumerate(GYROS)
@@ -103,11 +102,11 @@ class _Blocks:
     ranges: Sequence[FloatArray]  # of an IMU's readings within a second
 
     def rows(self, start_s: float, end_s: float) -> slice:
-        first, last = (int((time_s - self.start_s) // _BLOCK_S) for time_s in (start_s, end_s))
+        first, last = (int((time_s - self.start_s) // SECOND_S) for time_s in (start_s, end_s))
         return slice(max(first, 0), max(last + 1, 0))
 
     def time_s(self, row: int) -> float:
-        return self.start_s + row * _BLOCK_S
+        return self.start_s + row * SECOND_S
 
 
 def compare(
@@ -153,7 +152,7 @@ def compared(
     if records[-1].end_s - records[0].start_s > _LONGEST_S:
         return None
     blocks = _blocks(records, imus, healthy, excursions)
-    if np.count_nonzero(blocks.healthy & np.isfinite(blocks.motion)) < _FEWEST:
+    if np.count_nonzero(blocks.healthy & np.isfinite(blocks.motion)) < FEWEST:
         return None
     found = sorted([*_parted(blocks, imus), *_still_gyros(blocks, imus)], key=lambda alarm: alarm.time_s)
     alarms = tuple(replace(alarm, number=number, fault=number) for number, alarm in enumerate(found[:_MOST]))
@@ -239,19 +238,13 @@ def _blocks(
     segments: Sequence[Record], imus: Sequence[Imu], healthy: Sequence[Span], excursions: Sequence[Excursion]
 ) -> _Blocks:
     start_s = segments[0].start_s
-    count = int((segments[-1].end_s - start_s) / _BLOCK_S) + 1
+    count = int((segments[-1].end_s - start_s) / SECOND_S) + 1
     gyros = np.full((len(imus), count, 3), np.nan)
     spans = np.full((len(imus), count, 3), np.nan)
     attitude = np.full((count, 3), np.nan)
     for record in segments:
-        rows = np.floor((record.time_s - start_s) / _BLOCK_S).astype(int)
         turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-        firsts = np.flatnonzero(np.diff(rows, prepend=-1))
-        full = [
-            (rows[first], slice(first, stop))
-            for first, stop in zip(firsts, [*firsts[1:], len(rows)], strict=True)
-            if (stop - first) * record.sample_period_s > 0.7 * _BLOCK_S
-        ]
+        full = list(rows_by_second(record, start_s))
         for number, imu in enumerate(imus):
             known = unit(imu.unit)
             values = record.matrix(channels_of(imu)) * (known.factor if known else 1.0)
@@ -261,11 +254,11 @@ def _blocks(
         for row, part in full:
             attitude[row] = turned[part].mean(axis=0)
     for each in excursions:
-        first, last = (int((time_s - start_s) // _BLOCK_S) for time_s in (each.start_s, each.end_s))
+        first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
         out = slice(max(first - 1, 0), max(last + 2, 0))
         gyros[:, out], attitude[out] = np.nan, np.nan
     motion = gyros.mean(axis=0)
-    at_s = start_s + (np.arange(count) + 0.5) * _BLOCK_S
+    at_s = start_s + (np.arange(count) + 0.5) * SECOND_S
     within = np.logical_or.reduce([(at_s >= span[0]) & (at_s <= span[1]) for span in healthy])
     calm = np.asarray(within & np.isfinite(motion).all(axis=1), dtype=np.bool_)
     pairs = list(combinations(range(len(imus)), 2))
@@ -273,27 +266,10 @@ def _blocks(
         start_s=start_s,
         healthy=calm,
         motion=np.linalg.norm(motion, axis=1),
-        differences={(i, j): _beyond_gains(gyros[i] - gyros[j], motion, calm) for i, j in pairs},
-        from_attitude=[_beyond_gains(gyros[i] - attitude, motion, calm) for i in range(len(imus))],
+        differences={(i, j): beyond_gains(gyros[i] - gyros[j], motion, calm) for i, j in pairs},
+        from_attitude=[beyond_gains(gyros[i] - attitude, motion, calm) for i in range(len(imus))],
         ranges=list(spans),
     )
-
-
-def _beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray) -> FloatArray:
-    """Return a difference without its mean where healthy, and without what turning explains there."""
-    rows = healthy & np.isfinite(difference).all(axis=1)
-    if np.count_nonzero(rows) < _FEWEST:
-        return np.full(difference.shape, np.nan)
-    middle = np.median(difference[rows], axis=0)
-    turned, left = motion[rows] - motion[rows].mean(axis=0), difference[rows] - middle
-    noise = 1.4826 * np.median(np.abs(left), axis=0) + 1e-9
-    gains = np.column_stack(
-        [
-            np.linalg.solve(turned.T @ turned + np.eye(3) * (noise[axis] / _GAIN) ** 2, turned.T @ left[:, axis])
-            for axis in range(3)
-        ]
-    )
-    return np.asarray(difference - middle - (motion - motion[rows].mean(axis=0)) @ gains)
 
 
 # ---- parting ----
@@ -319,7 +295,7 @@ def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
     before = _before(values)
     first: dict[int, int] = {}
     for window in _WINDOWS:
-        moved, motion = _moved(values, before, window), _means(blocks.motion, window)
+        moved, motion = _moved(values, before, window), trailing_means(blocks.motion, window)
         risen = np.flatnonzero(~blocks.healthy & (moved > _bound(moved, blocks) + _OF_MOTION * motion))
         for row in risen.tolist():
             first[row] = max(first.get(row, 0), row - window + 1)
@@ -329,23 +305,15 @@ def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
 def _moved(values: FloatArray, before: FloatArray, window: int) -> FloatArray:
     """Return how far the mean of so many blocks is off what it was before."""
     earlier = np.concatenate([np.full(window - 1, np.nan), before[: len(before) - window + 1]])
-    return np.asarray(np.abs(_means(values, window) - earlier[: len(values)]))
+    return np.asarray(np.abs(trailing_means(values, window) - earlier[: len(values)]))
 
 
 def _bound(moved: FloatArray, blocks: _Blocks) -> float:
     """Return what such means don't reach by chance; infinite where too little is healthy."""
     usual = moved[blocks.healthy & np.isfinite(moved)]
-    if len(usual) < _FEWEST:
+    if len(usual) < FEWEST:
         return np.inf
     return max(_LEAST_DEG_S, _OF_HEALTHY * float(usual.max()), _DEVIATIONS * 1.4826 * float(np.median(usual)))
-
-
-def _means(values: FloatArray, window: int) -> FloatArray:
-    """Return means of so many blocks up to each; NaN where one is missing."""
-    if len(values) < window:
-        return np.full(len(values), np.nan)
-    means = np.lib.stride_tricks.sliding_window_view(values, window).mean(axis=1)
-    return np.concatenate([np.full(window - 1, np.nan), means])
 
 
 def _before(values: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, r
 from gtmbench.study.log.records import open_for, within
 from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Span
+from gtmbench.values.record import Record, Span
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 
@@ -46,6 +46,12 @@ class OpenedLog:
 
     log: FlightLog
     motion: FlightLog | None = field(repr=False)
+
+    @property
+    def turning(self) -> tuple[Record, ...]:
+        """What of it holds all gyros and at least bank and pitch; none where it hasn't."""
+        log = self.motion or self.log
+        return log.segments if {*GYROS, "phi", "theta"} <= set(log.channels) else ()
 
     def part(self, spans: Sequence[Span]) -> Part:
         """Return what of it lies in some spans."""

@@ -11,6 +11,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
@@ -20,8 +22,9 @@ from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare
 from gtmbench.study.log.learnt import Learnt
-from gtmbench.study.log.records import first_part, without
+from gtmbench.study.log.records import first_part, outside, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
+from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
 from gtmbench.values.record import Record, Span
 
@@ -46,6 +49,9 @@ class Said:
         Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
     comparison : Comparison or None
         What several IMUs say of each other.
+    means : SlowMeans or None
+        What gyros and attitude say of each other over tens of seconds; None where the monitor wasn't learnt on this
+        log, or the log hasn't both.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -56,6 +62,7 @@ class Said:
     check: SelfCheck = field(repr=False)
     installation: Installation | None = None
     comparison: Comparison | None = field(default=None, repr=False)
+    means: SlowMeans | None = field(default=None, repr=False)
     findings: tuple[str, ...]
 
 
@@ -96,9 +103,51 @@ def doubted(said: Said, progress: Progress) -> Said:
         healthy = learnt.identified_s or (first_part(log),)
         comparison = compare(log, side_by_side, healthy=healthy, excursions=said.excursions)
         watches = beside(watches, comparison)
+    watches = [_but_small(watch, learnt) for watch in watches]
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
-    return replace(said, watches=tuple(watches), check=check, comparison=comparison, findings=findings)
+    return replace(
+        said,
+        watches=tuple(watches),
+        check=check,
+        comparison=comparison,
+        means=_means(said),
+        findings=findings,
+    )
+
+
+def _means(said: Said) -> SlowMeans | None:
+    """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
+    learnt = said.learnt
+    opened, records = learnt.opened, learnt.opened.own.turning
+    if not (learnt.identified_s and records and basis_of(learnt.monitor).kinematic):
+        return None
+    left_out = [each.span for each in learnt.left_out if each.log == opened.log.path]
+    healthy = [(each.start_s, each.end_s) for each in outside(within(opened.log, learnt.identified_s), left_out)]
+    return slow_means(
+        records,
+        healthy=healthy,
+        excursions=said.excursions,
+        is_driven=opened.attitude is not None and opened.attitude.is_driven,
+        least_deg_s=opened.asked.least_error_deg_s,
+    )
+
+
+def _but_small(watch: Watch, learnt: Learnt) -> Watch:
+    """Return a watch whose alarms doubt mean errors that an estimator has of its own, where the gyros drive one."""
+    attitude, least_deg_s = learnt.opened.attitude, learnt.opened.asked.least_error_deg_s
+    if attitude is None or not attitude.is_driven:
+        return watch
+    return replace(watch, alarms=tuple(_or_small(alarm, least_deg_s) for alarm in watch.alarms))
+
+
+def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
+    last, off_deg_s = alarm.last, mean_error_deg_s(alarm)
+    if last is None or off_deg_s is None or off_deg_s >= least_deg_s or alarm.doubt or alarm.has_passed:
+        return alarm
+    doubt = f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own"
+    judged = replace(last, sensor=None, partner=None, doubt=doubt, reason=f"{last.verdict} by its own residual")
+    return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
 def _left_s(learnt: Learnt) -> list[Span]:

@@ -22,6 +22,7 @@ from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
+from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.record import Span
 
@@ -64,6 +65,7 @@ def watch_log(
     rate_hz: float | None = None,
     false_alarms_per_hour: float | None = None,
     attitude: str = FROM_LOG,
+    least_error_deg_s: float = LEAST_DEG_S,
     progress: Progress = silent,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -93,6 +95,9 @@ def watch_log(
         For a bank that predicts gyros from the attitude: ``driven`` if the gyros drive it through an estimator, ``own``
         if it is independent. ``auto`` uses the format's documentation, otherwise the samples: driven unless they show
         that it is independent. A monitor keeps the setting of its calibration.
+    least_error_deg_s : float
+        Where the gyros drive the attitude, no smaller mean error of one is called a failure, in deg/s: estimators err
+        as much themselves.
     progress : callable
         Called with the step, the number done and the total.
 
@@ -123,6 +128,7 @@ def watch_log(
         rate_hz=rate_hz,
         false_alarms_per_hour=false_alarms_per_hour,
         attitude=attitude,
+        least_error_deg_s=least_error_deg_s,
     )
     monitor = learnt(chosen(opened(question)), progress)
     return concluded(doubted(listened(monitor, progress), progress), progress)

@@ -18,6 +18,8 @@ from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
 from gtmbench.study.log.self_check.outcome import SelfCheck
+from gtmbench.study.log.slow_certificate import with_slow
+from gtmbench.study.log.slow_means import SlowMeans, beyond
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
 
@@ -64,6 +66,9 @@ class WatchedLog:
         The parts of the healthy spans, and of other logs, that weren't identified on.
     comparison : Comparison or None
         The comparison of several IMUs; None if the log has one, or they can't be compared.
+    means : SlowMeans or None
+        What gyros and attitude say of each other over tens of seconds; None if the monitor wasn't identified on this
+        log, or rests on no attitude.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -99,6 +104,7 @@ class WatchedLog:
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
+    means: SlowMeans | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -117,7 +123,8 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         told = [alarm for watch in self.watches for alarm in watch.faults]
-        return tuple(sorted([*told, *further(told, self.comparison)], key=lambda alarm: alarm.time_s))
+        told += further(told, self.comparison)
+        return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
 
     @property
     def armed_hours(self) -> float:
@@ -150,7 +157,8 @@ class WatchedLog:
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
-        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
+        named = certificate_of(self.monitor, self.watches, named=True)
+        return replace(self, certificate=with_slow(named, self.means))
 
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:
@@ -164,11 +172,12 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         identified_s=learnt.identified_s,
         watches=said.watches,
         reasons=said.findings,
-        certificate=certificate_of(learnt.monitor, said.watches),
+        certificate=with_slow(certificate_of(learnt.monitor, said.watches), said.means),
         check=said.check,
         excursions=said.excursions,
         left_out=learnt.left_out,
         comparison=said.comparison,
+        means=said.means,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,
