@@ -48,8 +48,9 @@ def beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray)
     --------
     >>> motion = np.random.default_rng(1).standard_normal((40, 3)) * 20.0
     >>> difference = 0.5 + 0.02 * motion
-    >>> float(np.std(difference)), float(np.std(beyond_gains(difference, motion, np.ones(40, dtype=bool)))) < 0.2
-    (0.0, True)
+    >>> left = beyond_gains(difference, motion, np.ones(40, dtype=bool))
+    >>> float(np.std(difference).round(2)), float(np.std(left).round(2))
+    (0.34, 0.02)
     """
     rows = healthy & np.isfinite(difference).all(axis=1) & np.isfinite(motion).all(axis=1)
     if np.count_nonzero(rows) < FEWEST:

@@ -111,7 +111,7 @@ def slow_means(
     >>> broken = record.replace("q", np.where(record.time_s < 100.0, 0.0, 1.8))
     >>> found = slow_means([broken], healthy=[(0.0, 60.0)], is_driven=True)
     >>> [(alarm.time_s, alarm.verdict) for alarm in found.alarms]
-    [(103.0, 'q failed')]
+    [(102.0, 'q failed')]
     """
     start_s = records[0].start_s
     seconds = _seconds(records, start_s, excursions)
@@ -343,7 +343,7 @@ def _judged(compared: SlowMeans, seconds: _Seconds, fault: _Fault, stop: int) ->
     if len(own) < max(_NAMED_S, _WHOLE * len(part)) or abs(float(own.mean())) < _NAMED_DEG_S:
         return None
     mean, off = float(own.mean()), abs(float(own.sum()) * SECOND_S)
-    is_heading = fault.axis == 2  # noqa: PLR2004  r and psi
+    is_heading = fault.axis == 2
     beside = [abs(float(np.nanmean(part[:, axis]))) for axis in range(3) if np.isfinite(part[:, axis]).any()]
     turning = np.linalg.norm(np.delete(np.nanmean(seconds.motion[fault.onset : stop], axis=0), fault.axis))
     is_even = float(np.median(own)) / mean > _EVEN
