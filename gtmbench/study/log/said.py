@@ -119,13 +119,13 @@ def doubted(said: Said, progress: Progress) -> Said:
 def _means(said: Said) -> SlowMeans | None:
     """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
     learnt = said.learnt
-    opened, records = learnt.opened, learnt.opened.own.turning
-    if not (learnt.identified_s and records and basis_of(learnt.monitor).kinematic):
+    opened, motion = learnt.opened, learnt.opened.own.motion
+    if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
         return None
     left_out = [each.span for each in learnt.left_out if each.log == opened.log.path]
     healthy = [(each.start_s, each.end_s) for each in outside(within(opened.log, learnt.identified_s), left_out)]
     return slow_means(
-        records,
+        motion.segments,
         healthy=healthy,
         excursions=said.excursions,
         is_driven=opened.attitude is not None and opened.attitude.is_driven,
@@ -151,8 +151,14 @@ def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
 
 
 def _left_s(learnt: Learnt) -> list[Span]:
-    """Return the spans of a log that its monitor wasn't learnt on."""
-    return [(each.start_s, each.end_s) for each in without(learnt.opened.log, learnt.identified_s)]
+    """Return the spans of a log that its monitor wasn't learnt on.
+
+    Where it chose itself what is healthy, it hears nothing before: there the log stands, or lacks a heading.
+    """
+    is_chosen = not learnt.opened.asked.says_healthy
+    first_s = learnt.identified_s[0][0] if is_chosen and learnt.identified_s else -np.inf
+    left = without(learnt.opened.log, learnt.identified_s)
+    return [(each.start_s, each.end_s) for each in left if each.end_s > first_s]
 
 
 def _watches(

@@ -5,8 +5,8 @@ that looks at seconds. In means over tens of seconds it shows whole. Attitude an
 wander, turning shows scale errors, and samples that come too seldom alias vibration. So a mean is held against the
 largest where identified, against its own noise, and against the turning meanwhile.
 
-What has risen is a doubt at first. Whoever is wrong has been so in one direction: summed up, it is an angle by which the
-attitude would be off if the gyro were right. No estimator's bank or pitch is off by half a right angle for long, so
+What has risen is a doubt at first. Whoever is wrong has been so in one direction: summed up, that is an angle by which
+the attitude would be off if the gyro were right. No estimator's bank or pitch is off by two thirds of a right angle, so
 beyond that the gyro is named; a heading may be off by much more.
 """
 
@@ -35,7 +35,8 @@ _KNOWN = 0.8  # of a window
 _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
-_NAMED_S, _NAMED_DEG_S, _WHOLE = 15, 1.0, 0.9  # so long, and so much, of seconds that are known: less is warming, or a new calibration
+# so long, so much, of so many seconds that are known: less may be warming, or a new calibration
+_NAMED_S, _NAMED_DEG_S, _WHOLE = 15, 1.0, 0.9
 _BESIDE, _TURNING, _EVEN = 0.5, 0.3, 0.5  # of an error's mean: another axis's; of the turning; its median
 _GROWS = 1.0  # of its mean, by which an error grows: a drift
 
@@ -67,10 +68,9 @@ class SlowMeans:
 
     @property
     def watched_s(self) -> float:
-        """In how many seconds the mean of every gyro that is compared could have risen."""
-        known = np.logical_or.reduce([np.isfinite(self.excess(window)) for window in WINDOWS])
-        compared = known.any(axis=0)
-        return float(np.count_nonzero(known[:, compared].all(axis=1) & self.is_watched)) if compared.any() else 0.0
+        """For how long a mean of every gyro could have risen."""
+        known = np.logical_or.reduce([np.isfinite(self.excess(window)).all(axis=1) for window in WINDOWS])
+        return float(np.count_nonzero(known & self.is_watched)) * SECOND_S
 
     def mean(self, window: int) -> FloatArray:
         """Return the means over so many seconds up to each."""
@@ -94,7 +94,7 @@ def slow_means(
     Parameters
     ----------
     records : sequence of Record
-        In time, with p, q, r, phi and theta. Without psi, the heading's rate is taken from r, which isn't compared.
+        In time, with p, q, r, phi, theta and psi.
     healthy : sequence of (start, end)
         What was identified on.
     excursions : sequence of Excursion
@@ -117,7 +117,7 @@ def slow_means(
     seconds = _seconds(records, start_s, excursions)
     at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
     usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
-    error = _beyond(seconds, usual)
+    error = beyond_gains(seconds.error, seconds.motion, usual)
     if np.count_nonzero(usual & np.isfinite(error).any(axis=1)) < FEWEST:
         return None
     floor = max(_FLOOR_DEG_S, least_deg_s)
@@ -198,7 +198,7 @@ def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Exc
     for record in records:
         gyros, differences = record.matrix(GYROS), _differences(record)
         steep = np.abs(record["theta"]) > _STEEPEST_DEG
-        known = np.isfinite(differences[:, :2]).all(axis=1) & ~steep
+        known = np.isfinite(differences).all(axis=1) & ~steep
         for second, rows in rows_by_second(record, start_s):
             there = known[rows]
             if np.count_nonzero(there) > 0.5 * len(there):
@@ -213,29 +213,14 @@ def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Exc
 
 
 def _differences(record: Record) -> FloatArray:
-    """Return what each gyro reads more than the attitude turns; without a heading, r says how that turns."""
+    """Return what each gyro reads more than the attitude turns."""
     gyros = record.matrix(GYROS)
-    if "psi" in record.channels:
-        rates = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-        return np.asarray(gyros - rates)
-    angles = np.column_stack([record["phi"], record["theta"], np.zeros(len(record))])
-    phi, theta = np.deg2rad(angles[:, :2]).T
-    terms = terms_of(angles, record.sample_period_s)
-    heading = (gyros[:, 2] + terms[:, 5]) / np.where(np.abs(np.cos(phi)) < 0.1, np.nan, np.cos(phi) * np.cos(theta))
-    p = gyros[:, 0] - terms[:, 0] + heading * np.sin(theta)
-    q = gyros[:, 1] - terms[:, 2] - heading * np.cos(theta) * np.sin(phi)
-    return np.column_stack([p, q, np.full(len(p), np.nan)])
-
-
-def _beyond(seconds: _Seconds, usual: BoolArray) -> FloatArray:
-    """Return the errors beyond what healthy gyros have; a gyro that isn't compared stays unknown."""
-    compared = np.isfinite(seconds.error).any(axis=0)
-    error = beyond_gains(np.where(compared, seconds.error, 0.0), seconds.motion, usual)
-    return np.asarray(np.where(compared, error, np.nan))
+    rates = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
+    return np.asarray(gyros - rates)
 
 
 def _bounds(error: FloatArray, seconds: _Seconds, usual: BoolArray, floor: float) -> dict[int, FloatArray]:
-    """Return what healthy means don't exceed; of a window that hardly fits into what is healthy, as of a shorter one."""
+    """Return what healthy means don't exceed: where a window hardly fits into what is healthy, as of a shorter one."""
     bounds: dict[int, FloatArray] = {}
     largest = np.full(3, np.inf)
     for window in WINDOWS:
