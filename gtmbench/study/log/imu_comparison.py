@@ -30,12 +30,15 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 BETWEEN, HELD = "between IMUs", "held"  # tests of such alarms
 SAME = "the other IMUs read the same"
 APART = "the IMUs disagree about its axis"
+SHAKEN = "the means of the IMUs agree, and only noise differs: vibration"
 _FASTEST_HZ = 25.0
 _LONGEST_S = 2e4  # of a log that is compared
 _MOST_IMUS, _MOST = 3, 6
 _WINDOWS = (1, 2, 4, 8)  # blocks whose mean is judged ...
 _APART, _MINUTE, _FEWEST_BEFORE = 5, 60, 10  # ... against the median of the minute before, five seconds earlier
 _LEAST_DEG_S, _OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 0.3, 1.5, 8.0, 0.03
+_SLOW_DEG_S = 0.5  # off what it was at first: a slow drift, which a median of the minute before swallows
+_NOISY = ("noise", "spikes", "oscillation", "random_walk", "unknown")  # kinds that vibration looks like
 _VOTE, _ALIKE, _EITHER_HALF = 8, 0.25, 0.3
 _LATE = (15, 40)  # blocks after the onset: an estimator has been corrected
 _ENOUGH_LATE, _FEWEST_SHIFTS, _ABOVE = 15, 3, 4.0
@@ -88,6 +91,18 @@ class Comparison:
         beside = [_rms(each[rows]) for each in pairs]
         here = _rms(apart[rows])
         return here > _LOUD * usual and all(size < _QUIET * here for size in beside)
+
+    def only_shakes(self, alarm: Alarm) -> bool:
+        """Tell whether the means of the watched IMU and of all others agree while an alarm says that it is noisy."""
+        if self.watched is None or alarm.sensor not in GYROS or alarm.last is None or alarm.last.kind not in _NOISY:
+            return False
+        axis, own = GYROS.index(alarm.sensor), self.imus.index(self.watched)
+        rows = self.blocks.rows(alarm.onset_s, max(alarm.last.time_s, alarm.onset_s + _VOTE))
+        for pair, difference in self.blocks.differences.items():
+            means = np.abs(trailing_means(difference[:, axis], _WINDOWS[-1]))
+            if own in pair and not np.nanmax(means[rows], initial=0.0) < _bound(means, self.blocks):
+                return False
+        return True
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,6 +201,8 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     axes = {axis_of(name) for each in near for name in each.candidates}
     if alarm.sensor in GYROS and comparison.agree(alarm):
         return _doubted(alarm, SAME)
+    if alarm.sensor in GYROS and comparison.only_shakes(alarm):
+        return _doubted(alarm, SHAKEN)
     if alarm.sensor in ATTITUDE and axis_of(alarm.sensor) in axes:
         return _doubted(alarm, APART)
     if alarm.sensor not in GYROS or comparison.watched is None:
@@ -279,15 +296,23 @@ def _parted(blocks: _Blocks, imus: Sequence[Imu]) -> Iterator[Alarm]:
     """Give where two IMUs part, an alarm an axis and a time."""
     for axis, channel in enumerate(GYROS):
         rises = sorted(
-            (row, onset, pair)
+            (row, onset, pair, is_slow)
             for pair, difference in blocks.differences.items()
-            for row, onset in _rises(difference[:, axis], blocks)
+            for is_slow, find in ((False, _rises), (True, _slow_rises))
+            for row, onset in find(difference[:, axis], blocks)
         )
         last = -np.inf
-        for row, onset, pair in rises:
+        for row, onset, pair, is_slow in rises:
             if row - last > _MINUTE:
                 last = row
-                yield _judged(blocks, imus, channel, pair, row, onset)
+                yield _judged(blocks, imus, channel, pair, row, onset, is_slow=is_slow)
+
+
+def _slow_rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
+    """Return the rows at which a mean leaves what it was at first, and since when it has."""
+    off, motion = np.abs(trailing_means(values, _VOTE)), trailing_means(blocks.motion, _VOTE)
+    far = np.asarray(~blocks.healthy & (off > max(_SLOW_DEG_S, _bound(off, blocks)) + _OF_MOTION * motion))
+    return [(row, row - _VOTE + 1) for row in np.flatnonzero(np.diff(far, prepend=False) & far).tolist()]
 
 
 def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
@@ -326,15 +351,29 @@ def _before(values: FloatArray) -> FloatArray:
     return np.where(count >= _FEWEST_BEFORE, 0.5 * (low + high), 0.0)
 
 
-def _judged(blocks: _Blocks, imus: Sequence[Imu], channel: str, pair: tuple[int, int], row: int, onset: int) -> Alarm:
-    """Return the alarm of two IMUs that part: named by a vote of three, else by the attitude, else doubted."""
+def _judged(
+    blocks: _Blocks,
+    imus: Sequence[Imu],
+    channel: str,
+    pair: tuple[int, int],
+    row: int,
+    onset: int,
+    *,
+    is_slow: bool,
+) -> Alarm:
+    """Return the alarm of two IMUs that part: named by a vote of three, else by the attitude, else doubted.
+
+    Where they part slowly, by what they were at first, and the attitude isn't asked.
+    """
     axis = GYROS.index(channel)
     start_s, told_s = blocks.time_s(onset), blocks.time_s(row + 1)
-    size = _shift(blocks.differences[pair][:, axis], onset, (0, _VOTE))
+    size = _shift(blocks.differences[pair][:, axis], onset, (0, _VOTE), is_slow=is_slow)
     names = " and ".join(imus[number].name for number in pair)
-    liar, judged_s = _voted_out(blocks, imus, axis, onset), max(told_s, blocks.time_s(onset + _VOTE))
+    liar, judged_s = _voted_out(blocks, imus, axis, onset, is_slow=is_slow), max(told_s, blocks.time_s(onset + _VOTE))
     why = f"{names} part by {abs(size):.2g} deg/s"
-    if liar is None:
+    if liar is None and is_slow:
+        why = f"{why}, slowly, and which is wrong can't be told"
+    elif liar is None:
         liar, reason = _against_attitude(blocks, axis, pair, onset)
         judged_s = max(told_s, blocks.time_s(min(onset + _LATE[1], len(blocks.motion))))
         why = f"{why}, and which is wrong can't be told: {reason}" if reason else why
@@ -352,21 +391,21 @@ def _judged(blocks: _Blocks, imus: Sequence[Imu], channel: str, pair: tuple[int,
     )
 
 
-def _shift(values: FloatArray, onset: int, late: tuple[int, int]) -> float:
-    """Return by how much a mean after an onset is off the median of the minute before."""
+def _shift(values: FloatArray, onset: int, late: tuple[int, int], *, is_slow: bool = False) -> float:
+    """Return by how much a mean after an onset is off the median of the minute before; or off what it was at first."""
     part = values[onset + late[0] : onset + late[1]]
     part = part[np.isfinite(part)]
     earlier = values[max(onset - _APART - _MINUTE, 0) : max(onset - _APART, 0)]
     earlier = earlier[np.isfinite(earlier)]
-    if len(part) < min(_ENOUGH_LATE, (late[1] - late[0]) // 2) or len(earlier) < _FEWEST_BEFORE:
+    if len(part) < min(_ENOUGH_LATE, (late[1] - late[0]) // 2) or (len(earlier) < _FEWEST_BEFORE and not is_slow):
         return np.nan
-    return float(part.mean() - np.median(earlier))
+    return float(part.mean() - (0.0 if is_slow else np.median(earlier)))
 
 
-def _lasts(values: FloatArray, onset: int, late: tuple[int, int]) -> bool:
+def _lasts(values: FloatArray, onset: int, late: tuple[int, int], *, is_slow: bool) -> bool:
     """Tell whether it is so in both halves: noise has no such mean."""
-    middle, whole = sum(late) // 2, _shift(values, onset, late)
-    halves = [_shift(values, onset, part) for part in ((late[0], middle), (middle, late[1]))]
+    middle, whole = sum(late) // 2, _shift(values, onset, late, is_slow=is_slow)
+    halves = [_shift(values, onset, part, is_slow=is_slow) for part in ((late[0], middle), (middle, late[1]))]
     return bool(min(half / whole for half in halves) > _EITHER_HALF) if whole else False
 
 
@@ -384,14 +423,16 @@ def _is_steady(values: FloatArray, onset: int) -> bool:
     return True
 
 
-def _voted_out(blocks: _Blocks, imus: Sequence[Imu], axis: int, onset: int) -> int | None:
+def _voted_out(blocks: _Blocks, imus: Sequence[Imu], axis: int, onset: int, *, is_slow: bool) -> int | None:
     """Return the IMU that parts from all others while these agree."""
     if len(imus) < 3:
         return None
     values = {pair: each[:, axis] for pair, each in blocks.differences.items()}
-    shifts = {pair: abs(_shift(each, onset, (0, _VOTE))) for pair, each in values.items()}
+    shifts = {pair: abs(_shift(each, onset, (0, _VOTE), is_slow=is_slow)) for pair, each in values.items()}
+    earlier = {pair: np.zeros(len(each)) if is_slow else _before(each) for pair, each in values.items()}
     parted = {
-        pair: shifts[pair] > _bound(_moved(each, _before(each), _VOTE), blocks) and _lasts(each, onset, (0, _VOTE))
+        pair: shifts[pair] > _bound(_moved(each, earlier[pair], _VOTE), blocks)
+        and _lasts(each, onset, (0, _VOTE), is_slow=is_slow)
         for pair, each in values.items()
     }
     for number in range(len(imus)):

@@ -19,10 +19,11 @@ from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
+from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare
 from gtmbench.study.log.learnt import Learnt
-from gtmbench.study.log.records import first_part, outside, within, without
+from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
@@ -30,6 +31,7 @@ from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
+_BEGINNING_S = 30.0  # how IMUs differ, where nothing could be learnt
 _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
 
 
@@ -93,16 +95,14 @@ def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     if said.check.stops or not is_ready(monitor):
+        said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, before = learnt.opened.log, learnt.before
     watches = [steady(monitor, watch, before) for watch in said.watches] if predicts(monitor) else list(said.watches)
-    comparison, side_by_side = None, learnt.opened.imus
-    if watches and side_by_side is not None:
-        watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
-        progress("compare", watched_s, watched_s)
-        healthy = learnt.identified_s or (first_part(log),)
-        comparison = compare(log, side_by_side, healthy=healthy, excursions=said.excursions)
-        watches = beside(watches, comparison)
+    watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
+    progress("compare", watched_s, watched_s)
+    comparison = _compared(said, learnt.identified_s or (first_part(log),))
+    watches = beside(watches, comparison)
     watches = [_but_small(watch, learnt) for watch in watches]
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
@@ -114,6 +114,20 @@ def doubted(said: Said, progress: Progress) -> Said:
         means=_means(said),
         findings=findings,
     )
+
+
+def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
+    """Return what several IMUs say of each other; None where there is one, or too little to compare."""
+    opened = said.learnt.opened
+    if opened.imus is None:
+        return None
+    return compare(opened.log, opened.imus, healthy=healthy, excursions=said.excursions)
+
+
+def _beginning(log: FlightLog) -> Span:
+    """Return the log's first seconds: how its IMUs differ, where nothing was learnt."""
+    start_s, _ = whole_s(log)
+    return start_s, start_s + _BEGINNING_S
 
 
 def _means(said: Said) -> SlowMeans | None:
