@@ -18,7 +18,6 @@ from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_certificate import with_slow
 from gtmbench.study.log.slow_means import SlowMeans, beyond
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
@@ -157,8 +156,7 @@ class WatchedLog:
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
-        named = certificate_of(self.monitor, self.watches, named=True)
-        return replace(self, certificate=with_slow(named, self.means))
+        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True, means=self.means))
 
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:
@@ -172,7 +170,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         identified_s=learnt.identified_s,
         watches=said.watches,
         reasons=said.findings,
-        certificate=with_slow(certificate_of(learnt.monitor, said.watches), said.means),
+        certificate=certificate_of(learnt.monitor, said.watches, means=said.means),
         check=said.check,
         excursions=said.excursions,
         left_out=learnt.left_out,
