@@ -18,7 +18,7 @@ from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_means import SlowMeans, beyond
+from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
 
@@ -124,6 +124,11 @@ class WatchedLog:
         told = [alarm for watch in self.watches for alarm in watch.faults]
         told += further(told, self.comparison)
         return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
+
+    @property
+    def slow_alarms(self) -> tuple[Alarm, ...]:
+        """Those of them that only means over tens of seconds raised."""
+        return tuple(alarm for alarm in self.alarms if alarm.test == SLOW)
 
     @property
     def armed_hours(self) -> float:
