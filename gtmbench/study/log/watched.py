@@ -66,7 +66,7 @@ class WatchedLog:
     comparison : Comparison or None
         The comparison of several IMUs; None if the log has one, or they can't be compared.
     means : SlowMeans or None
-        What gyros and attitude say of each other over tens of seconds; None if the monitor wasn't identified on this
+        How gyros and attitude differ over tens of seconds; None if the monitor wasn't identified on this
         log, or rests on no attitude.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
