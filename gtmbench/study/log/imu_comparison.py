@@ -200,16 +200,16 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     near = [each for each in comparison.alarms if abs(each.onset_s - alarm.onset_s) <= _SOON_S]
     axes = {axis_of(name) for each in near for name in each.candidates}
     if alarm.sensor in GYROS and comparison.agree(alarm):
-        return _doubted(alarm, SAME)
+        return with_doubt(alarm, SAME)
     if alarm.sensor in GYROS and comparison.only_shakes(alarm):
-        return _doubted(alarm, SHAKEN)
+        return with_doubt(alarm, SHAKEN)
     if alarm.sensor in ATTITUDE and axis_of(alarm.sensor) in axes:
-        return _doubted(alarm, APART)
+        return with_doubt(alarm, APART)
     if alarm.sensor not in GYROS or comparison.watched is None:
         return alarm
     named = {(each.sensor, each.last.imu) for each in near if each.last is not None and each.sensor == alarm.sensor}
     if named and (alarm.sensor, comparison.watched.name) not in named:
-        return _doubted(alarm, APART)
+        return with_doubt(alarm, APART)
     own = comparison.watched.name
     return replace(
         alarm,
@@ -217,7 +217,8 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     )
 
 
-def _doubted(alarm: Alarm, doubt: str) -> Alarm:
+def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
+    """Return an alarm that may be no fault after all, and why."""
     last = alarm.judgements[-1]
     judged = replace(last, sensor=None, partner=None, doubt=doubt, reason=f"{last.verdict} by its own residual")
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)

@@ -21,7 +21,7 @@ from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
@@ -159,9 +159,7 @@ def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
     last, off_deg_s = alarm.last, mean_error_deg_s(alarm)
     if last is None or off_deg_s is None or off_deg_s >= least_deg_s or alarm.doubt or alarm.has_passed:
         return alarm
-    doubt = f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own"
-    judged = replace(last, sensor=None, partner=None, doubt=doubt, reason=f"{last.verdict} by its own residual")
-    return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
+    return with_doubt(alarm, f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own")
 
 
 def _left_s(learnt: Learnt) -> list[Span]:

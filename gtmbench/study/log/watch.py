@@ -17,6 +17,7 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.study.log.asked import asked
+from gtmbench.study.log.choices import agreed
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
@@ -131,4 +132,5 @@ def watch_log(
         least_error_deg_s=least_error_deg_s,
     )
     monitor = learnt(chosen(opened(question)), progress)
-    return concluded(doubted(listened(monitor, progress), progress), progress)
+    said = doubted(listened(monitor, progress), progress)
+    return concluded(agreed(said, progress), progress)
