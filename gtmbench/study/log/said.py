@@ -20,6 +20,7 @@ from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
@@ -27,6 +28,7 @@ from gtmbench.study.log.records import first_part, outside, whole_s, within, wit
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
@@ -135,6 +137,9 @@ def _means(said: Said) -> SlowMeans | None:
     learnt = said.learnt
     opened, motion = learnt.opened, learnt.opened.own.motion
     if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
+        return None
+    heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
+    if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
         return None
     left_out = [each.span for each in learnt.left_out if each.log == opened.log.path]
     healthy = [(each.start_s, each.end_s) for each in outside(within(opened.log, learnt.identified_s), left_out)]
