@@ -63,7 +63,7 @@ def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     sources : mapping of str to Source
         Which column each channel is read from, and how; ``time``, too, where a column tells it.
     """
-    if any(change.kind in ("held", "euler") for change in guess.changes) or is_common_scale(guess.changes):
+    if any(change.kind in ("held", "euler") for change in guess.changes):
         return ""
     target = {name: name for name in (*GYROS, *ATTITUDE)}
     for change in guess.changes:
