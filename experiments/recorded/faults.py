@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,15 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank_detector import BankMonitor, BankWatch
+from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
 from gtmbench.study.log.certificate import KINDS, Smallest
 from gtmbench.study.log.records import outside
+from gtmbench.study.log.slow_means import beyond, slow_means
 from gtmbench.study.log.starts import steady
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 TIMES = (1, 3)  # the certificate's size
 CERTIFICATE, EVERYDAY = "certificate", "everyday"  # whence a fault's size
@@ -24,6 +27,8 @@ USUAL = {"bias": 5.0, "drift": 0.5, "scale_factor": 0.5, "deadzone": 5.0, "noise
 LEFT_S = 12.0  # of a stretch, after the onset: time to judge
 NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
 TOO_STEEP = "too steep"
+CHANNELS = (*GYROS, *ATTITUDE)
+_SLOW_FROM = 10_000  # numbers of alarms that means raise
 ALONE = "alone"
 THROUGH = {f"{tau:g} s": gb.AttitudeEstimator(time_constant_s=tau) for tau in (FASTEST_S, SLOWEST_S)}
 
@@ -83,7 +88,7 @@ def tried(said: WatchedLog, count: int, seed: int) -> Iterator[Tried]:
             if place is not None:
                 for put in _sizes(row):
                     for attitude in (ALONE, *(THROUGH if row.time_constant_s is not None else ())):
-                        yield _tried(*place, before, row, put | {"attitude": attitude}, is_turned=is_turned)
+                        yield _tried(said, *place, before, row, put | {"attitude": attitude}, is_turned=is_turned)
 
 
 def _sizes(row: Smallest) -> Iterator[dict[str, Any]]:
@@ -134,6 +139,7 @@ def _own_s(watch: BankWatch) -> np.ndarray:
 
 
 def _tried(
+    said: WatchedLog,
     watch: BankWatch,
     onset_s: float,
     before: gb.Record | None,
@@ -155,15 +161,39 @@ def _tried(
     again = steady(watch.monitor, watch.monitor.watch(broken, outside=watch.outside, before=before), before)
     own_s = _own_s(watch)
     until_s = own_s[np.searchsorted(own_s, onset_s)]
-    alarms = [alarm for alarm in again.alarms if onset_s <= alarm.time_s < until_s]
+    raised = [*again.alarms, *_slow(said, watch, again, broken)]
+    alarms = [alarm for alarm in raised if onset_s <= alarm.time_s < until_s]
     of = {alarm.fault for alarm in alarms}
-    told = [alarm for alarm in again.alarms if alarm.number in of]
+    told = [alarm for alarm in raised if alarm.number in of]
     return Tried(
         **put,
         found=any(alarm.time_s <= onset_s + row.within_s for alarm in alarms),
         said=_said(told, row.sensor),
         names=_names(told),
     )
+
+
+def _slow(said: WatchedLog, watch: BankWatch, again: Watch, broken: gb.Record) -> list[Alarm]:
+    """Return what means over tens of seconds say of a log with a stretch broken, beyond what was said of that."""
+    if said.means is None or said.attitude is None or not set(CHANNELS) <= set(said.log.channels):
+        return []
+    rest = outside(said.log.segments, [(watch.record.start_s, watch.record.end_s)])
+    whole = [(record.start_s, record.end_s) for record in outside(rest, [each.span for each in said.left_out])]
+    healthy = [
+        (max(first_s, start_s), min(last_s, end_s))
+        for first_s, last_s in said.identified_s
+        for start_s, end_s in whole
+        if max(first_s, start_s) < min(last_s, end_s)
+    ]
+    parts = [part.select(CHANNELS) for part in (*rest, broken)]
+    means = slow_means(
+        sorted(parts, key=lambda part: part.start_s),
+        healthy=healthy,
+        excursions=said.excursions,
+        is_driven=said.attitude.is_driven,
+    )
+    told = beyond(again.faults, means)
+    return [replace(alarm, number=alarm.number + _SLOW_FROM, fault=alarm.number + _SLOW_FROM) for alarm in told]
 
 
 def _said(alarms: Sequence[Alarm], sensor: str) -> str:

@@ -49,7 +49,8 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
     multiple=True,
     metavar="T0:T1|LOG",
     help="The healthy part to calibrate on: a span of this log in seconds, or another log. With --detector it may be "
-    "left out: then it is this log's first 40 %, 300 s at most. Without --detector, bank auto is calibrated.",
+    "left out: then it is the first 40 % of this log's motion, 300 s at most. Without --detector, bank auto is "
+    "calibrated.",
 )
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
@@ -66,6 +67,12 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
     help="False alarm rate to calibrate for.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @attitude_option
+@click.option(
+    "--least-error",
+    type=float,
+    metavar="DEG_S",
+    help="Where the gyros drive the attitude, call no smaller mean error a failure, in deg/s.  [default: 0.1]",
+)
 @click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
 @click.option(
     "--named", is_flag=True, help="Also report the size above which faults would have been named; takes some seconds."
@@ -99,6 +106,7 @@ def monitor_command(
     rate: float | None,
     wanted: float | None,
     attitude: str,
+    least_error: float | None,
     details: bool,
     named: bool,
     record: Path | None,
@@ -138,6 +146,7 @@ def monitor_command(
             "--list": listed,
             "--all": every,
             "--force": force,
+            "--least-error": least_error,
         }
         _refuse(alone, "of one log; several logs have --out")
         watcher = _watcher(detector, calibrated, inputs, outputs, look, healthy) or AUTO
@@ -182,6 +191,7 @@ def monitor_command(
             rate_hz=rate,
             false_alarms_per_hour=_wanted(wanted),
             attitude=attitude,
+            least_error_deg_s=_least(least_error),
             progress=tell,
         )
         if named:
@@ -204,6 +214,12 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
     for option, value in options.items():
         if value is not None and value is not False:
             raise InputError(f"{option} is {why}")
+
+
+def _least(given: float | None) -> float:
+    from gtmbench.study.log.slow_means import LEAST_DEG_S
+
+    return LEAST_DEG_S if given is None else number("--least-error", given, 0.0, 100.0)
 
 
 def _wanted(given: float | None) -> float | None:

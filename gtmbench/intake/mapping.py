@@ -22,6 +22,7 @@ from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 
 AS_IT_IS = "as it is"
+NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
@@ -148,11 +149,16 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
         meaning.channel: _as_told(by_name[name], meaning, f", guessed by {meaning.guessed}")
         for name, meaning in _tried(raw, sure, units).meanings.items()
     }
-    return _in_units(raw, units) | tried | sure
+    settled = _in_units(raw, units) | tried | sure
+    return {name: choice for name, choice in settled.items() if mapped.get(name) != NONE}
 
 
 def _sure(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
-    by_mapping = {channel: _by_mapping(raw, channel, column) for channel, column in mapped.items() if channel != UNITS}
+    by_mapping = {
+        channel: _by_mapping(raw, channel, column)
+        for channel, column in mapped.items()
+        if channel != UNITS and column != NONE
+    }
     return _recognised(raw) | by_mapping
 
 

@@ -41,7 +41,7 @@ class WhenRead(Certificate):
         if "whole" in vars(self):
             return self.whole
         with at_few_onsets(KINDS=tuple(kind for kind in KINDS if kind.fault is Bias)):
-            return certificate_of(*self.asked)
+            return certificate_of(*self.asked, means=self.how.get("means"))
 
     def __reduce__(self):
         """Go to another process as the certificate that it is."""

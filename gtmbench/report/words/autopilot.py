@@ -84,7 +84,7 @@ def _answer_text(row: Scored) -> str:
 
 def imu_lines(watched: WatchedLog) -> list[str]:
     """Return what the IMUs say of each other; nothing of a log that has one."""
-    if len(watched.log.imus) < 2 or not watched.watches:
+    if len(watched.log.imus) < 2 or not (watched.watches or watched.comparison):
         return []
     names = listed([imu.name for imu in watched.log.imus])
     if watched.comparison is None:

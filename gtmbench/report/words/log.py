@@ -245,7 +245,18 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
 def _alarms_lines(watched: WatchedLog) -> list[str]:
     told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
+    lines += [line for alarm in watched.slow_alarms for line in _slow_lines(alarm)]
     return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
+
+
+def _slow_lines(alarm: Alarm) -> list[str]:
+    """Return an alarm of means over tens of seconds, with since when and what is known."""
+    named = "" if alarm.isolated_s is None else f"; named at {alarm.isolated_s:.2f} s"
+    ended = "not seen to end" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
+    return [
+        f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
+        f"    {alarm.source} less the attitude's rate, as a mean; since about {alarm.onset_s:.2f} s{named}; {ended}",
+    ]
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:

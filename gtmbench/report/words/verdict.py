@@ -164,7 +164,10 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
-    return lines
+    return lines + [
+        f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate."
+        for alarm in watched.slow_alarms[: _MOST - len(lines)]
+    ]
 
 
 def _certainty(watched: WatchedLog) -> list[str]:

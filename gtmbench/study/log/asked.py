@@ -11,6 +11,7 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
+from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 
@@ -31,6 +32,8 @@ class Asked:
     mapping : tuple of str
     rate_hz, false_alarms_per_hour : float or None
     attitude : str
+    least_error_deg_s : float
+        No smaller mean error is called a failure where the attitude is an estimator's.
     """
 
     path: Path
@@ -41,6 +44,7 @@ class Asked:
     rate_hz: float | None
     false_alarms_per_hour: float | None
     attitude: str
+    least_error_deg_s: float = LEAST_DEG_S
 
     @property
     def says_healthy(self) -> bool:
@@ -57,6 +61,7 @@ def asked(
     rate_hz: float | None,
     false_alarms_per_hour: float | None,
     attitude: str,
+    least_error_deg_s: float = LEAST_DEG_S,
 ) -> Asked:
     """Return what is asked, as `watch_log` takes it.
 
@@ -83,6 +88,7 @@ def asked(
         rate_hz=rate_hz,
         false_alarms_per_hour=None if wanted is None else number("false_alarms_per_hour", wanted, 1e-9, 1e3),
         attitude=attitude,
+        least_error_deg_s=number("least_error_deg_s", least_error_deg_s, 0.0, 100.0),
     )
 
 

@@ -25,6 +25,8 @@ from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
+from gtmbench.study.log.slow_means import SlowMeans
+from gtmbench.study.log.slow_sizes import slow_size
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
@@ -210,7 +212,9 @@ class _Trial:
         return high
 
 
-def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
+def certificate_of(
+    monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False, means: SlowMeans | None = None
+) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
     Parameters
@@ -222,6 +226,8 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     named : bool
         Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
         named: seconds.
+    means : SlowMeans, optional
+        What means over tens of seconds show of the same log: biases and drifts that are smaller there are told so.
 
     Examples
     --------
@@ -255,8 +261,24 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
         on = [monitor.superposition(watch, sensor) for watch in watches]
         through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
         rows += _of_sensor(monitor, through, watches, within_s, onsets, named=named)
+    rows = [_or_slow(row, means) for row in rows]
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+
+
+def _or_slow(row: Smallest, means: SlowMeans | None) -> Smallest:
+    """Return a row, or the smaller size that slow means show."""
+    slow = None if means is None else slow_size(means, row.sensor, row.kind, SHARE)
+    if slow is None or (row.size is not None and row.size <= slow.size):
+        return row
+    return replace(
+        row,
+        size=slow.size,
+        share=SHARE,
+        within_s=slow.within_s,
+        named_from=None,
+        time_constant_s=slow.time_constant_s,
+    )
 
 
 def _estimators(monitor: PredictingMonitor, sensor: str) -> tuple[AttitudeEstimator | None, ...]:

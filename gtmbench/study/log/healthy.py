@@ -8,7 +8,7 @@ from typing import Any
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
 from gtmbench.study.log.opened import Opened
-from gtmbench.study.log.records import first_part, healthy_spans, whole_s, within
+from gtmbench.study.log.records import flying_part, healthy_spans, whole_s, within
 from gtmbench.study.log.self_check.outcome import Part
 from gtmbench.values.record import Span
 
@@ -50,7 +50,7 @@ class Healthy:
 
 
 def chosen(opened: Opened) -> Healthy:
-    """Choose what is healthy: what was said to be, or else the log's first part.
+    """Choose what is healthy: what was said to be, or else the first part of the log in which it moves.
 
     Raises
     ------
@@ -62,7 +62,8 @@ def chosen(opened: Opened) -> Healthy:
     log, findings = opened.log, opened.findings
     spans = healthy_spans(log, opened.asked.spans)
     if not opened.asked.says_healthy:
-        spans = (first_part(log),)
+        motion = opened.own.motion
+        spans = (flying_part(log, () if motion is None else motion.segments),)
         findings += (f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said",)
     of_logs = [(other.log, other.log.segments) for other in opened.others]
     of_logs += [(log, tuple(within(log, spans)))] if spans else []

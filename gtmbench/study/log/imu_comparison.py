@@ -22,6 +22,7 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
@@ -29,14 +30,15 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 BETWEEN, HELD = "between IMUs", "held"  # tests of such alarms
 SAME = "the other IMUs read the same"
 APART = "the IMUs disagree about its axis"
+SHAKEN = "the means of the IMUs agree, and only noise differs: vibration"
 _FASTEST_HZ = 25.0
-_BLOCK_S = 1.0
 _LONGEST_S = 2e4  # of a log that is compared
-_FEWEST, _MOST_IMUS, _MOST = 15, 3, 6
+_MOST_IMUS, _MOST = 3, 6
 _WINDOWS = (1, 2, 4, 8)  # blocks whose mean is judged ...
 _APART, _MINUTE, _FEWEST_BEFORE = 5, 60, 10  # ... against the median of the minute before, five seconds earlier
 _LEAST_DEG_S, _OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 0.3, 1.5, 8.0, 0.03
-_GAIN = 0.02  # by which scale and direction of two gyros differ: an a priori standard deviation
+_SLOW_DEG_S = 0.5  # off what it was at first: a slow drift, which a median of the minute before swallows
+_NOISY = ("noise", "spikes", "oscillation", "random_walk", "unknown")  # kinds that vibration looks like
 _VOTE, _ALIKE, _EITHER_HALF = 8, 0.25, 0.3
 _LATE = (15, 40)  # blocks after the onset: an estimator has been corrected
 _ENOUGH_LATE, _FEWEST_SHIFTS, _ABOVE = 15, 3, 4.0
@@ -69,7 +71,7 @@ class Comparison:
         """Return what the channels differ by that part, second by second: which, times, in deg/s."""
         channels = {name for alarm in self.alarms for name in alarm.candidates}
         seconds = np.arange(len(self.blocks.motion), dtype=np.float64) + 0.5
-        time_s = np.asarray(self.blocks.start_s + seconds * _BLOCK_S)
+        time_s = np.asarray(self.blocks.start_s + seconds * SECOND_S)
         return [
             (f"{name} of {self.imus[i].name} - {self.imus[j].name}", time_s, difference[:, axis])
             for axis, name in enumerate(GYROS)
@@ -90,6 +92,18 @@ class Comparison:
         here = _rms(apart[rows])
         return here > _LOUD * usual and all(size < _QUIET * here for size in beside)
 
+    def only_shakes(self, alarm: Alarm) -> bool:
+        """Tell whether the means of the watched IMU and of all others agree while an alarm says that it is noisy."""
+        if self.watched is None or alarm.sensor not in GYROS or alarm.last is None or alarm.last.kind not in _NOISY:
+            return False
+        axis, own = GYROS.index(alarm.sensor), self.imus.index(self.watched)
+        rows = self.blocks.rows(alarm.onset_s, max(alarm.last.time_s, alarm.onset_s + _VOTE))
+        for pair, difference in self.blocks.differences.items():
+            means = np.abs(trailing_means(difference[:, axis], _WINDOWS[-1]))
+            if own in pair and not np.nanmax(means[rows], initial=0.0) < _bound(means, self.blocks):
+                return False
+        return True
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Blocks:
@@ -103,11 +117,11 @@ class _Blocks:
     ranges: Sequence[FloatArray]  # of an IMU's readings within a second
 
     def rows(self, start_s: float, end_s: float) -> slice:
-        first, last = (int((time_s - self.start_s) // _BLOCK_S) for time_s in (start_s, end_s))
+        first, last = (int((time_s - self.start_s) // SECOND_S) for time_s in (start_s, end_s))
         return slice(max(first, 0), max(last + 1, 0))
 
     def time_s(self, row: int) -> float:
-        return self.start_s + row * _BLOCK_S
+        return self.start_s + row * SECOND_S
 
 
 def compare(
@@ -153,7 +167,7 @@ def compared(
     if records[-1].end_s - records[0].start_s > _LONGEST_S:
         return None
     blocks = _blocks(records, imus, healthy, excursions)
-    if np.count_nonzero(blocks.healthy & np.isfinite(blocks.motion)) < _FEWEST:
+    if np.count_nonzero(blocks.healthy & np.isfinite(blocks.motion)) < FEWEST:
         return None
     found = sorted([*_parted(blocks, imus), *_still_gyros(blocks, imus)], key=lambda alarm: alarm.time_s)
     alarms = tuple(replace(alarm, number=number, fault=number) for number, alarm in enumerate(found[:_MOST]))
@@ -186,14 +200,16 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     near = [each for each in comparison.alarms if abs(each.onset_s - alarm.onset_s) <= _SOON_S]
     axes = {axis_of(name) for each in near for name in each.candidates}
     if alarm.sensor in GYROS and comparison.agree(alarm):
-        return _doubted(alarm, SAME)
+        return with_doubt(alarm, SAME)
+    if alarm.sensor in GYROS and comparison.only_shakes(alarm):
+        return with_doubt(alarm, SHAKEN)
     if alarm.sensor in ATTITUDE and axis_of(alarm.sensor) in axes:
-        return _doubted(alarm, APART)
+        return with_doubt(alarm, APART)
     if alarm.sensor not in GYROS or comparison.watched is None:
         return alarm
     named = {(each.sensor, each.last.imu) for each in near if each.last is not None and each.sensor == alarm.sensor}
     if named and (alarm.sensor, comparison.watched.name) not in named:
-        return _doubted(alarm, APART)
+        return with_doubt(alarm, APART)
     own = comparison.watched.name
     return replace(
         alarm,
@@ -201,7 +217,8 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     )
 
 
-def _doubted(alarm: Alarm, doubt: str) -> Alarm:
+def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
+    """Return an alarm that may be no fault after all, and why."""
     last = alarm.judgements[-1]
     judged = replace(last, sensor=None, partner=None, doubt=doubt, reason=f"{last.verdict} by its own residual")
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
@@ -239,19 +256,13 @@ def _blocks(
     segments: Sequence[Record], imus: Sequence[Imu], healthy: Sequence[Span], excursions: Sequence[Excursion]
 ) -> _Blocks:
     start_s = segments[0].start_s
-    count = int((segments[-1].end_s - start_s) / _BLOCK_S) + 1
+    count = int((segments[-1].end_s - start_s) / SECOND_S) + 1
     gyros = np.full((len(imus), count, 3), np.nan)
     spans = np.full((len(imus), count, 3), np.nan)
     attitude = np.full((count, 3), np.nan)
     for record in segments:
-        rows = np.floor((record.time_s - start_s) / _BLOCK_S).astype(int)
         turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-        firsts = np.flatnonzero(np.diff(rows, prepend=-1))
-        full = [
-            (rows[first], slice(first, stop))
-            for first, stop in zip(firsts, [*firsts[1:], len(rows)], strict=True)
-            if (stop - first) * record.sample_period_s > 0.7 * _BLOCK_S
-        ]
+        full = list(rows_by_second(record, start_s))
         for number, imu in enumerate(imus):
             known = unit(imu.unit)
             values = record.matrix(channels_of(imu)) * (known.factor if known else 1.0)
@@ -261,11 +272,11 @@ def _blocks(
         for row, part in full:
             attitude[row] = turned[part].mean(axis=0)
     for each in excursions:
-        first, last = (int((time_s - start_s) // _BLOCK_S) for time_s in (each.start_s, each.end_s))
+        first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
         out = slice(max(first - 1, 0), max(last + 2, 0))
         gyros[:, out], attitude[out] = np.nan, np.nan
     motion = gyros.mean(axis=0)
-    at_s = start_s + (np.arange(count) + 0.5) * _BLOCK_S
+    at_s = start_s + (np.arange(count) + 0.5) * SECOND_S
     within = np.logical_or.reduce([(at_s >= span[0]) & (at_s <= span[1]) for span in healthy])
     calm = np.asarray(within & np.isfinite(motion).all(axis=1), dtype=np.bool_)
     pairs = list(combinations(range(len(imus)), 2))
@@ -273,27 +284,10 @@ def _blocks(
         start_s=start_s,
         healthy=calm,
         motion=np.linalg.norm(motion, axis=1),
-        differences={(i, j): _beyond_gains(gyros[i] - gyros[j], motion, calm) for i, j in pairs},
-        from_attitude=[_beyond_gains(gyros[i] - attitude, motion, calm) for i in range(len(imus))],
+        differences={(i, j): beyond_gains(gyros[i] - gyros[j], motion, calm) for i, j in pairs},
+        from_attitude=[beyond_gains(gyros[i] - attitude, motion, calm) for i in range(len(imus))],
         ranges=list(spans),
     )
-
-
-def _beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray) -> FloatArray:
-    """Return a difference without its mean where healthy, and without what turning explains there."""
-    rows = healthy & np.isfinite(difference).all(axis=1)
-    if np.count_nonzero(rows) < _FEWEST:
-        return np.full(difference.shape, np.nan)
-    middle = np.median(difference[rows], axis=0)
-    turned, left = motion[rows] - motion[rows].mean(axis=0), difference[rows] - middle
-    noise = 1.4826 * np.median(np.abs(left), axis=0) + 1e-9
-    gains = np.column_stack(
-        [
-            np.linalg.solve(turned.T @ turned + np.eye(3) * (noise[axis] / _GAIN) ** 2, turned.T @ left[:, axis])
-            for axis in range(3)
-        ]
-    )
-    return np.asarray(difference - middle - (motion - motion[rows].mean(axis=0)) @ gains)
 
 
 # ---- parting ----
@@ -303,15 +297,23 @@ def _parted(blocks: _Blocks, imus: Sequence[Imu]) -> Iterator[Alarm]:
     """Give where two IMUs part, an alarm an axis and a time."""
     for axis, channel in enumerate(GYROS):
         rises = sorted(
-            (row, onset, pair)
+            (row, onset, pair, is_slow)
             for pair, difference in blocks.differences.items()
-            for row, onset in _rises(difference[:, axis], blocks)
+            for is_slow, find in ((False, _rises), (True, _slow_rises))
+            for row, onset in find(difference[:, axis], blocks)
         )
         last = -np.inf
-        for row, onset, pair in rises:
+        for row, onset, pair, is_slow in rises:
             if row - last > _MINUTE:
                 last = row
-                yield _judged(blocks, imus, channel, pair, row, onset)
+                yield _judged(blocks, imus, channel, pair, row, onset, is_slow=is_slow)
+
+
+def _slow_rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
+    """Return the rows at which a mean leaves what it was at first, and since when it has."""
+    off, motion = np.abs(trailing_means(values, _VOTE)), trailing_means(blocks.motion, _VOTE)
+    far = np.asarray(~blocks.healthy & (off > max(_SLOW_DEG_S, _bound(off, blocks)) + _OF_MOTION * motion))
+    return [(row, row - _VOTE + 1) for row in np.flatnonzero(np.diff(far, prepend=False) & far).tolist()]
 
 
 def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
@@ -319,7 +321,7 @@ def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
     before = _before(values)
     first: dict[int, int] = {}
     for window in _WINDOWS:
-        moved, motion = _moved(values, before, window), _means(blocks.motion, window)
+        moved, motion = _moved(values, before, window), trailing_means(blocks.motion, window)
         risen = np.flatnonzero(~blocks.healthy & (moved > _bound(moved, blocks) + _OF_MOTION * motion))
         for row in risen.tolist():
             first[row] = max(first.get(row, 0), row - window + 1)
@@ -329,23 +331,15 @@ def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
 def _moved(values: FloatArray, before: FloatArray, window: int) -> FloatArray:
     """Return how far the mean of so many blocks is off what it was before."""
     earlier = np.concatenate([np.full(window - 1, np.nan), before[: len(before) - window + 1]])
-    return np.asarray(np.abs(_means(values, window) - earlier[: len(values)]))
+    return np.asarray(np.abs(trailing_means(values, window) - earlier[: len(values)]))
 
 
 def _bound(moved: FloatArray, blocks: _Blocks) -> float:
     """Return what such means don't reach by chance; infinite where too little is healthy."""
     usual = moved[blocks.healthy & np.isfinite(moved)]
-    if len(usual) < _FEWEST:
+    if len(usual) < FEWEST:
         return np.inf
     return max(_LEAST_DEG_S, _OF_HEALTHY * float(usual.max()), _DEVIATIONS * 1.4826 * float(np.median(usual)))
-
-
-def _means(values: FloatArray, window: int) -> FloatArray:
-    """Return means of so many blocks up to each; NaN where one is missing."""
-    if len(values) < window:
-        return np.full(len(values), np.nan)
-    means = np.lib.stride_tricks.sliding_window_view(values, window).mean(axis=1)
-    return np.concatenate([np.full(window - 1, np.nan), means])
 
 
 def _before(values: FloatArray) -> FloatArray:
@@ -358,15 +352,29 @@ def _before(values: FloatArray) -> FloatArray:
     return np.where(count >= _FEWEST_BEFORE, 0.5 * (low + high), 0.0)
 
 
-def _judged(blocks: _Blocks, imus: Sequence[Imu], channel: str, pair: tuple[int, int], row: int, onset: int) -> Alarm:
-    """Return the alarm of two IMUs that part: named by a vote of three, else by the attitude, else doubted."""
+def _judged(
+    blocks: _Blocks,
+    imus: Sequence[Imu],
+    channel: str,
+    pair: tuple[int, int],
+    row: int,
+    onset: int,
+    *,
+    is_slow: bool,
+) -> Alarm:
+    """Return the alarm of two IMUs that part: named by a vote of three, else by the attitude, else doubted.
+
+    Where they part slowly, by what they were at first, and the attitude isn't asked.
+    """
     axis = GYROS.index(channel)
     start_s, told_s = blocks.time_s(onset), blocks.time_s(row + 1)
-    size = _shift(blocks.differences[pair][:, axis], onset, (0, _VOTE))
+    size = _shift(blocks.differences[pair][:, axis], onset, (0, _VOTE), is_slow=is_slow)
     names = " and ".join(imus[number].name for number in pair)
-    liar, judged_s = _voted_out(blocks, imus, axis, onset), max(told_s, blocks.time_s(onset + _VOTE))
+    liar, judged_s = _voted_out(blocks, imus, axis, onset, is_slow=is_slow), max(told_s, blocks.time_s(onset + _VOTE))
     why = f"{names} part by {abs(size):.2g} deg/s"
-    if liar is None:
+    if liar is None and is_slow:
+        why = f"{why}, slowly, and which is wrong can't be told"
+    elif liar is None:
         liar, reason = _against_attitude(blocks, axis, pair, onset)
         judged_s = max(told_s, blocks.time_s(min(onset + _LATE[1], len(blocks.motion))))
         why = f"{why}, and which is wrong can't be told: {reason}" if reason else why
@@ -384,21 +392,21 @@ def _judged(blocks: _Blocks, imus: Sequence[Imu], channel: str, pair: tuple[int,
     )
 
 
-def _shift(values: FloatArray, onset: int, late: tuple[int, int]) -> float:
-    """Return by how much a mean after an onset is off the median of the minute before."""
+def _shift(values: FloatArray, onset: int, late: tuple[int, int], *, is_slow: bool = False) -> float:
+    """Return by how much a mean after an onset is off the median of the minute before; or off what it was at first."""
     part = values[onset + late[0] : onset + late[1]]
     part = part[np.isfinite(part)]
     earlier = values[max(onset - _APART - _MINUTE, 0) : max(onset - _APART, 0)]
     earlier = earlier[np.isfinite(earlier)]
-    if len(part) < min(_ENOUGH_LATE, (late[1] - late[0]) // 2) or len(earlier) < _FEWEST_BEFORE:
+    if len(part) < min(_ENOUGH_LATE, (late[1] - late[0]) // 2) or (len(earlier) < _FEWEST_BEFORE and not is_slow):
         return np.nan
-    return float(part.mean() - np.median(earlier))
+    return float(part.mean() - (0.0 if is_slow else np.median(earlier)))
 
 
-def _lasts(values: FloatArray, onset: int, late: tuple[int, int]) -> bool:
+def _lasts(values: FloatArray, onset: int, late: tuple[int, int], *, is_slow: bool) -> bool:
     """Tell whether it is so in both halves: noise has no such mean."""
-    middle, whole = sum(late) // 2, _shift(values, onset, late)
-    halves = [_shift(values, onset, part) for part in ((late[0], middle), (middle, late[1]))]
+    middle, whole = sum(late) // 2, _shift(values, onset, late, is_slow=is_slow)
+    halves = [_shift(values, onset, part, is_slow=is_slow) for part in ((late[0], middle), (middle, late[1]))]
     return bool(min(half / whole for half in halves) > _EITHER_HALF) if whole else False
 
 
@@ -416,14 +424,16 @@ def _is_steady(values: FloatArray, onset: int) -> bool:
     return True
 
 
-def _voted_out(blocks: _Blocks, imus: Sequence[Imu], axis: int, onset: int) -> int | None:
+def _voted_out(blocks: _Blocks, imus: Sequence[Imu], axis: int, onset: int, *, is_slow: bool) -> int | None:
     """Return the IMU that parts from all others while these agree."""
     if len(imus) < 3:
         return None
     values = {pair: each[:, axis] for pair, each in blocks.differences.items()}
-    shifts = {pair: abs(_shift(each, onset, (0, _VOTE))) for pair, each in values.items()}
+    shifts = {pair: abs(_shift(each, onset, (0, _VOTE), is_slow=is_slow)) for pair, each in values.items()}
+    earlier = {pair: np.zeros(len(each)) if is_slow else _before(each) for pair, each in values.items()}
     parted = {
-        pair: shifts[pair] > _bound(_moved(each, _before(each), _VOTE), blocks) and _lasts(each, onset, (0, _VOTE))
+        pair: shifts[pair] > _bound(_moved(each, earlier[pair], _VOTE), blocks)
+        and _lasts(each, onset, (0, _VOTE), is_slow=is_slow)
         for pair, each in values.items()
     }
     for number in range(len(imus)):

@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.errors import InputError
+from gtmbench.intake.contents import log_contents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
+from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.asked import Asked
 from gtmbench.study.log.auto_bank import bank_for_logs
+from gtmbench.study.log.headings import no_heading, with_heading
 from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.study.log.records import open_for, within
@@ -40,8 +43,8 @@ class OpenedLog:
     ----------
     log : FlightLog
     motion : FlightLog or None
-        The same with its gyros and whole attitude, on the same clock; None where the watcher rests on no motion, or the
-        log hasn't all of it.
+        The same with its gyros and whole attitude, on the same clock, the heading by r where the log has none; None
+        where the watcher rests on no motion, or the log hasn't all of it.
     """
 
     log: FlightLog
@@ -103,6 +106,7 @@ def opened(asked: Asked) -> Opened:
         Where one can't be read, lacks a channel, or is too slow for a monitor that is ready.
     """
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
+    asked, without = _but_heading(asked, read)
     watcher: Detector | Monitor
     attitude: Origin | None
     unwatched: dict[str, str] = {}
@@ -111,7 +115,7 @@ def opened(asked: Asked) -> Opened:
         attitude, findings = _as_calibrated(asked.watcher, log)
     else:
         watcher, attitude, unwatched = _recipe(asked, [read, *others])
-        findings = tuple(unwatched.values())
+        findings = (*without, *unwatched.values())
         log = _at_most(read, watcher, asked)
     rate_hz = 1.0 / log.sample_period_s
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
@@ -125,6 +129,20 @@ def opened(asked: Asked) -> Opened:
         findings=findings,
         unwatched=unwatched,
     )
+
+
+def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
+    """Return what is asked without a heading that is of no use, and why, where the bank is chosen by the channels."""
+    if not isinstance(asked.watcher, AutoDetector):
+        return asked, ()
+    why = ""
+    with contextlib.suppress(InputError):  # whoever opens it to watch it says why
+        if {*GYROS, *ATTITUDE} <= set(log_contents(read, mapping=asked.mapping).usable):
+            why = no_heading(open_log(read, mapping=asked.mapping, needs=ATTITUDE))
+    if not why:
+        return asked, ()
+    mapping = (*(text for text in asked.mapping if text.partition("=")[0].strip() != "psi"), f"psi={NONE}")
+    return replace(asked, mapping=mapping), (f"{why}, so the log is watched without a heading",)
 
 
 def _at_own_rate(asked: Asked, read: ReadLog, monitor: Monitor) -> FlightLog:
@@ -185,6 +203,8 @@ def _with_motion(read: ReadLog, log: FlightLog, watcher: Detector | Monitor, ask
         return OpenedLog(log=log, motion=None)
     if {*GYROS, *ATTITUDE} <= set(log.channels):
         return OpenedLog(log=log, motion=log)
+    if {*GYROS, "phi", "theta"} <= set(log.channels) and f"psi={NONE}" in asked.mapping:
+        return OpenedLog(log=log, motion=replace(log, segments=tuple(map(with_heading, log.segments))))
     with contextlib.suppress(InputError):
         rate_hz, needs = 1.0 / log.sample_period_s, (*GYROS, *ATTITUDE)
         moving = open_log(read, mapping=asked.mapping, rate_hz=rate_hz, needs=needs, witnesses=ACCELEROMETERS)

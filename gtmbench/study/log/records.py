@@ -20,10 +20,15 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.times import unit_hint
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.intake.units import unit
-from gtmbench.values.record import Record, Span, runs
+from gtmbench.study.log.seconds import rows_by_second
+from gtmbench.study.log.self_check.motion import rates_from, terms_of
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _LOST = 2  # samples in a row
-_FIRST_SHARE, _FIRST_MOST_S = 0.4, 300.0
+_FIRST_SHARE, _FIRST_MOST_S, _LEAST_S = 0.4, 300.0, 60.0
+_LIVELY_DEG_S, _OF_LIVELIEST, _LIVELIEST = 1.5, 0.2, 0.9  # motion; a share of what nine seconds of ten don't exceed
+_FEWEST_LIVELY, _SOON = 10, 0.05  # seconds; of the log: motion from the beginning
 _SLOWEST_HZ = 2.5  # of what compares gyros with an attitude: at 2 Hz a dead gyro isn't seen any more
 _SLOW_S, _FEWEST = 1.0, 10  # samples so far apart, and so few of them, are a mistaken clock's
 
@@ -92,6 +97,45 @@ def first_part(log: FlightLog) -> Span:
     """Return the span that is taken as healthy where nobody says what is: 40 % of a log, 300 s at most."""
     start_s, end_s = whole_s(log)
     return start_s, round(start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S), 2)
+
+
+def flying_part(log: FlightLog, moving: Sequence[Record]) -> Span:
+    """Return the span that is taken as healthy where nobody says what is: the first 40 % of the motion, 300 s at most.
+
+    Taxi, alignment and standing teach nothing: it begins where motion does, and lasts a minute where the log does.
+    Motion is what gyros and attitude both tell of, so that no sensor's fault passes for it.
+
+    Parameters
+    ----------
+    log : FlightLog
+    moving : sequence of Record
+        The log with gyros and attitude; without any, it is the log's `first_part`.
+    """
+    first_s, last_s = whole_s(log)
+    seconds_s, turning = _turning(moving)
+    if not len(turning):
+        return first_part(log)
+    lively = seconds_s[turning > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(turning, _LIVELIEST)))]
+    if len(lively) < _FEWEST_LIVELY:
+        return first_part(log)
+    starts_s = float(lively[0])
+    start_s = first_s if starts_s - first_s < _SOON * (last_s - first_s) else starts_s
+    end_s = float(lively[int(_FIRST_SHARE * len(lively))]) + 1.0
+    least_s = min(_FIRST_SHARE * (last_s - start_s), _LEAST_S)
+    return round(start_s, 2), round(start_s + min(max(end_s - start_s, least_s), _FIRST_MOST_S), 2)
+
+
+def _turning(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]:
+    """Return how fast a log turns about each of its seconds, as gyros and attitude both tell, and when."""
+    times_s, found = [np.zeros(0)], [np.zeros(0)]
+    for record in moving:
+        gyros = record.matrix(GYROS)
+        rates = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
+        both = np.minimum(*(np.linalg.norm(each - np.nanmedian(each, axis=0), axis=1) for each in (gyros, rates)))
+        rows = [rows for _, rows in rows_by_second(record, record.start_s) if np.isfinite(both[rows]).any()]
+        times_s.append(np.array([record.time_s[part.start] for part in rows]))
+        found.append(np.array([np.sqrt(np.nanmean(np.square(both[part]))) for part in rows]))
+    return np.concatenate(times_s), np.concatenate(found)
 
 
 def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:

@@ -11,22 +11,29 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
-from gtmbench.study.log.records import first_part, without
+from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
+from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
+_BEGINNING_S = 30.0  # how IMUs differ, where nothing could be learnt
 _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
 
 
@@ -46,6 +53,9 @@ class Said:
         Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
     comparison : Comparison or None
         What several IMUs say of each other.
+    means : SlowMeans or None
+        What gyros and attitude say of each other over tens of seconds; None where the monitor wasn't learnt on this
+        log, or the log hasn't both.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -56,6 +66,7 @@ class Said:
     check: SelfCheck = field(repr=False)
     installation: Installation | None = None
     comparison: Comparison | None = field(default=None, repr=False)
+    means: SlowMeans | None = field(default=None, repr=False)
     findings: tuple[str, ...]
 
 
@@ -86,24 +97,85 @@ def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     if said.check.stops or not is_ready(monitor):
+        said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, before = learnt.opened.log, learnt.before
     watches = [steady(monitor, watch, before) for watch in said.watches] if predicts(monitor) else list(said.watches)
-    comparison, side_by_side = None, learnt.opened.imus
-    if watches and side_by_side is not None:
-        watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
-        progress("compare", watched_s, watched_s)
-        healthy = learnt.identified_s or (first_part(log),)
-        comparison = compare(log, side_by_side, healthy=healthy, excursions=said.excursions)
-        watches = beside(watches, comparison)
+    watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
+    progress("compare", watched_s, watched_s)
+    comparison = _compared(said, learnt.identified_s or (first_part(log),))
+    watches = beside(watches, comparison)
+    watches = [_but_small(watch, learnt) for watch in watches]
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
-    return replace(said, watches=tuple(watches), check=check, comparison=comparison, findings=findings)
+    return replace(
+        said,
+        watches=tuple(watches),
+        check=check,
+        comparison=comparison,
+        means=_means(said),
+        findings=findings,
+    )
+
+
+def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
+    """Return what several IMUs say of each other; None where there is one, or too little to compare."""
+    opened = said.learnt.opened
+    if opened.imus is None:
+        return None
+    return compare(opened.log, opened.imus, healthy=healthy, excursions=said.excursions)
+
+
+def _beginning(log: FlightLog) -> Span:
+    """Return the log's first seconds: how its IMUs differ, where nothing was learnt."""
+    start_s, _ = whole_s(log)
+    return start_s, start_s + _BEGINNING_S
+
+
+def _means(said: Said) -> SlowMeans | None:
+    """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
+    learnt = said.learnt
+    opened, motion = learnt.opened, learnt.opened.own.motion
+    if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
+        return None
+    heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
+    if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
+        return None
+    left_out = [each.span for each in learnt.left_out if each.log == opened.log.path]
+    healthy = [(each.start_s, each.end_s) for each in outside(within(opened.log, learnt.identified_s), left_out)]
+    return slow_means(
+        motion.segments,
+        healthy=healthy,
+        excursions=said.excursions,
+        is_driven=opened.attitude is not None and opened.attitude.is_driven,
+        least_deg_s=opened.asked.least_error_deg_s,
+    )
+
+
+def _but_small(watch: Watch, learnt: Learnt) -> Watch:
+    """Return a watch whose alarms doubt mean errors that an estimator has of its own, where the gyros drive one."""
+    attitude, least_deg_s = learnt.opened.attitude, learnt.opened.asked.least_error_deg_s
+    if attitude is None or not attitude.is_driven:
+        return watch
+    return replace(watch, alarms=tuple(_or_small(alarm, least_deg_s) for alarm in watch.alarms))
+
+
+def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
+    last, off_deg_s = alarm.last, mean_error_deg_s(alarm)
+    if last is None or off_deg_s is None or off_deg_s >= least_deg_s or alarm.doubt or alarm.has_passed:
+        return alarm
+    return with_doubt(alarm, f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own")
 
 
 def _left_s(learnt: Learnt) -> list[Span]:
-    """Return the spans of a log that its monitor wasn't learnt on."""
-    return [(each.start_s, each.end_s) for each in without(learnt.opened.log, learnt.identified_s)]
+    """Return the spans of a log that its monitor wasn't learnt on.
+
+    Where it chose itself what is healthy, it hears nothing before: there the log stands, or lacks a heading.
+    """
+    is_chosen = not learnt.opened.asked.says_healthy
+    first_s = learnt.identified_s[0][0] if is_chosen and learnt.identified_s else -np.inf
+    left = without(learnt.opened.log, learnt.identified_s)
+    return [(each.start_s, each.end_s) for each in left if each.end_s > first_s]
 
 
 def _watches(

@@ -17,11 +17,13 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.study.log.asked import asked
+from gtmbench.study.log.choices import agreed
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
+from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.record import Span
 
@@ -64,6 +66,7 @@ def watch_log(
     rate_hz: float | None = None,
     false_alarms_per_hour: float | None = None,
     attitude: str = FROM_LOG,
+    least_error_deg_s: float = LEAST_DEG_S,
     progress: Progress = silent,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -93,6 +96,9 @@ def watch_log(
         For a bank that predicts gyros from the attitude: ``driven`` if the gyros drive it through an estimator, ``own``
         if it is independent. ``auto`` uses the format's documentation, otherwise the samples: driven unless they show
         that it is independent. A monitor keeps the setting of its calibration.
+    least_error_deg_s : float
+        Where the gyros drive the attitude, no smaller mean error of one is called a failure, in deg/s: estimators err
+        as much themselves.
     progress : callable
         Called with the step, the number done and the total.
 
@@ -123,6 +129,8 @@ def watch_log(
         rate_hz=rate_hz,
         false_alarms_per_hour=false_alarms_per_hour,
         attitude=attitude,
+        least_error_deg_s=least_error_deg_s,
     )
     monitor = learnt(chosen(opened(question)), progress)
-    return concluded(doubted(listened(monitor, progress), progress), progress)
+    said = doubted(listened(monitor, progress), progress)
+    return concluded(agreed(said, progress), progress)

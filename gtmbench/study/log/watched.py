@@ -18,6 +18,7 @@ from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
 from gtmbench.study.log.self_check.outcome import SelfCheck
+from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
 
@@ -64,6 +65,9 @@ class WatchedLog:
         The parts of the healthy spans, and of other logs, that weren't identified on.
     comparison : Comparison or None
         The comparison of several IMUs; None if the log has one, or they can't be compared.
+    means : SlowMeans or None
+        How gyros and attitude differ over tens of seconds; None if the monitor wasn't identified on this
+        log, or rests on no attitude.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -99,6 +103,7 @@ class WatchedLog:
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
+    means: SlowMeans | None = field(default=None, repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -117,7 +122,13 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         told = [alarm for watch in self.watches for alarm in watch.faults]
-        return tuple(sorted([*told, *further(told, self.comparison)], key=lambda alarm: alarm.time_s))
+        told += further(told, self.comparison)
+        return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
+
+    @property
+    def slow_alarms(self) -> tuple[Alarm, ...]:
+        """Those of them that only means over tens of seconds raised."""
+        return tuple(alarm for alarm in self.alarms if alarm.test == SLOW)
 
     @property
     def armed_hours(self) -> float:
@@ -150,7 +161,7 @@ class WatchedLog:
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
-        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True))
+        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True, means=self.means))
 
 
 def concluded(said: Said, progress: Progress) -> WatchedLog:
@@ -164,11 +175,12 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         identified_s=learnt.identified_s,
         watches=said.watches,
         reasons=said.findings,
-        certificate=certificate_of(learnt.monitor, said.watches),
+        certificate=certificate_of(learnt.monitor, said.watches, means=said.means),
         check=said.check,
         excursions=said.excursions,
         left_out=learnt.left_out,
         comparison=said.comparison,
+        means=said.means,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,

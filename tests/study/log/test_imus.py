@@ -70,6 +70,15 @@ def test_three_vote(liar, channel):
     assert comparison.alarms[0].isolated_s <= ONSET_S + 10.0
 
 
+@pytest.mark.parametrize("liar", [0, 1, 2])
+def test_three_vote_out_one_that_drifts_slowly_though_a_median_would_follow_it(liar):
+    slow = gb.Drift(channel="q", onset_s=65.0, slope=0.02)
+    said, comparison = told((liar, slow), count=3)
+    assert ("q", f"IMU{liar + 1}", BETWEEN) in said
+    assert {name for channel, name, _ in said if channel} == {f"IMU{liar + 1}"}
+    assert comparison.alarms[0].time_s < 130.0
+
+
 def test_of_three_of_which_two_fail_none_is_named_wrong():
     said, _ = told((0, bias("p", 2.0)), (1, bias("p", -2.0)), count=3)
     assert {name for channel, name, _ in said if channel} <= {"IMU1", "IMU2"}

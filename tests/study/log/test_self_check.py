@@ -13,6 +13,7 @@ from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, causes_among, guesses, holds, undone
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
+from gtmbench.values.channels import ATTITUDE, GYROS
 from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.helpers.airliner import airliner
 
@@ -81,6 +82,29 @@ def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name
         assert typed[::2] == ["--map"] * (len(typed) // 2)
         mended = watch_log(tmp_path / "log.csv", C, healthy=HALF, mapping=typed[1::2])
         assert (mended.outcome, mended.reasons) == (Outcome.HEALTHY, ())
+
+
+def test_rates_of_euler_angles_are_no_gyros(tmp_path):
+    record = flight()
+    rates = np.gradient(np.unwrap(record.matrix(ATTITUDE), period=360.0, axis=0), record.sample_period_s, axis=0)
+    for i, name in enumerate(GYROS):
+        record = record.replace(name, rates[:, i])
+    found = watched(record, tmp_path)
+    (cause,) = found.check.causes
+    assert (found.outcome, found.watches, cause.to_type) == (Outcome.UNKNOWN, (), "")
+    assert cause.text.startswith("p, q and r are the rates of phi, theta and psi")
+
+
+def test_a_common_scale_of_everything_is_told_as_what_it_seems(tmp_path):
+    record = flight()
+    for name in (*GYROS, *ATTITUDE):
+        record = record.replace(name, np.deg2rad(record[name]))
+    found = watched(record, tmp_path)
+    assert found.outcome is Outcome.UNKNOWN
+    assert all(
+        cause.text.endswith("or so it seems: a common scale hardly changes how they fit")
+        for cause in found.check.causes
+    )
 
 
 def test_stamps_in_another_unit_are_told_with_what_to_type(tmp_path):

@@ -22,6 +22,8 @@ from gtmbench.study.log.self_check.motion import (
     pieces_of,
     rates_from,
     shifted,
+    slopes,
+    slow_motion,
     turned,
 )
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -44,7 +46,15 @@ _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a
 _SAME_FACTOR = 1.2
 _MOST_PHI, _MOST_THETA, _USUALLY = 181.0, 91.0, 0.99  # deg: an attitude, but for so many rows
 _REFINED = 6  # guesses that are tried with lags of single sensors
-_ORDER = ("held", "sign", "unit", "late", "clock", "swap")  # of undoing: a swap last, the others name what was read
+_ORDER = (
+    "held",
+    "sign",
+    "unit",
+    "late",
+    "clock",
+    "swap",
+    "euler",
+)  # of undoing: a swap last, the others name what was read
 _GAINS = np.array([1.0, -1.0, _DEG, -_DEG, 1.0 / _DEG, -1.0 / _DEG])
 
 
@@ -57,7 +67,7 @@ class Change:
     kind : str
         ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
         `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
-        seconds).
+        seconds); ``euler`` (the rates of phi, theta and psi instead of the body's).
     channels : tuple of str
     size : float
     """
@@ -220,7 +230,24 @@ def _guesses(records: Sequence[Record]) -> list[Guess]:
     made = [_unchanged(plain)]
     for wiring in dict.fromkeys([*wirings[:_REFINED], plain]):
         made += [*_gyros_late(wiring), *_clocks(wiring), *_angles_late(wiring, pieces)]
-    return made
+    return [*made, _euler_rates(pieces, plain.live)]
+
+
+def _euler_rates(pieces: Sequence[Piece], live: Sequence[int]) -> Guess:
+    """Return the guess that what is read as gyros are the angles' own rates, in the unit that fits best."""
+    gyros, rates, both = np.zeros(3), np.zeros(3), np.zeros(3)
+    for piece in pieces:
+        motion, _ = slow_motion(np.column_stack([piece.gyros, slopes(piece.angles, piece.period_s)]))
+        y, u = motion[:, :3], motion[:, 3:]
+        gyros, rates, both = gyros + np.square(y).sum(0), rates + np.square(u).sum(0), both + (y * u).sum(0)
+    made = []
+    for factor in (1.0, _DEG, 1.0 / _DEG):
+        own = np.maximum(factor**2 * gyros, 1e-300)
+        left = 1.0 - 2.0 * factor * both / own + rates / own
+        changes = [Change(kind="euler", channels=GYROS)]
+        changes += [Change(kind="unit", channels=GYROS, size=factor)] if factor != 1.0 else []
+        made.append(_guess(changes, {i: float(left[i]) for i in live}))
+    return min(made, key=lambda guess: guess.score)
 
 
 def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Guess]:
@@ -323,6 +350,8 @@ def _without(record: Record, change: Change) -> Record:
     if change.kind == "swap":
         last, *others = change.channels[-1:] + change.channels[:-1]
         columns = {name: record[before] for name, before in zip(change.channels, (last, *others), strict=True)}
+    elif change.kind == "euler":
+        columns = _body_rates(record)
     elif change.kind == "held":
         for name, values in columns.items():
             rows = _fresh(values)
@@ -336,6 +365,17 @@ def _without(record: Record, change: Change) -> Record:
     for name, values in columns.items():
         record = record.replace(name, values)
     return record
+
+
+def _body_rates(record: Record) -> dict[str, FloatArray]:
+    """Return what p, q and r are where they read the rates of phi, theta and psi."""
+    phi, theta = np.deg2rad(record["phi"]), np.deg2rad(record["theta"])
+    rolling, pitching, heading = (record[name] for name in GYROS)
+    return {
+        "p": rolling - heading * np.sin(theta),
+        "q": pitching * np.cos(phi) + heading * np.cos(theta) * np.sin(phi),
+        "r": heading * np.cos(theta) * np.cos(phi) - pitching * np.sin(phi),
+    }
 
 
 def _readings(pieces: Sequence[Piece]) -> list[_Reading]:

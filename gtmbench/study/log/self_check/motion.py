@@ -105,7 +105,7 @@ def terms_of(angles: FloatArray, period_s: float) -> FloatArray:
     phi', psi' sin theta, theta' cos phi, psi' cos theta sin phi, psi' cos theta cos phi, theta' sin phi.
     """
     phi, theta, _ = np.deg2rad(angles).T
-    phi_rate, theta_rate, psi_rate = _slopes(angles, period_s).T
+    phi_rate, theta_rate, psi_rate = slopes(angles, period_s).T
     sin_phi, cos_phi, cos_theta = np.sin(phi), np.cos(phi), np.cos(theta)
     return np.column_stack(
         [
@@ -119,7 +119,7 @@ def terms_of(angles: FloatArray, period_s: float) -> FloatArray:
     )
 
 
-def _slopes(angles: FloatArray, period_s: float) -> FloatArray:
+def slopes(angles: FloatArray, period_s: float) -> FloatArray:
     """Return central differences; an angle may run from 360 deg to 0."""
     slopes = np.full(angles.shape, np.nan)
     steps = angles[2:] - angles[:-2]

@@ -21,7 +21,19 @@ def cause_text(changes: Sequence[Change]) -> str:
     """
     signs = [name for change in changes if change.kind == "sign" for name in change.channels]
     said = [f"the sign{'s' if len(signs) > 1 else ''} of {listed(signs)} {_are(signs)} turned"] if signs else []
-    return " and ".join([*said, *(_TEXTS[change.kind](change) for change in changes if change.kind != "sign")])
+    text = " and ".join([*said, *(_TEXTS[change.kind](change) for change in changes if change.kind != "sign")])
+    return f"{text}, or so it seems: a common scale hardly changes how they fit" if is_common_scale(changes) else text
+
+
+def is_common_scale(changes: Sequence[Change]) -> bool:
+    """Tell whether all gyros and all angles would have to be so many times larger: nearly the same motion.
+
+    >>> is_common_scale([Change(kind="unit", channels=(*GYROS, *ATTITUDE), size=57.3)])
+    True
+    """
+    scaled = {name for change in changes if change.kind == "unit" for name in change.channels}
+    sizes = {round(change.size, 6) for change in changes if change.kind == "unit"}
+    return scaled == {*GYROS, *ATTITUDE} and len(sizes) == 1
 
 
 def fits_text(fits: Mapping[str, float]) -> str:
@@ -37,8 +49,8 @@ def nothing_found_text() -> str:
     """Say that no cause was found, and what was tried."""
     return (
         "no cause was found that makes every gyro fit (tried: turned signs of gyros and angles, rad for deg and deg "
-        "for rad, swapped gyros, phi and theta swapped, up to 1 s late (all, each by itself), held readings, a wrong "
-        "time base)"
+        "for rad, swapped gyros, phi and theta swapped, angles' rates for gyros, up to 1 s late (all, each by itself), "
+        "held readings, a wrong time base)"
     )
 
 
@@ -51,7 +63,7 @@ def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     sources : mapping of str to Source
         Which column each channel is read from, and how; ``time``, too, where a column tells it.
     """
-    if any(change.kind == "held" for change in guess.changes):
+    if any(change.kind in ("held", "euler") for change in guess.changes):
         return ""
     target = {name: name for name in (*GYROS, *ATTITUDE)}
     for change in guess.changes:
@@ -119,7 +131,20 @@ def _held_text(change: Change) -> str:
     return f"{listed(change.channels)} {_are(change.channels)} held: one fresh reading in {change.size:.2g} s"
 
 
-_TEXTS = {"held": _held_text, "unit": _unit_text, "swap": _swap_text, "late": _late_text, "clock": _clock_text}
+def _euler_text(change: Change) -> str:
+    return (
+        f"{listed(change.channels)} are the rates of {listed(ATTITUDE)}, made of the attitude, and no gyros of the body"
+    )
+
+
+_TEXTS = {
+    "euler": _euler_text,
+    "held": _held_text,
+    "unit": _unit_text,
+    "swap": _swap_text,
+    "late": _late_text,
+    "clock": _clock_text,
+}
 
 
 def _are(names: Sequence[str]) -> str:

@@ -1,0 +1,73 @@
+"""Whom only one choice of what is healthy accuses: what nobody said to be healthy may hold a fault, or too little."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.healthy import chosen
+from gtmbench.study.log.imu_comparison import with_doubt
+from gtmbench.study.log.learnt import learnt
+from gtmbench.study.log.records import whole_s
+from gtmbench.study.log.said import Said, doubted, listened
+
+_APART_S = 1.0  # before an accusation, what is learnt from anew
+_SOON_S = 10.0  # between the onsets of one fault
+
+
+def agreed(said: Said, progress: Progress) -> Said:
+    """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
+
+    The other choice is all of the log before the first accusation: a fault shows by both.
+
+    Parameters
+    ----------
+    said : Said
+        As `doubted` returns it.
+    progress : callable
+    """
+    opened, accused = said.learnt.opened, list(_accusing(said))
+    if opened.asked.says_healthy or not said.learnt.identified_s or not accused:
+        return said
+    start_s, until_s = whole_s(opened.log)[0], min(alarm.onset_s for alarm in accused) - _APART_S
+    others: list[Alarm] = []
+    with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
+        again = replace(opened, asked=replace(opened.asked, spans=((start_s, until_s),)))
+        others = list(_accusing(doubted(listened(learnt(chosen(again), progress), progress), progress)))
+    first_s, last_s = said.learnt.identified_s[0]
+    doubt = (
+        f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {start_s:.0f} to {until_s:.0f} s are"
+    )
+
+    def doubtful(alarm: Alarm) -> Alarm:
+        is_alone = _accuses(alarm) and not any(_agree(alarm, other) for other in others)
+        return with_doubt(alarm, doubt) if is_alone else alarm
+
+    return _each(said, doubtful)
+
+
+def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
+    """Return what was said with every alarm changed."""
+    watches = tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in said.watches)
+    means = said.means and replace(said.means, alarms=tuple(map(change, said.means.alarms)))
+    return replace(said, watches=watches, means=means)
+
+
+def _accusing(said: Said) -> Iterator[Alarm]:
+    """Give the alarms that must be a fault, by what was learnt."""
+    yield from (alarm for watch in said.watches for alarm in watch.alarms if _accuses(alarm))
+    yield from (alarm for alarm in (said.means.alarms if said.means else ()) if _accuses(alarm))
+
+
+def _accuses(alarm: Alarm) -> bool:
+    """Tell whether an alarm must be a fault; of missing samples no model tells."""
+    return alarm.test != MISSING and alarm.is_first and not (alarm.doubt or alarm.has_passed)
+
+
+def _agree(alarm: Alarm, other: Alarm) -> bool:
+    """Tell whether another alarm is of the same fault."""
+    return bool(set(alarm.candidates) & set(other.candidates)) and abs(alarm.onset_s - other.onset_s) <= _SOON_S

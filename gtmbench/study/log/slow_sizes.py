@@ -1,0 +1,100 @@
+"""The smallest biases and drifts that means over tens of seconds would have shown: what a certificate promises of them.
+
+Means are linear in what is added to a gyro, so the size that reaches a bound follows at once, from every second.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.faults.additive import Bias, Drift
+from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.slow_means import WINDOWS, SlowMeans
+from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray
+
+_WITHIN_S = 60  # of its onset
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlowSize:
+    """A size that means would have shown, how long after its onset, and through which estimator, the worse one.
+
+    Attributes
+    ----------
+    size : float
+    within_s : float
+    time_constant_s : float or None
+    """
+
+    size: float
+    within_s: float
+    time_constant_s: float | None
+
+
+def slow_size(means: SlowMeans, sensor: str, kind: str, share: float) -> SlowSize | None:
+    """Return the size that shows from a share of the seconds; None where none does, or of another kind of fault.
+
+    Parameters
+    ----------
+    means : SlowMeans
+    sensor, kind : str
+    share : float
+        Of the seconds that are watched.
+
+    Examples
+    --------
+    >>> from gtmbench.study.log.slow_means import slow_means
+    >>> from gtmbench.values.record import Record
+    >>> level = Record(np.zeros((3000, 6)), channels=[*GYROS, "phi", "theta", "psi"], sample_period_s=0.1)
+    >>> means = slow_means([level], healthy=[(0.0, 100.0)], is_driven=False)
+    >>> slow_size(means, "q", "bias", 0.9)
+    SlowSize(size=0.3, within_s=60.0, time_constant_s=None)
+    """
+    within = min(_WITHIN_S, int(np.count_nonzero(means.is_watched)) // 2)
+    if sensor not in GYROS or kind not in _INTEGRALS or not within:
+        return None
+    axis = GYROS.index(sensor)
+    constants = (FASTEST_S, SLOWEST_S) if means.is_driven else (None,)
+    found = [(_size(means, axis, kind, within, share, tau), tau) for tau in constants]
+    size, tau = max(found, key=lambda each: each[0])
+    return SlowSize(size=size, within_s=within * SECOND_S, time_constant_s=tau) if np.isfinite(size) else None
+
+
+def _size(means: SlowMeans, axis: int, kind: str, within: int, share: float, tau_s: float | None) -> float:
+    """Return the size that shows from a share of the seconds on which anything could begin; infinite where none does.
+
+    A fault may turn against what is there already.
+    """
+    elapsed = np.arange(within + 1, dtype=np.float64) * SECOND_S
+    summed = _INTEGRALS[kind](elapsed, tau_s)
+    least = np.full(len(means.error), np.inf)
+    for window in WINDOWS:
+        needed = np.nan_to_num(means.bounds[window] + np.abs(means.mean(window)), nan=np.inf)[:, axis]
+        needed = np.concatenate([needed, np.full(within, np.inf)])
+        shown = (summed[1:] - summed[np.maximum(np.arange(1, within + 1) - window, 0)]) / (window * SECOND_S)
+        for later, part in enumerate(shown.tolist()):
+            if part > 0.0:
+                least = np.minimum(least, needed[later : later + len(least)] / part)
+    begins = least[: len(least) - within][means.is_watched[: len(least) - within]]
+    return float(np.quantile(begins, share, method="higher")) if len(begins) else np.inf
+
+
+def _bias(elapsed_s: FloatArray, tau_s: float | None) -> FloatArray:
+    """Return the integral of what a bias of 1 leaves of a gyro less the attitude's rate."""
+    if tau_s is None:
+        return elapsed_s
+    return np.asarray(elapsed_s - tau_s * (1.0 - np.exp(-elapsed_s / tau_s)))
+
+
+def _drift(elapsed_s: FloatArray, tau_s: float | None) -> FloatArray:
+    """Return the same of a drift of 1 a second."""
+    if tau_s is None:
+        return np.asarray(0.5 * np.square(elapsed_s))
+    return np.asarray(0.5 * np.square(elapsed_s) - tau_s * _bias(elapsed_s, tau_s))
+
+
+_INTEGRALS = {Bias.kind: _bias, Drift.kind: _drift}
