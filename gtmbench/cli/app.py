@@ -31,6 +31,7 @@ from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
+from gtmbench.cli.live import live_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo, print_json
 from gtmbench.cli.report import report_command
@@ -85,6 +86,7 @@ for command in (
     calibrate_command,
     bank_command,
     monitor_command,
+    live_command,
     score_command,
     inject_command,
     trim_command,
