@@ -24,6 +24,7 @@ from gtmbench.study.log.watched import Outcome
 
 SILENT_S = 3.0
 """Without a message for so long, the link is lost."""
+_HELD_S = 0.2  # without a message, until rows that wait for others are taken
 _QUIET_S = 5.0  # without a sign of a second sender, until messages are believed again
 _LOOKED_S = 5.0  # over which it is looked at how much of the link is missing
 _MUCH = 0.5  # of the rows: so few aren't watching
@@ -94,6 +95,8 @@ class Session:
         self._watched = self._heard = 0
         self.read = 0
         self.dropped = 0
+        self.at_once = 1
+        """How many rows are taken together; alarms are the same."""
 
     @property
     def counts(self) -> LinkCounts:
@@ -167,6 +170,8 @@ class Session:
 
     def tick(self, now_s: float) -> Iterator[LiveEvent]:
         """Give what silence makes known."""
+        if self._watcher.pending and now_s - self._arrived_s > _HELD_S:
+            yield from self._told(self._watcher.push([], 1))
         if self._arrived_s and self._lost_since_s is None and now_s - self._arrived_s > SILENT_S:
             self._lost_since_s = self._arrived_s
             yield self._event(LiveKind.LINK_LOST, f"no message for {SILENT_S:g} s; nothing is watched until one comes")
@@ -182,8 +187,9 @@ class Session:
 
     def _fed(self, messages: list[Message]) -> Iterator[LiveEvent]:
         if messages:
-            yield from self._told(self._watcher.push(messages))
-            yield from self._states()
+            told = self._watcher.push(messages, self.at_once)
+            yield from self._states(has_alarmed=bool(told))
+            yield from self._told(told)
 
     def _told(self, alarms: tuple[Alarm, ...]) -> Iterator[LiveEvent]:
         for kind, time_s, text, alarm in self._story.lines(alarms):
@@ -207,7 +213,7 @@ class Session:
             self._said.add(text)
             yield self._event(kind, text)
 
-    def _states(self) -> Iterator[LiveEvent]:
+    def _states(self, *, has_alarmed: bool) -> Iterator[LiveEvent]:
         """Give what is new in whether anything is watched."""
         watcher = self._watcher
         if watcher.problem:
@@ -219,7 +225,7 @@ class Session:
         if self._is_sparse():
             text = "the link brings less than half of the messages that the monitor reads; no verdict until it does"
             yield from self._state_is(LiveKind.CANNOT_TELL, text)
-        elif self._state != LiveKind.WATCHING and any(watcher.armed.values()):
+        elif self._state != LiveKind.WATCHING and (has_alarmed or any(watcher.armed.values())):
             self._state = LiveKind.WATCHING.value
             yield self._event(LiveKind.WATCHING, self._watching())
 

@@ -55,6 +55,11 @@ class Source:
         self.dropped = 0
         """Deliveries that came faster than they were taken."""
 
+    @property
+    def waiting(self) -> int:
+        """How many deliveries wait."""
+        return 0
+
     def deliveries(self) -> Iterator[Delivery | None]:
         """Give what arrives, until nothing can any more."""
         raise NotImplementedError
@@ -230,6 +235,11 @@ class SavedSource(Source):
         self._content, self._speed = path.read_bytes(), speed
         if next(in_tlog(self._content[: 1 << 20]), None) is None:
             raise InputError(f"{path} holds no MAVLink packets; a telemetry log (.tlog) is read, or - for lines of CSV")
+
+    @property
+    def waiting(self) -> int:
+        """How many deliveries wait: all, where nobody says how fast they come."""
+        return len(self._content) if self._speed is None else 0
 
     def deliveries(self) -> Iterator[Delivery | None]:
         """Give what arrived."""

@@ -78,6 +78,9 @@ class Watcher:
         self._probed: list[Message] = []
         self._channels: dict[str, tuple[str, ...]] = {}
         self._rows: LinkRows | None = None
+        self._rest: list[Record] = []
+        self.pending = 0
+        """Rows that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
         self.problem = ""
@@ -108,21 +111,28 @@ class Watcher:
         """The channels that each message is read for."""
         return dict(self._channels)
 
-    def push(self, messages: Sequence[Message]) -> tuple[Alarm, ...]:
-        """Return the alarms that some messages raise or tell more of."""
+    def push(self, messages: Sequence[Message], at_once: int = 1) -> tuple[Alarm, ...]:
+        """Return the alarms that some messages raise or tell more of, where they complete enough rows."""
         if self.problem:
             return ()
         if self._rows is None:
             self._probed += messages
             messages = self._begun()
-        return self._hear([rows for message in messages if (rows := self._laid(message)) is not None])
+        for message in messages:
+            rows = self._laid(message)
+            if rows is not None:
+                self._rest.append(rows)
+                self.pending += len(rows)
+        return self._hear() if self.pending >= at_once else ()
 
     def end(self) -> tuple[Alarm, ...]:
         """Return what is left to be told, now that no message follows."""
         if self._rows is None:
             return ()
         left = self._rows.end()
-        told = self._hear([] if left is None else [left])
+        if left is not None:
+            self._rest.append(left)
+        told = self._hear()
         return told + (() if self._corrector is None else self._push(self._corrector.end()))
 
     def _begun(self) -> list[Message]:
@@ -174,9 +184,10 @@ class Watcher:
         sample = self._reader.sample(message, channels)
         return None if sample is None else self._rows.push(sample)
 
-    def _hear(self, rows: list[Record]) -> tuple[Alarm, ...]:
-        if not rows:
+    def _hear(self) -> tuple[Alarm, ...]:
+        if not self._rest:
             return ()
+        rows, self._rest, self.pending = self._rest, [], 0
         chunk = rows[0] if len(rows) == 1 else joined(rows)
         return self._push([chunk] if self._corrector is None else self._corrector.push(chunk))
 
