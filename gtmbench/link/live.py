@@ -167,7 +167,7 @@ class Live:
         if self.monitor is None:
             yield self._event(LiveKind.LEARNING, f"learning from {self._options.learn_s:g} s of this link")
         else:
-            self._at_once = warm(self.monitor)
+            self._warm(self.monitor)
         for delivery in self._source.deliveries():
             now_s = time.time() if delivery is None else delivery.arrived_s
             events = self._tick(now_s) if delivery is None else self._take(delivery)
@@ -184,6 +184,10 @@ class Live:
             yield from self._read(Delivery(self._arrived_s, b""), is_last=True)
         if self._session is not None:
             yield from self._session.end()
+
+    def _warm(self, monitor: Monitor) -> None:
+        if self._source.is_live:
+            self._at_once = warm(monitor)
 
     def _tick(self, now_s: float) -> Iterator[LiveEvent]:
         if self._session is not None:
@@ -250,7 +254,7 @@ class Live:
         later = "`gtmbench monitor` may choose otherwise afterwards, knowing the whole flight"
         text = f"{why}: {title_text(monitor)}; {later}"
         yield self._event(LiveKind.LEARNING, text)
-        self._at_once = warm(monitor)
+        self._warm(monitor)
         if isinstance(reader, Table):
             kept = reader.channels
             missing = [name for name in monitor.channels if name not in kept]

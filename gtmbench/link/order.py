@@ -70,8 +70,8 @@ class InOrder:
             first = self._waiting[0]
             if self.last_s is not None:
                 step_s = first.time_s - self.last_s
-                if step_s > _NEXT * self._period_s and newest_s < self.last_s + self._period_s + BOUND_S:
-                    break  # the one before it may still come
+                if step_s > _NEXT * self._period_s and newest_s < first.time_s - self._period_s + BOUND_S:
+                    break  # those before it may still come
                 if step_s <= LONGEST_S:
                     self.lost += max(round(step_s / self._period_s) - 1, 0)
             due.append(self._waiting.pop(0))

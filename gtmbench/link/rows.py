@@ -155,8 +155,8 @@ class LinkRows:
         newest_s = lane.order.last_s
         if len(self._lanes) > 1 and newest_s is not None:
             for other in self._lanes.values():
-                last_s = other.order.last_s
-                if last_s is None or newest_s - last_s > _SILENT_S:
+                last_s = self._start_s if other.order.last_s is None else other.order.last_s
+                if newest_s - last_s > _SILENT_S:
                     other.end()
                     other.pass_over(lane.count)
         return self._taken()

@@ -9,7 +9,8 @@ BACK_S, ON_S = 2.0, 10.0
 _SURE = 5  # stamps of another clock, one after the other, until it is taken for the sender's
 _MIXED = 5  # times that two clocks took turns within `_WITHIN_S`
 _WITHIN_S = 5.0
-_NEAR, _WINDOW, _ODD = 40, 60, 20  # steps of a number; messages; of them such that continue none of the last few
+_BACK, _HALF = 8, 128  # steps of a number, which counts to 255: those back within the first are disorder
+_WINDOW, _ODD = 60, 12  # messages; of them such that step further back
 
 
 class SenderClock:
@@ -49,7 +50,9 @@ class SenderClock:
     @property
     def is_mixed(self) -> bool:
         """Whether two clocks take turns."""
-        return len(self._turns) == _MIXED and self._turns[-1] - self._turns[0] <= _WITHIN_S
+        if len(self._turns) < _MIXED or self.newest_s is None:
+            return False
+        return self._turns[-1] - self._turns[0] <= _WITHIN_S and self.newest_s - self._turns[-1] <= _WITHIN_S
 
 
 class Numbering:
@@ -60,7 +63,7 @@ class Numbering:
     >>> one, two = Numbering(), Numbering()
     >>> for number in range(100):
     ...     one.push(number)
-    ...     two.push(number if number % 2 else (number + 128) % 256)
+    ...     two.push(number if number % 2 else (number + 100) % 256)
     >>> one.is_mixed, two.is_mixed
     (False, True)
     """
@@ -72,7 +75,7 @@ class Numbering:
     def push(self, number: int) -> None:
         """Take the next message's number."""
         if self._last is not None:
-            self._odd.append(_NEAR < (number - self._last) % 256 < 256 - _NEAR)
+            self._odd.append(_HALF <= (number - self._last) % 256 < 2 * _HALF - _BACK)
         self._last = number
 
     @property

@@ -81,7 +81,7 @@ class Session:
 
     def __init__(self, monitor: Monitor, reader: Telemetry | Table) -> None:
         self._monitor, self._reader = monitor, reader
-        self._clock = SenderClock()
+        self._clock, self._guard = SenderClock(), SenderClock()
         self._watcher = Watcher(monitor, reader)
         self._story = Story()
         self._strays: list[Message] = []
@@ -90,6 +90,7 @@ class Session:
         self._mixed_until_s: float | None = None
         self._said: set[str] = set()
         self._state = ""  # of watching, as it was said last
+        self._sparse, self._excused = False, 0  # looks after a silence, which has been told
         self._looked = (0.0, 0, 0)  # when it was looked at how much is missing, rows and those left out then
         self._past = LinkCounts()
         self._watched = self._heard = 0
@@ -146,15 +147,15 @@ class Session:
         self._arrived_s = max(arrived_s, self._arrived_s)
         if self._lost_since_s is not None and messages:
             silent_s = arrived_s - self._lost_since_s
-            self._lost_since_s = None
+            self._lost_since_s, self._excused = None, 4
             yield self._event(LiveKind.LINK_BACK, f"messages come again, after {silent_s:.1f} s")
         self.read += len(messages)
-        if self._reader.is_open or self._is_mixed():
+        if self._is_mixed(messages):
             yield from self._not_believed()
             return
         if self._mixed_until_s is not None:
             self._mixed_until_s = None
-            yield from self._anew("one sender is left; begins anew", keep=False)
+            yield from self._anew("one sender is left; watching begins anew", keep=False)
         batch: list[Message] = []
         for message in messages:
             if self._clock.push(message.time_s):
@@ -248,17 +249,20 @@ class Session:
         if not 0.0 <= newest_s - at_s < _LOOKED_S:
             rows = watcher.heard - heard
             self._looked = (newest_s, watcher.heard, watcher.left_out)
-            self._sparse = rows > 0 and watcher.left_out - left_out > _MUCH * rows
+            self._excused = max(self._excused - 1, 0)
+            self._sparse = rows > 0 and watcher.left_out - left_out > _MUCH * rows and not self._excused
         return self._sparse
 
-    _sparse = False
-
-    def _is_mixed(self) -> bool:
-        """Tell whether two senders use one number, or did so a moment ago."""
-        if self._reader.is_mixed or self._clock.is_mixed:
+    def _is_mixed(self, messages: list[Message]) -> bool:
+        """Tell whether nobody knows whose messages these are: of two senders, now or a moment ago."""
+        for message in messages:
+            if not self._guard.push(message.time_s) and self._guard.has_jumped:
+                self._guard = SenderClock()
+        if self._reader.is_mixed or self._guard.is_mixed:
             self._mixed_until_s = self._arrived_s + _QUIET_S
             self._clock = SenderClock()
-        return self._mixed_until_s is not None and self._arrived_s < self._mixed_until_s
+        is_mixed = self._mixed_until_s is not None and self._arrived_s < self._mixed_until_s
+        return is_mixed or bool(self._reader.is_open)
 
     def _not_believed(self) -> Iterator[LiveEvent]:
         text = self._reader.is_open or (

@@ -48,6 +48,8 @@ class Source:
     """Deliveries as they come: `None` now and then while there is none."""
 
     is_table = False
+    is_live = True
+    """Whether a word is waited for."""
     is_whole = False
     """Whether a delivery ends with a packet's end."""
 
@@ -226,7 +228,7 @@ class InputSource(_Received):
 class SavedSource(Source):
     """A link that was saved as a telemetry log: as fast as it is read, or at so many times its own speed."""
 
-    is_whole = True
+    is_live, is_whole = False, True
 
     def __init__(self, path: Path, speed: float | None = None) -> None:
         super().__init__()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
@@ -25,6 +25,7 @@ class _Fault:
     number: int
     alarm: Alarm
     lines: int = 1
+    judged: int = 0  # judgements
     named: object = None
     has_ended: bool = False
 
@@ -52,15 +53,17 @@ class Story:
         """Return the number of an alarm's fault."""
         return self._faults[self._stretch, alarm.number].number
 
-    def lines(self, told: Iterable[Alarm]) -> Iterator[Line]:
-        """Give what is new in some alarms, line by line."""
+    def lines(self, told: Iterable[Alarm]) -> list[Line]:
+        """Return what is new in some alarms, line by line, in time: the same in however many pieces they are told."""
+        lines: list[Line] = []
         for alarm in told:
             if alarm.is_first:
-                yield from self._of(alarm)
+                lines += self._of(alarm)
             else:  # it belongs to a fault that has been told
                 fault = self._faults.get((self._stretch, alarm.number))
                 if fault is not None:
                     fault.alarm = alarm
+        return sorted(lines, key=lambda line: line[1])
 
     def _of(self, alarm: Alarm) -> Iterator[Line]:
         key = self._stretch, alarm.number
@@ -68,17 +71,21 @@ class Story:
         if fault is None:
             if len(self._faults) >= _MOST_FAULTS:
                 self._faults.pop(next(iter(self._faults)))
+            at_once = sum(judged.time_s <= alarm.time_s for judged in alarm.judgements)
+            first = _until(alarm, at_once)
             fault = self._faults[key] = _Fault(number=self._count, alarm=alarm)
             self._count += 1
-            yield _raised(alarm)
-            if _is_at_once(alarm):  # which sensors it may be, and no more: the next judgement says more
-                fault.named = _name(alarm)
-        fault.alarm = alarm
-        named = _name(alarm)
-        if named is not None and named != fault.named and fault.lines < MOST_LINES - 1:
-            fault.named = named
-            fault.lines += 1
-            yield _named(alarm)
+            yield _raised(first)
+            if _is_at_once(first):  # which sensors it may be, and no more: the next judgement says more
+                fault.named, fault.judged = _name(first), at_once
+        for count in range(fault.judged + 1, len(alarm.judgements) + 1):
+            now = _until(alarm, count)
+            named = _name(now)
+            if named is not None and named != fault.named and fault.lines < MOST_LINES - 1:
+                fault.named = named
+                fault.lines += 1
+                yield _named(now)
+        fault.alarm, fault.judged = alarm, max(fault.judged, len(alarm.judgements))
         if alarm.ended_s is not None and alarm.end_known_s is not None and not fault.has_ended:
             fault.has_ended = True
             what = "calm again" if alarm.doubt or alarm.test == OUTSIDE else "the fault has gone"
@@ -94,6 +101,11 @@ class Story:
         if any(not alarm.doubt and alarm.test != OUTSIDE for alarm in self.left):
             return Outcome.FAILED
         return Outcome.HEALTHY if could_tell and not self.left else Outcome.UNKNOWN
+
+
+def _until(alarm: Alarm, count: int) -> Alarm:
+    """Return an alarm as it was known after so many judgements."""
+    return replace(alarm, judgements=alarm.judgements[:count], ended_s=None, end_known_s=None)
 
 
 def _raised(alarm: Alarm) -> Line:
