@@ -1,9 +1,9 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`, `live`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad
-input or a failure that was foreseen (one line says why); 3 `monitor`, `live` or `score` could not tell, trials of a `campaign`
-failed; 130 Ctrl-C.
+(`monitor`, `live`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`);
+2 bad input or a failure that was foreseen (one line says why); 3 `monitor`, `live` or `score` could not tell, trials of
+a `campaign` failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations

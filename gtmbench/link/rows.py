@@ -53,6 +53,7 @@ class _Lane:
         self._route, self._start_s, self._period_s, self._filtered = route, start_s, period_s, filtered
         self._typical_s = nominal(route.period_s, period_s)
         self.order = InOrder(self._typical_s)
+        self._due: list[Sample] = []
         self._turns = Turns()
         self._stamps = EvenStamps(period_s) if same_period(self._typical_s, period_s) else None
         self._laying: Laying | None = None
@@ -61,13 +62,19 @@ class _Lane:
         self._values: list[FloatArray] = []
         self._there: list[BoolArray] = []
 
-    def push(self, sample: Sample) -> None:
-        """Take a sample."""
-        self._lay(self.order.push(sample))
+    def put(self, sample: Sample) -> None:
+        """Put a sample in order, to be laid."""
+        self._due += self.order.push(sample)
+
+    def lay(self) -> None:
+        """Lay the samples whose turn has come."""
+        due, self._due = self._due, []
+        self._lay(due)
 
     def end(self) -> None:
         """Give what still waits: nothing follows, for a while or at all."""
-        self._lay(self.order.rest())
+        self._due += self.order.rest()
+        self.lay()
         if self._laying is not None:
             self._add(self._laying.end())
             self._laying = None
@@ -127,7 +134,7 @@ class LinkRows:
     Examples
     --------
     >>> rows = LinkRows([Route(topic="", channels=("p",), period_s=0.1)], 5.0, 0.1)
-    >>> [rows.push(Sample(topic="", time_s=at, values=(at,))) for at in (5.0, 5.1)]
+    >>> [rows.push([Sample(topic="", time_s=at, values=(at,))]) for at in (5.0, 5.1)]
     [Record(1 samples, 5..5 s, every 0.1 s: p), Record(1 samples, 5.1..5.1 s, every 0.1 s: p)]
     """
 
@@ -137,6 +144,7 @@ class LinkRows:
         self._lanes = {route.topic: _Lane(route, start_s, period_s, filtered=filtered) for route in routes}
         self._widths = [len(route.channels) for route in routes]
         self.channels = tuple(name for route in routes for name in route.channels)
+        self._silent: set[int] = set()
         self._given = HALF if filtered else 0
         self.left_out = 0
         """Rows so far for which a message is missing."""
@@ -146,20 +154,36 @@ class LinkRows:
         """What was counted of each message."""
         return {topic: lane.order for topic, lane in self._lanes.items()}
 
-    def push(self, sample: Sample) -> Record | None:
-        """Return the rows that a sample completes, None where it completes none."""
-        lane = self._lanes.get(sample.topic)
-        if lane is None:
-            return None
-        lane.push(sample)
-        newest_s = lane.order.last_s
-        if len(self._lanes) > 1 and newest_s is not None:
-            for other in self._lanes.values():
-                last_s = self._start_s if other.order.last_s is None else other.order.last_s
-                if newest_s - last_s > _SILENT_S:
-                    other.end()
-                    other.pass_over(lane.count)
+    def push(self, samples: Sequence[Sample]) -> Record | None:
+        """Return the rows that some samples complete, None where they complete none; the same in whatever pieces."""
+        for sample in samples:
+            lane = self._lanes.get(sample.topic)
+            if lane is not None:
+                lane.put(sample)
+                if len(self._lanes) > 1:
+                    self._leave_out(lane)
+        self._lay()
         return self._taken()
+
+    def _lay(self) -> None:
+        for lane in self._lanes.values():
+            lane.lay()
+
+    def _leave_out(self, lane: _Lane) -> None:
+        """Wait no longer for a message that is missing while another comes."""
+        newest_s = lane.order.last_s
+        if newest_s is None:
+            return
+        for other in self._lanes.values():
+            last_s = self._start_s if other.order.last_s is None else other.order.last_s
+            if newest_s - last_s > _SILENT_S:
+                self._lay()
+                other.end()
+                other.pass_over(lane.count)
+                self._silent.add(id(other))
+            elif id(other) in self._silent and other is lane:  # it is back: laid at once, behind what was left out
+                self._silent.discard(id(other))
+                self._lay()
 
     def end(self) -> Record | None:
         """Return the rows that are left."""

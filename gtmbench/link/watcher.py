@@ -20,7 +20,7 @@ from gtmbench.link.readings import Sample
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record, joined
+from gtmbench.values.record import Record
 
 _PROBED_S = 1.5  # in which rates are measured
 _PATIENCE_S = 2.5  # until a message that is needed has to be there
@@ -78,9 +78,8 @@ class Watcher:
         self._probed: list[Message] = []
         self._channels: dict[str, tuple[str, ...]] = {}
         self._rows: LinkRows | None = None
-        self._rest: list[Record] = []
-        self.pending = 0
-        """Rows that wait for others, to be taken together."""
+        self.pending: list[Sample] = []
+        """Samples that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
         self.problem = ""
@@ -118,21 +117,21 @@ class Watcher:
         if self._rows is None:
             self._probed += messages
             messages = self._begun()
-        for message in messages:
-            rows = self._laid(message)
-            if rows is not None:
-                self._rest.append(rows)
-                self.pending += len(rows)
-        return self._hear() if self.pending >= at_once else ()
+        self.pending += self._samples(messages)
+        if not self.pending:
+            return ()
+        if at_once > 1 and abs(self.pending[-1].time_s - self.pending[0].time_s) < (at_once - 0.5) * self._period_s:
+            return ()
+        return self._hear()
 
     def end(self) -> tuple[Alarm, ...]:
         """Return what is left to be told, now that no message follows."""
         if self._rows is None:
             return ()
+        told = self._hear()
         left = self._rows.end()
         if left is not None:
-            self._rest.append(left)
-        told = self._hear()
+            told += self._push([left] if self._corrector is None else self._corrector.push(left))
         return told + (() if self._corrector is None else self._push(self._corrector.end()))
 
     def _begun(self) -> list[Message]:
@@ -177,19 +176,17 @@ class Watcher:
             "(--request-rates asks an autopilot for it), or take a monitor calibrated at the link's rate"
         )
 
-    def _laid(self, message: Message) -> Record | None:
-        channels = self._channels.get(message.topic)
-        if channels is None or self._rows is None:
-            return None
-        sample = self._reader.sample(message, channels)
-        return None if sample is None else self._rows.push(sample)
+    def _samples(self, messages: Sequence[Message]) -> list[Sample]:
+        read = ((message, self._channels.get(message.topic)) for message in messages)
+        made = (self._reader.sample(message, channels) for message, channels in read if channels is not None)
+        return [sample for sample in made if sample is not None]
 
     def _hear(self) -> tuple[Alarm, ...]:
-        if not self._rest:
+        samples, self.pending = self.pending, []
+        rows = None if self._rows is None else self._rows.push(samples)
+        if rows is None:
             return ()
-        rows, self._rest, self.pending = self._rest, [], 0
-        chunk = rows[0] if len(rows) == 1 else joined(rows)
-        return self._push([chunk] if self._corrector is None else self._corrector.push(chunk))
+        return self._push([rows] if self._corrector is None else self._corrector.push(rows))
 
     def _push(self, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
         told: list[Alarm] = []

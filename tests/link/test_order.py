@@ -63,7 +63,7 @@ def test_memory_stays_bounded_whatever_is_missing():
 
 
 def rows_of(rows, samples):
-    given_ = [record for each in samples if (record := rows.push(each)) is not None]
+    given_ = [record for each in samples if (record := rows.push([each])) is not None]
     last = rows.end()
     return np.concatenate([record.values for record in [*given_, *([] if last is None else [last])]])
 
@@ -74,6 +74,18 @@ ROUTES = [Route(topic="a", channels=("p",), period_s=PERIOD_S), Route(topic="b",
 def test_two_messages_of_one_clock_become_rows_as_they_are():
     samples = [sample(place, topic) for place in range(100) for topic in "ab"]
     assert rows_of(LinkRows(ROUTES, 0.0, PERIOD_S), samples).tolist() == [[place, place] for place in range(100)]
+
+
+@pytest.mark.parametrize("many", [2, 50, 5000])
+def test_rows_are_the_same_in_whatever_pieces(many):
+    random = np.random.default_rng(many)
+    samples = [sample(place, topic) for place in range(900) for topic in ("ab" if not 300 <= place < 600 else "a")]
+    samples = [each for each in samples if random.random() > 0.05]
+    samples = [samples[k] for k in np.argsort(np.arange(len(samples)) + random.uniform(0, 5, len(samples)))]
+    rows, alone = LinkRows(ROUTES, 0.0, PERIOD_S), rows_of(LinkRows(ROUTES, 0.0, PERIOD_S), samples)
+    pieces = [rows.push(samples[k : k + many]) for k in range(0, len(samples), many)]
+    values = np.concatenate([record.values for record in [*pieces, rows.end()] if record is not None])
+    assert np.array_equal(values, alone, equal_nan=True)
 
 
 def test_a_message_that_stops_leaves_rows_out_for_all_sensors_alike():
@@ -98,7 +110,7 @@ def test_messages_that_come_faster_are_filtered_all_alike():
         if k % 2 == 0:
             samples.append(Sample(topic="b", time_s=at, values=(value,)))
     rows = LinkRows(routes, 0.0, 0.01)
-    given_ = [record for each in samples if (record := rows.push(each)) is not None]
+    given_ = [record for each in samples if (record := rows.push([each])) is not None]
     values = np.concatenate([record.values for record in given_])
     assert given_[0].start_s == pytest.approx(0.13)
     assert np.abs(values[:, 0] - values[:, 1]).max() < 1e-4
