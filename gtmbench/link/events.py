@@ -11,7 +11,14 @@ from gtmbench.detectors.alarm import Alarm
 
 
 class LiveKind(StrEnum):
-    """What an event says."""
+    """The kinds of events of a live watch.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> [kind.value for kind in gb.LiveKind][:4], gb.LiveKind.NAMED == "named"
+    (['learning', 'watching', 'alarm', 'named'], True)
+    """
 
     LEARNING = "learning"
     WATCHING = "watching"

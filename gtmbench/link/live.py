@@ -69,6 +69,19 @@ class Live:
         The verdict so far in one sentence.
     monitor : Monitor or None
         The monitor that watches; None while one is learnt.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[0.0] * 6] * 500, channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
+    >>> monitor = gb.load_monitor(Path(gb.__file__).with_name("baselines") / "bank-C.json")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.send_live(record, Path(folder, "flight.tlog"))
+    ...     with gb.live(f"{folder}/flight.tlog", monitor) as link:
+    ...         print(len(list(link)), link.verdict, link.counts)
+    0 Can't tell: nothing could be watched. 1000 messages read
     """
 
     def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
@@ -312,7 +325,7 @@ def live(
     say : bool
         Send STATUSTEXT and a heartbeat back, for the ground station.
     request_hz : float, optional
-        Ask the autopilot to send what tells of motion so often.
+        Ask the autopilot to send its gyros and attitude at this rate.
     only_from : str
         For UDP: the address, or ``ADDRESS:PORT``, that is believed; others are ignored.
     speed : float, optional

@@ -32,7 +32,7 @@ _MUCH = 0.5  # of the rows: so few aren't watching
 
 @dataclass(frozen=True, kw_only=True)
 class LinkCounts:
-    """What became of a link's messages.
+    """How many of a link's messages were read, and how many weren't, by reason.
 
     Attributes
     ----------
@@ -44,6 +44,12 @@ class LinkCounts:
         With a wrong checksum, or no row; without the right signature.
     dropped : int
         Pieces of the link that came faster than they could be watched.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> print(gb.LinkCounts(read=1200, lost=24, doubled=3))
+    1200 messages read, 24 lost, 3 doubled
     """
 
     read: int = 0

@@ -101,7 +101,7 @@ def folder(tmp_path_factory):
     }
     for name, record in logs.items():
         gb.write_log(record, made / f"{name}.csv")
-    for name, seconds in (("healthy", 50.0), ("broken", 50.0), ("short", 5.0)):
+    for name, seconds in (("healthy", 49.0), ("broken", 49.0), ("short", 5.0)):
         gb.send_live(logs[name if name in logs else "healthy"].between(0.0, seconds), made / f"{name}.tlog")
     shutil.copy(made / "broken.csv", made / "logs")
     (made / "logs/none.csv").write_text("no table\n")
