@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -55,7 +56,7 @@ def deliver(record: Record, out: Path | None, target: str | None, speed: float |
         from gtmbench.link.sending import send_live
 
         speed = 1.0 if speed is None else speed
-        if not silent:
+        if not silent and sys.stderr.isatty():
             echo(f"sending {record.end_s:g} s to {target} at {speed:g} times real time; Ctrl-C ends it", err=True)
         send_live(record, target, speed=speed)
         said.append(f"Sent {len(record)} samples of {record.end_s:g} s to {target}.")

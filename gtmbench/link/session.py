@@ -27,6 +27,7 @@ SILENT_S = 3.0
 _HELD_S = 0.2  # without a message, until rows that wait for others are taken
 _QUIET_S = 5.0  # without a sign of a second sender, until messages are believed again
 _LOOKED_S = 5.0  # over which it is looked at how much of the link is missing
+_ARMING_S = 90.0  # in which every test statistic should come down to its threshold
 _MUCH = 0.5  # of the rows: so few aren't watching
 
 
@@ -96,6 +97,7 @@ class Session:
         self._mixed_until_s: float | None = None
         self._said: set[str] = set()
         self._state = ""  # of watching, as it was said last
+        self._ever: set[str] = set()  # test statistics that were armed
         self._sparse, self._excused = False, 0  # looks after a silence, which has been told
         self._looked = (0.0, 0, 0)  # when it was looked at how much is missing, rows and those left out then
         self._past = LinkCounts()
@@ -232,9 +234,25 @@ class Session:
         if self._is_sparse():
             text = "the link brings less than half of the messages that the monitor reads; no verdict until it does"
             yield from self._state_is(LiveKind.CANNOT_TELL, text)
+        elif (stuck := self._stuck()) and not has_alarmed:
+            names = ", ".join(stuck)
+            text = (
+                f"the test statistic of {names} has been above its threshold from the beginning, for {_ARMING_S:g} s: "
+                "a fault from the start, or sensors or units that the monitor wasn't calibrated for"
+            )
+            yield from self._state_is(LiveKind.CANNOT_TELL, text)
         elif self._state != LiveKind.WATCHING and (has_alarmed or any(watcher.armed.values())):
             self._state = LiveKind.WATCHING.value
             yield self._event(LiveKind.WATCHING, self._watching())
+
+    def _stuck(self) -> list[str]:
+        """Return the test statistics that never came down to their thresholds, where there was time enough."""
+        armed = self._watcher.armed
+        self._ever |= {name for name, is_armed in armed.items() if is_armed}
+        period_s = float(self._monitor.sample_period_s or 0.0)
+        if (self._watcher.heard - self._watcher.left_out) * period_s < _ARMING_S:
+            return []
+        return [name for name in armed if name not in self._ever]
 
     def _state_is(self, kind: LiveKind, text: str) -> Iterator[LiveEvent]:
         if text != self._state:
@@ -300,5 +318,5 @@ class Session:
         self._heard += self._watcher.heard
         self._watcher = Watcher(self._monitor, self._reader, self._watcher.learner if keep else None)
         self._story.begin()
-        self._looked, self._sparse, self._state = (0.0, 0, 0), False, ""
+        self._looked, self._sparse, self._state, self._ever = (0.0, 0, 0), False, "", set()
         yield self._event(LiveKind.NOTE, text)

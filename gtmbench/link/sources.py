@@ -29,6 +29,7 @@ _PORT = re.compile(
 _LOOPBACK = "127.0.0.1"
 _MOST = 8192  # deliveries that wait
 _BYTES = 1 << 16
+_DATAGRAM = 4096  # bytes: networks carry 1500; so what waits stays small, whatever is sent
 _TICK_S = 0.25
 _WAITING_S = 10.0  # for a connection
 
@@ -163,7 +164,7 @@ class UdpSource(_Received):
 
     def _from_socket(self) -> Delivery | None:
         while True:
-            data, address = self._socket.recvfrom(_BYTES)
+            data, address = self._socket.recvfrom(_DATAGRAM)
             arrived_s, peer = time.time(), (str(address[0]), int(address[1]))
             if self._only and self._only not in (peer[0], f"{peer[0]}:{peer[1]}"):
                 continue

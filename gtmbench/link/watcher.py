@@ -19,8 +19,9 @@ from gtmbench.link.order import InOrder
 from gtmbench.link.readings import Sample
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
+from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record
+from gtmbench.values.record import Record, joined
 
 _PROBED_S = 1.5  # in which rates are measured
 _PATIENCE_S = 2.5  # until a message that is needed has to be there
@@ -68,12 +69,16 @@ class Watcher:
     def __init__(self, monitor: Monitor, reader: Reader, learner: Learner | None = None) -> None:
         if monitor.sample_period_s is None or not monitor.channels:
             raise InputError(f"{monitor.name} has no rate, or no channels, of its own; calibrate it on flights first")
+        self._monitor = monitor
         self._reader, self._period_s = reader, monitor.sample_period_s
         self._needs, self._wants = monitor.channels, wants_of(monitor)
         if learner is None and has_motion(monitor):
             learner = Learner(self._period_s, expected_of(monitor))
         self.learner = learner
         self._corrector = None if learner is None else Corrector(learner)
+        self._unchecked: list[Record] | None = None
+        if learner is not None and not learner.is_settled and rests_on_motion(monitor):
+            self._unchecked = []  # the first rows, whose wiring is checked before any is judged
         self._stream: Stream = monitor.stream()
         self._probed: list[Message] = []
         self._channels: dict[str, tuple[str, ...]] = {}
@@ -129,6 +134,8 @@ class Watcher:
         if self._rows is None:
             return ()
         told = self._hear()
+        if self.problem:
+            return told
         left = self._rows.end()
         if left is not None:
             told += self._push([left] if self._corrector is None else self._corrector.push(left))
@@ -186,7 +193,21 @@ class Watcher:
         rows = None if self._rows is None else self._rows.push(samples)
         if rows is None:
             return ()
-        return self._push([rows] if self._corrector is None else self._corrector.push(rows))
+        given = [rows] if self._corrector is None else self._corrector.push(rows)
+        if self._unchecked is not None:
+            self._check(rows, bool(given))
+        return () if self.problem else self._push(given)
+
+    def _check(self, rows: Record, is_due: bool) -> None:
+        """Check that gyros and attitude show one motion, with the first rows that are to be judged."""
+        assert self._unchecked is not None  # it is called while rows are kept
+        self._unchecked.append(rows)
+        if is_due:
+            motion = joined(self._unchecked).select((*GYROS, *ATTITUDE))
+            self._unchecked = None
+            wrong = wrong_wiring(self._monitor, motion)
+            if wrong:
+                self.problem = f"{wrong}; nothing is watched, because healthy sensors would be accused"
 
     def _push(self, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
         told: list[Alarm] = []

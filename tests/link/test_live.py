@@ -111,6 +111,28 @@ def test_what_arrives_by_udp_and_what_is_saved_of_it_are_watched_alike(tmp_path)
     assert other.counts == link.counts
 
 
+@pytest.mark.parametrize("loss", [0.0, 0.02])
+def test_the_whole_log_is_watched_alike(tmp_path, loss):
+    """`monitor` of the file that a link was saved to alarms when `live` does, and names the same."""
+    path = links.saved(tmp_path / "saved.tlog", links.troubled(sent(), seed=9, loss=loss))
+    _, link = links.said(gb.live(str(path), monitors.monitor()))
+    alarms = gb.watch_log(path, monitors.monitor()).alarms
+    assert [alarm.time_s for alarm in alarms] == pytest.approx([alarm.time_s for alarm in link.alarms], abs=1e-9)
+    assert [alarm.sensor for alarm in alarms] == [alarm.sensor for alarm in link.alarms] == ["q"]
+
+
+def test_values_of_another_unit_are_never_watched_in_silence():
+    """Gyros in rad/s that call themselves deg/s: no statistic comes down, and that is said."""
+    record = monitors.record(6000, seed=21)
+    small = record
+    for name in ("p", "q", "r"):
+        small = small.replace(name, np.radians(record[name]))
+    content = "\n".join(lines(small)).encode()
+    events, link = of_input(content, monitors.monitor())
+    assert link.outcome == Outcome.UNKNOWN
+    assert events[-1].kind == "cannot tell"
+
+
 def without(arrived, start, stop, topic=None):
     """Return packets without those that are sent between two times, all or of one message."""
     packets = Packets()
