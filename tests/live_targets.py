@@ -34,7 +34,7 @@ FAULTS = (
     lambda channel, at: gb.ScaleFactor(channel=channel, onset_s=at, factor=0.5),
     lambda channel, at: gb.Noise(channel=channel, onset_s=at, deviation=3.0),
     lambda channel, at: gb.SignFlip(channel=channel, onset_s=at),
-    lambda channel, at: gb.Deadzone(channel=channel, onset_s=at, width=8.0),
+    lambda channel, at: gb.Deadzone(channel=channel, onset_s=at, half_width=4.0),
     lambda channel, at: gb.Oscillation(channel=channel, onset_s=at, amplitude=3.0, frequency_hz=1.0),
 )
 
@@ -122,9 +122,11 @@ def lines(_folder):
     link = gb.live(InputSource(reading), MONITOR)
     link._warm(link.monitor)
     link._warm = lambda _monitor: None
-    begun_s = time.perf_counter()
+    begun_s, cpu_s = time.perf_counter(), time.process_time()
     links.said(link)
-    yield {"lines_per_s": len(record) / (time.perf_counter() - begun_s), "verdict": link.verdict}
+    wall_s, cpu_s = time.perf_counter() - begun_s, time.process_time() - cpu_s
+    each = {"lines_per_s": len(record) / wall_s, "lines_per_cpu_s": len(record) / cpu_s}
+    yield {**each, "verdict": link.verdict, "load": os.getloadavg()[0]}
 
 
 def flights(folder):

@@ -161,7 +161,7 @@ class Live:
         session = self._session
         if session is None:
             return "Can't tell: the link ended before a monitor was learnt."
-        watched = duration_text(session.watched_s)
+        watched = duration_text(session.watched_s / 3600.0)
         if session.outcome == Outcome.HEALTHY:
             return f"No fault found in the {watched} that were watched."
         if session.alarms:
@@ -174,7 +174,8 @@ class Live:
             return f"Can't tell: {said.removeprefix(UNSURE)}; alarm at {first.time_s:.2f} s{others}."
         if session.watched_s <= 0.0:
             return "Can't tell: nothing could be watched."
-        return f"Can't tell: only {watched} of {duration_text(session.heard_s)} could be watched, or not by every test."
+        heard = duration_text(session.heard_s / 3600.0)
+        return f"Can't tell: only {watched} of {heard} could be watched, or not by every test."
 
     def _watched(self) -> Generator[LiveEvent, None, None]:
         if self.monitor is None:

@@ -212,8 +212,14 @@ class Watcher:
     def _push(self, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
         told: list[Alarm] = []
         for piece in pieces:
-            told += self._stream.push(piece)
-            self.heard += len(piece)
-            if any(self._stream.armed.values()):
-                self.watched += len(piece)
+            for part in [piece] if self.watched else self._seconds(piece):
+                told += self._stream.push(part)
+                self.heard += len(part)
+                if any(self._stream.armed.values()):
+                    self.watched += len(part)
         return tuple(told)
+
+    def _seconds(self, piece: Record) -> list[Record]:
+        """Return a piece second by second: until something is armed, nothing of it counts as watched."""
+        rows = max(round(1.0 / self._period_s), 1)
+        return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]
