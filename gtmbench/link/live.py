@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-import gc
 import time
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import numpy as np
-
 from gtmbench.checks import number, whole
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
-from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.errors import InputError
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.learning import Lesson
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.sources import Delivery, Source, source_of
+from gtmbench.link.story import UNSURE
 from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
+from gtmbench.link.warming import warm
 from gtmbench.link.watcher import wants_of
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, duration_text
 from gtmbench.study.log.watched import Outcome
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record
 
 _LEARNT = (*GYROS, *ATTITUDE)  # what a table has to hold to be learnt from
-_WARM_S = 40.0
-_TRIED = 20  # rows, one by one
-_SHARE, _SOON_S = 0.15, 0.5  # of the time that taking rows may cost; how long they may wait for others
 _BEHIND, _TOGETHER = 32, 256  # deliveries that wait, from which on rows are taken together, and how many
-UNSURE = "can't tell: "
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +92,9 @@ class Live:
             self._session = Session(monitor, self._reader)
         self._saving: SavedLink | None = None
         self._saying: Saying | None = None
+        self._said = ""
+        self._has_dropped = False
+        self._asks = options.request_hz is not None
         self._arrived_s = 0.0
         self._at_once = 1
         self._stack = ExitStack()
@@ -216,18 +213,16 @@ class Live:
         messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
         if self._saving is not None:
             yield from self._saved(delivery.arrived_s)
+        self._speak()
         if self._session is None:
             yield from self._learning(delivery.arrived_s, messages)
             return
-        self._speak()
         self._session.dropped = self._source.dropped
         self._session.at_once = self._at_once if self._source.waiting < _BEHIND else _TOGETHER
         yield from self._session.take(messages, delivery.arrived_s)
         if self._source.dropped and not self._has_dropped:
             self._has_dropped = True
             yield self._session.note("the link brings more than can be watched: parts of it are dropped, and counted")
-
-    _has_dropped = False
 
     def _saved(self, arrived_s: float) -> Iterator[LiveEvent]:
         saving = self._saving
@@ -241,15 +236,14 @@ class Live:
 
     def _speak(self) -> None:
         """Begin to speak on the link, once it is known whose it is."""
-        system = getattr(self._reader, "system", None)
-        if self._saying is not None or system is None:
+        reader, options = self._reader, self._options
+        if not isinstance(reader, Telemetry):
             return
-        options = self._options
-        if options.say:
-            self._saying = Saying(self._source.send, system)
-        if options.request_hz is not None:
-            (self._saying or Saying(self._source.send, system)).request(options.request_hz)
-            self._options = LinkOptions(**{**vars(options), "request_hz": None})
+        if self._asks and reader.answered is not None:
+            self._asks = False
+            Saying(self._source.send, reader.answered).request(options.request_hz or 0.0)
+        if options.say and self._saying is None and reader.system is not None:
+            self._saying = Saying(self._source.send, reader.system)
 
     def _learning(self, arrived_s: float, messages: list[Message]) -> Iterator[LiveEvent]:
         lesson, reader = self._learn, self._reader
@@ -280,8 +274,6 @@ class Live:
         if text != self._said:
             self._said = text
             yield self._event(LiveKind.CANNOT_TELL, text)
-
-    _said = ""
 
     def _event(self, kind: LiveKind, text: str) -> LiveEvent:
         time_s = self._learn.time_s if self._learn is not None else None
@@ -395,39 +387,3 @@ def ready(monitor: Monitor | Detector | None) -> Monitor | None:
             f"{monitor.name} has no rate, or no channels, of its own; give a monitor calibrated on flights"
         )
     return monitor
-
-
-def warm(monitor: Monitor) -> int:
-    """Let a monitor judge a made-up fault, so that the first real one waits for nothing; return its rows at once.
-
-    A monitor that takes long for a single row, as one that was learnt on a flight does, is given several together.
-    """
-    period_s = float(monitor.sample_period_s or 1.0)
-    count, onset = round(_WARM_S / period_s), round(0.8 * _WARM_S / period_s)
-    noise = 1e-3 * np.random.default_rng(1).standard_normal((count, len(monitor.channels)))
-    record = Record(noise, channels=monitor.channels, sample_period_s=period_s)
-    sensor = next((name for name in GYROS if name in monitor.channels), monitor.channels[0])
-    broken = record.replace(sensor, record[sensor] + 5.0 * (np.arange(count) >= onset))
-    costs_s: list[float] = []
-    with suppress(GtmbenchError):
-        stream, stop = monitor.stream(), onset - _TRIED
-        stream.push(broken.part(range(stop)))
-        while stop < count:
-            few = 1 if len(costs_s) < _TRIED else rows_at_once(costs_s, period_s)
-            begun_s = time.perf_counter()
-            stream.push(broken.part(range(stop, min(stop + few, count))))
-            costs_s += [time.perf_counter() - begun_s] * (len(costs_s) < _TRIED)
-            stop += few
-    gc.collect()
-    gc.freeze()  # what is there by now stays; looking at it again and again would cost milliseconds
-    return rows_at_once(costs_s, period_s)
-
-
-def rows_at_once(costs_s: Sequence[float], period_s: float) -> int:
-    """Return how many rows are taken together, by what taking one costs: a small part of the time, soon enough.
-
-    >>> rows_at_once([2e-4], 0.01), rows_at_once([2e-2], 0.01)
-    (1, 14)
-    """
-    cost_s = float(np.median(costs_s)) if len(costs_s) else 0.0
-    return int(np.clip(np.ceil(cost_s / (_SHARE * period_s)), 1, max(round(_SOON_S / period_s), 1)))

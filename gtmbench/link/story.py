@@ -14,6 +14,7 @@ from gtmbench.study.log.watched import Outcome
 
 MOST_LINES = 12
 """What is said of one fault, its end included."""
+UNSURE = "can't tell: "
 _MOST_FAULTS = 10_000  # that are remembered
 Line = tuple[LiveKind, float, str, Alarm]  # kind, when it could be known, text, and the alarm
 
@@ -143,4 +144,4 @@ def _named(alarm: Alarm) -> Line:
     else:
         kind = LiveKind.CANNOT_TELL if judged.candidates else LiveKind.ENDED
     text = judgement_text(judged)
-    return kind, judged.time_s, text, alarm
+    return kind, judged.time_s, text.removeprefix(UNSURE) if kind == LiveKind.CANNOT_TELL else text, alarm

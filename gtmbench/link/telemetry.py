@@ -11,6 +11,8 @@ from gtmbench.link.packets import HEARTBEAT, Packet, Packets
 from gtmbench.link.readings import MOTION, Sample, channels_of, chosen, is_finite, sample_of, stamp_s
 from gtmbench.link.senders import Numbering
 
+_NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Message:
@@ -39,6 +41,8 @@ class Telemetry:
         self._numbers: dict[int, Numbering] = {}
         self._flying: set[int] = set()
         self.system = system
+        self.answered = system
+        """The system that is answered: one with an autopilot, which may send nothing else until it is asked."""
         self.autopilot: int | None = None
         self.taken: list[bytes] = []
         """The packets of the last bytes, as they arrived, whoever sent them."""
@@ -59,11 +63,13 @@ class Telemetry:
             self._flying.add(packet.system)
             if self.system is None:
                 self.system = packet.system
+        if packet.topic == HEARTBEAT and packet.message.autopilot != _NO_AUTOPILOT and self.answered is None:
+            self.answered = packet.system
         if packet.system != self.system:
             return None
         self._numbers.setdefault(packet.component, Numbering()).push(packet.sequence)
         if packet.topic == HEARTBEAT:
-            if packet.message.autopilot != 8:  # MAV_AUTOPILOT_INVALID: no autopilot
+            if packet.message.autopilot != _NO_AUTOPILOT:
                 self.autopilot = packet.message.autopilot
             return None
         return Message(topic=packet.topic, time_s=stamp_s(packet.topic, packet.message), content=packet.message)
