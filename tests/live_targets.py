@@ -165,7 +165,7 @@ def slow(folder):
         yield {"rate_hz": rate_hz, "by_a_monitor_for_it": link.verdict}
 
 
-def day(_folder, hours=2.0, speed=30.0):
+def day(_folder, hours=1.0, speed=30.0):
     """Watch one long flight, faster than it flies."""
     source = UdpSource("127.0.0.1", 0)
     link = gb.live(source, MONITOR, end_after_s=60.0)
