@@ -27,6 +27,7 @@ from gtmbench.cli.autopilot import autopilot_command
 from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
+from gtmbench.cli.demo import demo_command
 from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
@@ -79,6 +80,7 @@ def app() -> None:
 
 
 for command in (
+    demo_command,
     run_command,
     campaign_command,
     report_command,

@@ -16,6 +16,7 @@ from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import (
     attitude_option,
     claim_file,
+    command_line,
     common_options,
     echo,
     map_option,
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from gtmbench.values.record import Span
 
 
+_OUTPUTS = ("record", "figure", "report", "save", "force", "details", "as_json", "quiet")  # that change no verdict
 _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 
 
@@ -70,6 +72,9 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
 )
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option("--figure", type=click.Path(path_type=Path), help="Write a figure (.png).")
+@click.option(
+    "--report", type=click.Path(path_type=Path), help="Write a page (.html) to file with a ticket or to send by mail."
+)
 @click.option("--save", type=click.Path(path_type=Path), help="Write the monitor that was used (.json).")
 @click.option("--list", "listed", is_flag=True, help="Only list the log's sensors and what can be watched.")
 @click.option("--all", "every", is_flag=True, help="The same, with every column.")
@@ -98,6 +103,7 @@ def monitor_command(
     named: bool,
     record: Path | None,
     figure: Path | None,
+    report: Path | None,
     save: Path | None,
     listed: bool,
     every: bool,
@@ -127,6 +133,7 @@ def monitor_command(
             "--named": named,
             "--record": record,
             "--figure": figure,
+            "--report": report,
             "--save": save,
             "--list": listed,
             "--all": every,
@@ -149,7 +156,7 @@ def monitor_command(
         return monitor_fleet(logs, watching, out, jobs=processes, resume=resume, as_json=as_json, quiet=quiet)
     _refuse({"--jobs": jobs, "--resume": resume, "--time-limit": time_limit}, "of several logs; give --out, too")
     log = logs[0] if system is None else Path(f"{logs[0]}:{system}")
-    for path, ending in ((record, ".rrd"), (figure, ".png"), (save, ".json")):
+    for path, ending in ((record, ".rrd"), (figure, ".png"), (report, ".html"), (save, ".json")):
         if path is not None:
             _check_output(path, ending, log, force=force)
     monitor = _watcher(detector, calibrated, inputs, outputs, look, healthy)
@@ -181,14 +188,14 @@ def monitor_command(
             tell("names", None, None)
             watched = watched.with_names()
         tell("writing", None, None)
-        _write(watched, record, figure, save)
+        _write(watched, record, figure, report, save)
         _keep_mapping(watched)
     if as_json:
         from gtmbench.report.tables.log import log_results
 
         print_json(log_results(watched))
     elif not quiet:
-        _print(watched, record, figure, save, details=details or named)
+        _print(watched, record, figure, report, save, details=details or named)
     return int(watched.outcome)
 
 
@@ -204,7 +211,7 @@ def _wanted(given: float | None) -> float | None:
 
 
 def _check_output(path: Path, ending: str, log: Path, *, force: bool) -> None:
-    option = {".rrd": "--record", ".png": "--figure", ".json": "--save"}[ending]
+    option = {".rrd": "--record", ".png": "--figure", ".html": "--report", ".json": "--save"}[ending]
     if path.suffix.lower() != ending:
         raise InputError(f"{option} is '{path}'; its name ends in {ending}")
     if path.exists() and log.exists() and path.samefile(log):
@@ -299,7 +306,9 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
     return InputError(f"{name} can be watched; say by what: {', or '.join(ways)}")
 
 
-def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None) -> None:
+def _write(
+    watched: WatchedLog, record: Path | None, figure: Path | None, report: Path | None, save: Path | None
+) -> None:
     from gtmbench.detectors.protocol import is_ready
 
     if figure is not None:
@@ -307,6 +316,11 @@ def _write(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
 
         with atomic_write(figure) as aside:
             write_log_figure(watched, aside)
+    if report is not None:
+        from gtmbench.report.page.flight import flight_page
+
+        with atomic_write(report) as aside:
+            aside.write_text(flight_page(watched, command_line(_OUTPUTS)), encoding="utf-8")
     if record is not None:
         from gtmbench.report.recording.write import write_log_recording
 
@@ -326,7 +340,15 @@ def _keep_mapping(watched: WatchedLog) -> None:
         write_map_file(watched.log.sources, path)
 
 
-def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: Path | None, *, details: bool) -> None:
+def _print(
+    watched: WatchedLog,
+    record: Path | None,
+    figure: Path | None,
+    report: Path | None,
+    save: Path | None,
+    *,
+    details: bool,
+) -> None:
     from gtmbench.detectors.protocol import is_ready
     from gtmbench.report.words.log import log_report
     from gtmbench.report.words.verdict import summary_lines
@@ -334,9 +356,9 @@ def _print(watched: WatchedLog, record: Path | None, figure: Path | None, save: 
     width = screen_width()
     for line in log_report(watched, width) if details else summary_lines(watched, width):
         echo(line)
-    for what, path in (("figure", figure), ("monitor", save)):
+    for what, path in (("figure", figure), ("report", report), ("monitor", save)):
         if path is not None:
-            was_made = path is figure or is_ready(watched.monitor)
+            was_made = path is not save or is_ready(watched.monitor)
             echo(f"{what}: {path}" if was_made else f"{what}: none was calibrated, {path} isn't written")
     if record is not None:
         echo(f"recording: {record}    look at it: gtmbench view {record}")

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+import shlex
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
+from click.core import ParameterSource
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_file
+from gtmbench.files.disk import check_file, is_file
 from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
@@ -75,6 +77,35 @@ def typed(message: str, context: click.Context) -> str:
                 written = f"{value:g}" if isinstance(value, float) else shown(value)
                 return f"{option.opts[0]} is {written}{message.removeprefix(f'{key} is {shown(value)}')}"
     return message
+
+
+def command_line(without: Container[str] = ()) -> str:
+    """Return the running command as it was typed, files by their names alone; some options left out.
+
+    Parameters
+    ----------
+    without : container of str
+        Names of parameters.
+    """
+    context = click.get_current_context()
+    words = ["gtmbench", str(context.command.name)]
+    for option in context.command.params:
+        name = option.name or ""
+        if name in without or context.get_parameter_source(name) is not ParameterSource.COMMANDLINE:
+            continue
+        given = context.params[name]
+        texts = [_by_name(each) for each in (given if isinstance(given, tuple) else (given,))]
+        if isinstance(option, click.Option):
+            key = option.opts[0]
+            words += [key] if option.is_flag else [word for text in texts for word in (key, text)]
+        else:
+            words += texts
+    return shlex.join(words)
+
+
+def _by_name(given: object) -> str:
+    path = Path(str(given))
+    return path.name if isinstance(given, Path) or is_file(path) else str(given)
 
 
 def map_option(command: F) -> F:

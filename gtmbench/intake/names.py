@@ -56,7 +56,9 @@ _OPEN |= {
     f"orientation{angle}": (channel, "may be of axes that point left and up (ROS) or right and down")
     for angle, channel in (("roll", "phi"), ("pitch", "theta"), ("yaw", "psi"))
 }
-_NOT_MEASURED = re.compile(r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias)")
+_NOT_MEASURED = re.compile(
+    r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias|pid|[nx]k[a-z]\d)"
+)
 _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[A-Za-z%°µμ][^\[\](){}<>]*)[\])}>]\s*$")
 
 
@@ -172,12 +174,15 @@ class Triple:
         What they are, where that is settled.
     is_exact : bool
         Whether all three names are known as they are, not by parts.
+    is_reordered : bool
+        Whether they stand in another order than their names say.
     """
 
     kind: str
     series: tuple[RawSeries, ...]
     meanings: tuple[Meaning, ...] = ()
     is_exact: bool = True
+    is_reordered: bool = False
 
     @property
     def clock(self) -> str:

@@ -11,8 +11,8 @@ import math
 import operator
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import islice, permutations, product
 
 import numpy as np
 
@@ -29,6 +29,7 @@ _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
 _SMOOTHED_S, _SLOW_S = 0.4, 4.0
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
+_LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
 _WITHIN = 0.3  # of a unit's factor, as a logarithm
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
 _ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
@@ -72,7 +73,8 @@ class _Fit:
     @property
     def meanings(self) -> dict[str, Meaning]:
         """What each column is."""
-        why = (f"the attitude, which explains {100 * self.share:.0f} % of them", self.evidence)
+        order = f" in the order {', '.join(each.name for each in self.gyros.series)}" if self.gyros.is_reordered else ""
+        why = (f"the attitude{order}, which explains {100 * self.share:.0f} % of them", self.evidence)
         return {
             series.name: Meaning(channel=channel, unit=unit, sign=sign, guessed=told)
             for triple, channels, unit, signs, told in zip(
@@ -100,6 +102,14 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     gyros = _candidates(named, "rate", GYROS, known)
     angles = _candidates(named, "angle", ATTITUDE, known)
     fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
+    if not fits:  # names may stand at the wrong axes
+        fits = [
+            fit
+            for one, other in product(gyros, angles)
+            for turned in _other_orders(one)
+            for fit in _fits(raw, turned, other, angle_unit)
+            if fit.share > _LEAST_OF_OTHER_ORDER
+        ]
     if not fits and gyros and angles:
         names = " and ".join(", ".join(series.name for series in triple.series) for triple in (gyros[0], angles[0]))
         return Found(meanings={}, why_not=f"{names} don't tell of one motion in any unit, or of too little")
@@ -140,6 +150,13 @@ def _candidates(
     own = [triple for triple in named if triple.kind == kind]
     exact = [triple for triple in own if triple.is_exact]
     return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
+
+
+def _other_orders(gyros: Triple) -> Iterator[Triple]:
+    """Give three columns in every other order of their axes; none where the format documents which is which."""
+    if not gyros.meanings:
+        for series in islice(permutations(gyros.series), 1, None):
+            yield replace(gyros, series=series, is_reordered=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,29 +3,37 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Sequence
+from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.files.arrow_table import Row
+from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.report.figures.fleet import gyros_figure
+from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.fleet import COLUMNS, fleet_row, worst_first
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.report.words.fleet import MEANING, counts_text, fleet_table, full_lines
 from gtmbench.study.log.log_fleet import LIMIT_S, Watching, conduct
+from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.values.record import Span
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TABLE, FIGURE, REPORT = "fleet.parquet", "gyros.png", "report.md"
+TABLE, FIGURE, REPORT, PAGES = "fleet.parquet", "gyros.png", "report.md", "pages"
 _WIDTH = 140  # of the table, in characters
+_ODD = re.compile(r"[^A-Za-z0-9._-]")  # in a file's name
 _MARKS = re.compile(r"[|<`*\[\]\\]")
 
 
@@ -54,7 +62,8 @@ def watch_fleet(
     detector, healthy, mapping, rate_hz, false_alarms_per_hour
         As in `watch_log`. Spans apply to each log, and other logs that serve as healthy aren't watched.
     out : str or Path
-        The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png`` and ``report.md``.
+        The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png``, ``report.md``, and of a page for each
+        log on which something failed or nobody can tell.
     limit_s : float
         Time limit for one log, in seconds.
     jobs, resume, progress
@@ -108,16 +117,52 @@ def written(
     progress: Progress = silent,
 ) -> Parts:
     """Watch what isn't in a folder yet, write what is made of all of it beside, and return the parts."""
-    parts = conduct(logs, watching, out, row=fleet_row, columns=COLUMNS, jobs=jobs, resume=resume, progress=progress)
+    row = partial(_row_with_page, pages=out.absolute() / PAGES, options=_options(watching))
+    parts = conduct(logs, watching, out, row=row, columns=COLUMNS, jobs=jobs, resume=resume, progress=progress)
     with atomic_folder(out) as aside:
-        write_fleet(parts, aside)
+        write_fleet(parts, aside, out / PAGES)
     return parts
 
 
-def write_fleet(parts: Parts, folder: Path) -> None:
+def _row_with_page(watched: WatchedLog, *, pages: Path, options: Sequence[str]) -> Row:
+    """Return what is kept of a log, and write its page where somebody will want to look at it."""
+    if watched.outcome is not Outcome.HEALTHY:
+        path = watched.log.path
+        pages.mkdir(exist_ok=True)
+        command = shlex.join(["gtmbench", "monitor", path.name, *options])
+        with atomic_write(pages / page_name(one_line(str(path)))) as aside:
+            aside.write_text(flight_page(watched, command), encoding="utf-8")
+    return fleet_row(watched)
+
+
+def _options(watching: Watching) -> list[str]:
+    """Return what makes one log be watched as the fleet's are."""
+    detector = watching.detector
+    named = ["--detector", Path(detector).name] if isinstance(detector, (str, Path)) else []
+    spans = [each.name if isinstance(each, Path) else f"{each[0]:g}:{each[1]:g}" for each in watching.healthy]
+    rate = [] if watching.rate_hz is None else ["--rate", f"{watching.rate_hz:g}"]
+    listed = [
+        word
+        for key, texts in (("--identify", spans), ("--map", watching.mapping))
+        for text in texts
+        for word in (key, text)
+    ]
+    return [*named, *listed, *rate]
+
+
+def page_name(log: str) -> str:
+    """Return what the page of a log is called: by its file's name, and apart from its namesakes in other folders.
+
+    >>> page_name("monday/flight 1.csv")
+    'flight_1.csv-99606b.html'
+    """
+    return f"{_ODD.sub('_', Path(log).name)[:80]}-{sha256(log.encode()).hexdigest()[:6]}.html"
+
+
+def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
     """Write ``fleet.parquet``, a row a log in the order in which they were given, ``gyros.png`` and ``report.md``.
 
-    Where no log tells anything of a gyro there is no figure.
+    Where no log tells anything of a gyro there is no figure. The report links to the pages that there are.
     """
     import pyarrow.parquet as pq
 
@@ -126,10 +171,10 @@ def write_fleet(parts: Parts, folder: Path) -> None:
     figure = gyros_figure(table.to_pandas())
     if figure is not None:
         figure.savefig(folder / FIGURE, dpi=110)
-    (folder / REPORT).write_text(_report(table.to_pylist(), has_figure=figure is not None), encoding="utf-8")
+    (folder / REPORT).write_text(_report(table.to_pylist(), pages, has_figure=figure is not None), encoding="utf-8")
 
 
-def _report(rows: list[Row], *, has_figure: bool) -> str:
+def _report(rows: list[Row], pages: Path, *, has_figure: bool) -> str:
     """Return a table that is cut as on a screen, the figure, and every log's verdict in full."""
     import pandas as pd
 
@@ -148,7 +193,9 @@ def _report(rows: list[Row], *, has_figure: bool) -> str:
     if has_figure:
         lines += ["", f"![Each gyro's residual, bias and noise, flight by flight]({FIGURE})"]
     for row in worst:
-        lines += ["", f"**{_as_text(row['log'])}**", *(f"- {_as_text(line)}" for line in full_lines(row))]
+        name = page_name(row["log"])
+        page = f" ([its page]({PAGES}/{name}))" if is_file(pages / name) else ""
+        lines += ["", f"**{_as_text(row['log'])}**{page}", *(f"- {_as_text(line)}" for line in full_lines(row))]
     return "\n".join([*lines, ""])
 
 

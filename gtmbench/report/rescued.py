@@ -20,8 +20,9 @@ def shown_s(rescue: Rescue) -> Span:
 
 
 def shown_flight(rescue: Rescue, name: str) -> Record:
-    """Return the truth of one of the flights, over that span."""
-    return rescue.flights[name].truth.between(*shown_s(rescue))
+    """Return the truth of one of the flights, over that span, as far as it was flown."""
+    (start_s, end_s), truth = shown_s(rescue), rescue.flights[name].truth
+    return truth.between(start_s, min(end_s, truth.end_s))
 
 
 def moments(rescue: Rescue) -> dict[str, list[Moment]]:

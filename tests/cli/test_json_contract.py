@@ -13,6 +13,7 @@ import gtmbench as gb
 from gtmbench.bench import tuning
 from gtmbench.check.baseline import new_baseline, write_figures
 from gtmbench.check.figures import figures_of
+from gtmbench.cli import demo
 from gtmbench.cli.app import app
 from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
@@ -41,6 +42,7 @@ CASES = {
     "check, failed": ("check", FAILED, "check checked/spoilt.toml"),
     "check, made": ("check-update", 0, "check checked/new.toml --update --scenario checked/short.toml"),
     "check, renewed": ("check-update", 0, "check checked/renewed.toml --update"),
+    "demo": ("demo", 0, "demo --out d --force"),
     "diff, equal": ("diff", 0, "diff one.rrd one.rrd"),
     "diff, different": ("diff", FAILED, "diff one.rrd two.rrd"),
     "fly": ("fly", 0, "fly --out f.csv --duration 2 --noise t2 --force"),
@@ -145,6 +147,11 @@ def printed(folder, cli, monkeypatch, request):
     def run(case):
         monkeypatch.chdir(folder)
         monkeypatch.setattr(tuning, "AXES", {})
+        shorter = [
+            (typed.replace("120", "75").replace("0:50", "0:30").replace("--onset 80", "--onset 50"), why)
+            for typed, why in demo.COMMANDS
+        ]
+        monkeypatch.setattr(demo, "COMMANDS", shorter)
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
         monkeypatch.setattr("gtmbench.check.reference_run.run_reference", lambda *_, **__: groups())
         monkeypatch.setattr("gtmbench.cli.study._RERUN", ("true",))

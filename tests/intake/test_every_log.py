@@ -3,6 +3,7 @@
 import shlex
 import subprocess
 import sys
+import zipfile
 
 import numpy as np
 import pandas as pd
@@ -100,6 +101,21 @@ def test_tables_of_one_length_share_the_time_of_one_of_them(tmp_path):
     assert (record["q"] == table.q.to_numpy()).all()
 
 
+def test_a_zip_of_one_flights_tables_is_one_log_and_any_other_is_asked_about(tmp_path):
+    tables = makers.make(tmp_path, "tables")
+    packed, two = tmp_path / "tables.zip", tmp_path / "two.zip"
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        for table in tables.iterdir():
+            archive.write(table, f"flight/{table.name}")
+    record, own = (gb.open_log(path, needs=CHANNELS).segments[0] for path in (packed, tables))
+    assert all(np.array_equal(record[channel], own[channel]) for channel in CHANNELS)
+    with zipfile.ZipFile(two, "w") as archive:
+        for name in ("monday.csv", "tuesday.csv"):
+            archive.writestr(name, makers.columns(makers.flight()).to_csv(index=False))
+    with pytest.raises(gb.InputError, match=r"it holds 2 files; say which is meant: .*two.zip:monday.csv"):
+        gb.open_log(two)
+
+
 def test_of_several_quaternions_none_is_taken(tmp_path):
     table = makers.flight()
     turns = np.column_stack([np.cos(0.1 * table.time_s), *[np.sin(0.1 * table.time_s) / 3**0.5] * 3])
@@ -119,6 +135,46 @@ def test_of_two_gyros_that_fit_alike_none_is_taken(tmp_path):
     pd.DataFrame(two).to_csv(path, index=False)
     with pytest.raises(gb.InputError, match=r"two readings fit alike: .*gyro_left_x:deg/s.*, or .*gyro_right_x:deg/s"):
         gb.open_log(path, needs=CHANNELS)
+
+
+@pytest.mark.parametrize("order", ["yxz", "yzx"])
+def test_gyros_at_each_others_axes_are_read_by_their_motion(tmp_path, order):
+    table = makers.flight(60.0)
+    turned = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
+    turned |= {f"gyro_{axis}": makers.RAD * table[name] for axis, name in zip(order, "pqr", strict=True)}
+    path = tmp_path / "turned.csv"
+    pd.DataFrame(turned).to_csv(path, index=False)
+    log = gb.open_log(path, needs=CHANNELS)
+    assert all(np.abs(log.segments[0][name] - table[name]).max() < 1e-9 for name in "pqr")
+    told = [source.guessed for source in log.sources if source.channel == "p"]
+    assert f"in the order gyro_{order[0]}, gyro_{order[1]}, gyro_{order[2]}" in told[0]
+
+
+def test_an_autopilots_controllers_and_estimates_are_no_gyros(tmp_path):
+    table = makers.flight()
+    columns = {
+        "time_s": table.time_s,
+        "PIDR.P (deg/s)": table.p,
+        "XKF1.GY (deg/s)": table.q,
+        "NKF2.gz (deg/s)": table.r,
+    }
+    path = tmp_path / "estimates.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match="nothing looks like p, q or r"):
+        gb.open_log(path, needs=["p", "q", "r"])
+
+
+@pytest.mark.parametrize(("name", "number"), [("fs", 50.0), ("flight/sample_rate", 50), ("dt", 0.02)])
+def test_a_number_of_samples_a_second_is_a_time(tmp_path, name, number):
+    table = makers.flight()
+    arrays = {
+        "gyro_rad_s": makers.RAD * table[["p", "q", "r"]].to_numpy(),
+        "euler_deg": table[["phi", "theta", "psi"]].to_numpy(),
+    }
+    np.savez(tmp_path / "flight.npz", **arrays, **{name: np.asarray(number)})
+    log = gb.open_log(tmp_path / "flight.npz", needs=CHANNELS)
+    assert np.abs(log.segments[0].time_s - table.time_s).max() < 1e-9
+    assert next(each.guessed for each in log.sources if each.channel == "time").startswith(f"{name} = {number:g}")
 
 
 def test_axes_that_point_left_and_up_are_turned(tmp_path):

@@ -85,10 +85,10 @@ def test_packed_files_that_unpack_without_end_are_refused(tmp_path):
     with gzip.open(tmp_path / "bomb.csv.gz", "wb") as file:
         for _ in range(64):
             file.write(bytes(1 << 22))
-    assert "it unpacks to more than" in refused(tmp_path / "bomb.csv.gz")
+    assert "it unpacks to far more than its size" in refused(tmp_path / "bomb.csv.gz")
     with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("log.csv", bytes(1 << 28))
-    assert "it unpacks to more than" in refused(tmp_path / "bomb.zip")
+    assert "it unpacks to far more than its size" in refused(tmp_path / "bomb.zip")
     with zipfile.ZipFile(tmp_path / "bomb.npz", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("p.npy", b"\x93NUMPY\x01\x00" + bytes(1 << 28))
     assert "far more than its size" in refused(tmp_path / "bomb.npz")

@@ -3,8 +3,6 @@
 import base64
 import json
 import re
-import shutil
-from html.parser import HTMLParser
 
 import pytest
 
@@ -15,14 +13,12 @@ from gtmbench.report.tables.scores import in_markdown
 from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import table_of
+from tests.helpers.browsers import Seen, looking_at
 from tests.helpers.campaigns import written
 from tests.helpers.hostile import refused
 from tests.study.campaign.test_scores import healthy, search, trial
 
 HOSTILE = "<script>alert('x')</script>|`**\u202e]( {{ 7*7 }} $x$ </title>"
-BROWSERS = ["chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"]
-BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
-
 NAMES = {"isolated": True, "named_wrong": False, "axis_right": True, "sensor": "p", "kind": "jam", "kind_right": True}
 
 
@@ -57,22 +53,6 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def contents(folder):
     return contents_of(read_parts(folder))
-
-
-class Seen(HTMLParser):
-    """Tags, what they refer to, and the text of a page."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.references, self.text = [], [], ""
-        self.feed(text)
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.references += [value for name, value in attributes if name in ("src", "href", "action", "srcset")]
-
-    def handle_data(self, data):
-        self.text += data
 
 
 # ---- what it says ----
@@ -237,25 +217,10 @@ size = [0.01, 100]
 @pytest.fixture(scope="module")
 def opened(contents, tmp_path_factory):
     """Open the page in a browser that reaches no network, on a screen and on a phone."""
-    if BROWSER is None:
-        pytest.skip("the page needs a browser (Debian: chromium-headless-shell)")
-    playwright = pytest.importorskip("playwright.sync_api", reason="the page needs playwright")
     path = tmp_path_factory.mktemp("page") / "report.html"
     path.write_text(page(contents))
-    with playwright.sync_playwright() as player:
-        browser = player.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-
-        def look(width):
-            tab = browser.new_context(viewport={"width": width, "height": 800}, offline=True).new_page()
-            tab.complaints, tab.requests = [], []
-            tab.on("console", lambda message: tab.complaints.append(message.text))
-            tab.on("pageerror", lambda error: tab.complaints.append(str(error)))
-            tab.on("request", lambda request: tab.requests.append(request.url))
-            tab.goto(path.as_uri())
-            return tab
-
+    with looking_at(path) as look:
         yield look
-        browser.close()
 
 
 @pytest.mark.browser

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.accommodate import Accommodate
-from gtmbench.report.rescued import moments
+from gtmbench.report.rescued import moments, shown_flight
 from gtmbench.study.rescue import fly_rescue
 from tests.helpers.rescuing import early_monitor
 
@@ -33,6 +33,14 @@ def test_moments_are_told_from_the_onset_on(rescue):
     assert told["unaided"][0][1] == "sign flip of r"
     assert told["unaided"][1][1] == f"departure, {rescue.unaided.departed_s - 15.0:.2f} s"
     assert told["rescued"][0][1].startswith("alarm: r is suspected, 0.")
+
+
+def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
+    """The q gyro's flip leaves the envelope within half a second: that flight is much shorter than the rescued one."""
+    rescue = fly_rescue([gb.SignFlip(channel="q", onset_s=15.0)], Accommodate(early_monitor()), duration_s=19.0)
+    assert shown_flight(rescue, "unaided").end_s == rescue.unaided.truth.end_s < 17.0
+    assert shown_flight(rescue, "rescued").end_s == 19.0
+    assert shown_flight(rescue, "unaided").start_s == shown_flight(rescue, "rescued").start_s == 10.0
 
 
 def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):

@@ -6,6 +6,7 @@ import os
 import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -20,6 +21,9 @@ from gtmbench.intake.formats.raw import RawLog, RawSeries
 
 _FEWEST = 20  # rows of a table
 _MOST_BESIDE = 64  # columns of an array
+_SAMPLE_RATE = re.compile(r"(?i)(.*/)?(fs|sr|f_?sample|(sample|sampling)_?(rate|freq|frequency)(_?hz)?|rate_?hz)")
+_STEP = re.compile(r"(?i)(.*/)?(dt|ts|t_?s|sample_?(time|period)(_?s)?|delta_?t)")
+_LONGEST_STEP_S, _LEAST_RATE_HZ = 1.0, 1.0
 _TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[?(s|ms|us|ns|secs?|seconds)\)?\]?)?")
 
 
@@ -68,7 +72,35 @@ def log_of_arrays(
         for path, made in columns.items()
         for name, values in made
     ]
-    return RawLog(kind=kind, series=tuple(series[:MOST_COLUMNS]), notes=tuple(notes))
+    log = RawLog(kind=kind, series=tuple(series[:MOST_COLUMNS]), notes=tuple(notes))
+    if any(_TIME.fullmatch(each.name) for each in series):
+        return log
+    step_s, why = _step(arrays)
+    if not step_s:
+        return log
+    return replace(
+        log,
+        clocks={
+            clocks[path]: np.asarray(step_s * np.arange(rows), dtype=np.float64)
+            for rows, paths in tables.items()
+            for path in paths
+        },
+        time=("", "s"),
+        time_guessed=why,
+    )
+
+
+def _step(arrays: Arrays) -> tuple[float, str]:
+    """Return the seconds between samples by a number that is called so, as ``fs``, and what shows it; 0 without."""
+    numbers = {
+        path: float(array.ravel()[0]) for path, array in arrays.items() if array.size == 1 and array.dtype.kind in "iuf"
+    }
+    for path, number in numbers.items():
+        if _SAMPLE_RATE.fullmatch(path) and _LEAST_RATE_HZ <= number < np.inf:
+            return 1.0 / number, f"{path} = {number:g} samples a second"
+        if _STEP.fullmatch(path) and 0.0 < number <= _LONGEST_STEP_S:
+            return number, f"{path} = {number:g} between samples"
+    return 0.0, ""
 
 
 def _branch(arrays: Arrays, part: str) -> Arrays:
@@ -80,7 +112,8 @@ def _branch(arrays: Arrays, part: str) -> Arrays:
 
 
 def _branches(arrays: Arrays) -> str:
-    return f"; it holds {listed(list(arrays)[:12])}" if arrays else ""
+    tables = [path for path, array in arrays.items() if array.size > 1]
+    return f"; it holds {listed(tables[:12])}" if tables else ""
 
 
 def _columns(name: str, array: NDArray[Any], labels: Sequence[str]) -> Iterator[tuple[str, NDArray[Any]]]:

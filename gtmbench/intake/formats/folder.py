@@ -15,7 +15,7 @@ from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
 
 _TOPICS = {topic for topic, _ in ALL}
-_MOST = 300  # tables
+MOST_TABLES = 300
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
@@ -95,8 +95,8 @@ def _tables(path: Path) -> list[Path]:
 
 def is_folder_of_tables(path: Path) -> bool:
     """Tell whether a folder's tables are one flight's: of an autopilot's topics, or called by sensors, each once."""
-    tables = _tables(path)[: _MOST + 1]
-    if not 2 <= len(tables) <= _MOST:
+    tables = _tables(path)[: MOST_TABLES + 1]
+    if not 2 <= len(tables) <= MOST_TABLES:
         return False
     bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
     of_autopilot = {_of(_topic(table.stem)) for table in tables} & _TOPICS

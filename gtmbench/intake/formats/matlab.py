@@ -82,8 +82,8 @@ def _of_scipy(path: str) -> Found:
                 yield name, flat
             elif depth < _DEPTH:  # a struct's array, or a cell's
                 left += [(f"{name}({place})", each, depth + 1) for place, each in enumerate(flat[:64], 1)]
-        elif isinstance(value, np.ndarray) and value.dtype.kind in "iufb":
-            yield name, value
+        elif isinstance(value, (np.ndarray, int, float)) and np.asarray(value).dtype.kind in "iufb":
+            yield name, np.asarray(value)
 
 
 def _class_of(value: Any) -> str:

@@ -1,4 +1,4 @@
-"""A log that is packed: one behind gzip, or one of a zip's; unpacked under a bound, and by no name of the archive's."""
+"""A log that is packed: behind gzip, one of a zip's, or all its tables; unpacked aside, under a bound."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import gzip
 import stat
 import tempfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path, PurePosixPath
@@ -16,6 +16,7 @@ import numpy as np
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.folder import MOST_TABLES, is_folder_of_tables
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import RawLog
 
@@ -41,23 +42,43 @@ Reads = Callable[[Path], RawLog]
 
 def read_gzip(path: Path, read: Reads) -> RawLog:
     """Read the log in a gzip."""
-    with reading(path, "gzip"), gzip.open(path) as packed:
-        return _unpacked(path, packed, path.name.removesuffix(".gz"), read)
+    with reading(path, "gzip"), gzip.open(path) as packed, tempfile.TemporaryDirectory() as folder:
+        name = path.name.removesuffix(".gz")
+        aside = Path(folder, "log" + _suffix(name))
+        _unpack(packed, aside, _most_bytes(path))
+        return _read_aside(aside, name, read)
 
 
 def read_zip(path: Path, part: str, read: Reads) -> RawLog:
-    """Read the only log in a zip, or the one that is named."""
-    with reading(path, "zip"), zipfile.ZipFile(path) as archive:
+    """Read the only log in a zip, the one that is named, or its tables where they are one flight's."""
+    with reading(path, "zip"), zipfile.ZipFile(path) as archive, tempfile.TemporaryDirectory() as folder:
         logs = {member.filename: member for member in archive.infolist() if _may_be_log(member)}
         if part and part not in logs:
             raise InputError(f"it has no '{part}'; there is {', '.join(list(logs)[:12]) or 'no log'}")
         if not logs:
             raise InputError("it holds no log")
         if len(logs) > 1 and not part:
-            raise InputError(f"it holds {len(logs)} files; say which is meant: {path}:{next(iter(logs))}")
+            return _read_tables(path, archive, list(logs.values()), Path(folder), read)
         member = logs[part or next(iter(logs))]
+        aside = Path(folder, "log" + _suffix(member.filename))
         with archive.open(member) as packed:
-            return _unpacked(path, packed, member.filename, read)
+            _unpack(packed, aside, _most_bytes(path))
+        return _read_aside(aside, member.filename, read)
+
+
+def _read_tables(
+    path: Path, archive: zipfile.ZipFile, members: Sequence[zipfile.ZipInfo], folder: Path, read: Reads
+) -> RawLog:
+    """Read the tables of one flight, as a folder of them; refuse any other files."""
+    names = [PurePosixPath(member.filename) for member in members]
+    left, each_once = _most_bytes(path), len({name.stem for name in names}) == len(names) <= MOST_TABLES
+    if each_once and len({name.parent for name in names}) == 1 and {name.suffix.lower() for name in names} == {".csv"}:
+        for member, name in zip(members, names, strict=True):
+            with archive.open(member) as packed:
+                left -= _unpack(packed, folder / one_line(name.name)[-100:], left)
+        if is_folder_of_tables(folder):
+            return _read_aside(folder, path.name, read)
+    raise InputError(f"it holds {len(members)} files; say which is meant: {path}:{names[0]}")
 
 
 def _may_be_log(member: zipfile.ZipInfo) -> bool:
@@ -68,19 +89,29 @@ def _may_be_log(member: zipfile.ZipInfo) -> bool:
     return not (member.is_dir() or hidden or is_link or is_word)
 
 
-def _unpacked(path: Path, packed: IO[bytes] | gzip.GzipFile, name: str, read: Reads) -> RawLog:
-    """Read what is packed, by way of a file that is gone afterwards: its columns are loaded while it is there."""
-    most = min(LARGEST_FILE_BYTES, _SMALL_BYTES + _PACKED_AT_MOST * path.stat().st_size)
-    with tempfile.TemporaryDirectory() as folder:
-        aside = Path(folder, "log" + PurePosixPath(name).suffix[:12])
-        with aside.open("wb") as plain:
-            while piece := packed.read(_PIECE):
-                plain.write(piece)
-                if plain.tell() > most:
-                    raise InputError(f"it unpacks to more than {most} bytes; unpack it, if it is a log")
-        try:
-            raw = read(aside)
-        except InputError as error:
-            raise InputError(str(error).replace(str(aside), one_line(name)[:200])) from error
-        series = tuple(replace(each, load=partial(np.asarray, each.load())) for each in raw.series)
-        return replace(raw, kind=f"packed {raw.kind}", series=series, batches=None)
+def _suffix(name: str) -> str:
+    return PurePosixPath(name).suffix[:12]
+
+
+def _most_bytes(path: Path) -> int:
+    return min(LARGEST_FILE_BYTES, _SMALL_BYTES + _PACKED_AT_MOST * path.stat().st_size)
+
+
+def _unpack(packed: IO[bytes] | gzip.GzipFile, aside: Path, most: int) -> int:
+    """Write what is packed to a file, and return its size."""
+    with aside.open("wb") as plain:
+        while piece := packed.read(_PIECE):
+            plain.write(piece)
+            if plain.tell() > most:
+                raise InputError("it unpacks to far more than its size; unpack it, if it is a log")
+        return plain.tell()
+
+
+def _read_aside(aside: Path, name: str, read: Reads) -> RawLog:
+    """Read what was unpacked; its columns are loaded while it is there, and it goes by its own name."""
+    try:
+        raw = read(aside)
+    except InputError as error:
+        raise InputError(str(error).replace(str(aside), one_line(name)[:200])) from error
+    series = tuple(replace(each, load=partial(np.asarray, each.load())) for each in raw.series)
+    return replace(raw, kind=f"packed {raw.kind}", series=series, batches=None)

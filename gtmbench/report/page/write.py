@@ -1,19 +1,14 @@
-"""A campaign's report as a page, Markdown or JSON.
-
-The page is one file that asks nothing of any network: style, script and figures stand in it, and its security policy
-allows nothing else. Whatever a file or a name says is escaped.
-"""
+"""A campaign's report as a page, Markdown or JSON."""
 
 from __future__ import annotations
 
 import base64
 import io
 from collections.abc import Callable, Mapping
-from hashlib import sha256
-from importlib import resources
 from typing import TYPE_CHECKING, NamedTuple
 
 from gtmbench.files.plain import dumps, plain
+from gtmbench.report.page.html import html_page
 from gtmbench.report.page.sections import Contents
 from gtmbench.report.tables.scores import Table, in_markdown, scores_results
 from gtmbench.report.tables.who_sees_what import who_sees_what
@@ -32,19 +27,9 @@ class Drawn(NamedTuple):
 
 def page(contents: Contents) -> str:
     """Return the report as one HTML page."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-    from markupsafe import Markup
-
-    environment = Environment(
-        loader=PackageLoader("gtmbench.report", "page"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    script = _own("sort.js")
-    digest = base64.b64encode(sha256(script.encode()).digest()).decode()
-    return environment.get_template("page.html.j2").render(
+    return html_page(
+        "campaign.html.j2",
+        "sort.js",
         title=contents.title,
         summary=contents.summary,
         verdict=contents.verdict,
@@ -54,14 +39,7 @@ def page(contents: Contents) -> str:
         facts=contents.run(),
         commands=contents.commands(),
         made_by=f"Made by gtmbench {__version__} from the parts of the campaign.",
-        style=Markup(_own("page.css")),  # noqa: S704  our own files
-        script=Markup(script),  # noqa: S704
-        script_digest=digest,
     )
-
-
-def _own(name: str) -> str:
-    return resources.files("gtmbench.report.page").joinpath(name).read_text(encoding="utf-8")
 
 
 def _drawn(caption: str, figure: Figure) -> Drawn:

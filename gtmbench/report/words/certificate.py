@@ -34,8 +34,8 @@ def certificate_text(certificate: Certificate) -> str:
     return f"A bias above {', '.join(sizes)}{unit} {within}" + (f"; none of {blind}." if blind else ".")
 
 
-def certificate_lines(certificate: Certificate) -> list[str]:
-    """Return the table of all sensors and kinds; nothing where there is none."""
+def certificate_table(certificate: Certificate) -> list[list[str]]:
+    """Return the smallest faults of every sensor, a row a sensor, with a heading; nothing where there are none."""
     rows = certificate.rows
     if not rows:
         return []
@@ -46,6 +46,21 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         table.append([sensor, *("-" if row is None else _seen_text(row) for row in own)])
         if certificate.is_named:
             table.append(["  named", *("-" if row is None else size_text(row, row.named_from) for row in own)])
+    return table
+
+
+def certificate_lines(certificate: Certificate) -> list[str]:
+    """Return the table of all sensors and kinds, with its meaning; nothing where there is none."""
+    rows, table = certificate.rows, certificate_table(certificate)
+    if not table:
+        return []
+    return [f"{certificate_title(certificate)}:", *_aligned(table), *(f"  {note}" for note in certificate_notes(rows))]
+
+
+def certificate_title(certificate: Certificate) -> str:
+    """Return what the table is of."""
+    rows = certificate.rows
+    kinds = dict.fromkeys(row.kind for row in rows)
     longer = [f"{_NAMES.get(row.kind, row.kind)} {row.within_s:g} s" for row in rows[: len(kinds)]]
     limits = sorted({row.within_s for row in rows})
     within = f"within {limits[0]:g} s" + (
@@ -53,22 +68,26 @@ def certificate_lines(certificate: Certificate) -> list[str]:
         if len(limits) > 1
         else ""
     )
-    lines = [
+    return (
         f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
-        f"{_watched(certificate)}:",
-        *_aligned(table),
-    ]
+        f"{_watched(certificate)}"
+    )
+
+
+def certificate_notes(rows: Sequence[Smallest]) -> list[str]:
+    """Return what the table's cells mean that aren't sizes, and what it rests on."""
+    notes = []
     if any(row.size is None for row in rows):
-        lines.append("  in ... %: even the largest fault tried would have been detected this rarely")
+        notes.append("in ... %: even the largest fault tried would have been detected this rarely")
     dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
     if dead:
-        lines.append(f"  {', '.join(dead)} going dead would not have been detected at {_share(SHARE)} of start times")
+        notes.append(f"{', '.join(dead)} going dead would not have been detected at {_share(SHARE)} of start times")
     if any(row.time_constant_s is not None for row in rows):
-        lines.append(
-            f"  The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "
+        notes.append(
+            f"The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "
             "the worse is told."
         )
-    return lines
+    return notes
 
 
 def size_text(row: Smallest, size: float | None) -> str:

@@ -119,8 +119,16 @@ def events_lines(events: Sequence[Event]) -> list[str]:
 
 def event_text(event: Event) -> str:
     """Write an event: what, when, and in the log's words where they say more."""
-    told = f" ({event.text})" if event.kind in _TOLD else ""
-    return f"{event.kind} at {event.time_s:.2f} s{told}"
+    return f"{event.kind} at {event.time_s:.2f} s{_own_words(event)}"
+
+
+def event_name(event: Event) -> str:
+    """Write an event without its time."""
+    return f"{event.kind}{_own_words(event)}"
+
+
+def _own_words(event: Event) -> str:
+    return f" ({event.text})" if event.kind in _TOLD else ""
 
 
 def _events_text(same: Sequence[Event]) -> str:

@@ -103,9 +103,9 @@ def doubt_text(doubtful: Sequence[Alarm]) -> str:
     return f"{counted(len(doubtful), 'alarm')} ({told}) may be no fault: {doubts}"
 
 
-def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
-    """Return the verdict and the lines that follow it, as wide as a screen."""
-    labelled = [
+def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
+    """Return what follows the verdict: a label and what is said under it, those that say something."""
+    told = [
         ("Why", _why(watched)),
         ("How sure", _certainty(watched)),
         ("Not watched", _not_watched(watched)),
@@ -114,17 +114,21 @@ def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
         ("Read as", _read_as(watched)),
         ("Next", _next(watched)),
     ]
+    return [(label, " ".join(sentences)) for label, sentences in told if sentences]
+
+
+def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
+    """Return the verdict and the lines that follow it, as wide as a screen."""
     lines = textwrap.wrap(verdict_text(watched), width)
-    for label, sentences in labelled:
-        if sentences:
-            lines += textwrap.wrap(
-                f"{label:{_LABEL}}{' '.join(sentences)}",
-                width,
-                subsequent_indent=" " * _LABEL,
-                break_on_hyphens=False,
-                max_lines=_LINES,
-                placeholder=" ...",
-            )
+    for label, text in labelled(watched):
+        lines += textwrap.wrap(
+            f"{label:{_LABEL}}{text}",
+            width,
+            subsequent_indent=" " * _LABEL,
+            break_on_hyphens=False,
+            max_lines=_LINES,
+            placeholder=" ...",
+        )
     return lines
 
 
@@ -242,7 +246,7 @@ def _next(watched: WatchedLog) -> list[str]:
     if watched.outcome is Outcome.UNKNOWN and watched.identified_s:
         return ["--identify SPAN|LOG for more healthy flight; --details for the rest."]
     if watched.outcome is Outcome.FAILED:
-        return ["--figure F.png or --record F.rrd to see it; --details for the rest."]
+        return ["--report F.html or --record F.rrd to see it; --details for the rest."]
     return ["--details for the rest, with the sizes of detectable faults."]
 
 

@@ -1,0 +1,94 @@
+"""The command demo: half a minute from installing to a picture."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import sys
+from contextlib import chdir, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+from gtmbench.cli.flight import fly_command
+from gtmbench.cli.inject import inject_command
+from gtmbench.cli.monitor import monitor_command
+from gtmbench.cli.output import claim_folder, common_options, echo, print_json
+from gtmbench.files.folders import atomic_folder
+from gtmbench.report.tables.envelope import envelope
+from gtmbench.study.log.watched import Outcome
+
+PAGE, RECORDING, STORY = "broken.html", "broken.rrd", "README.md"
+_WATCHED = "--identify 0:50"
+# what is typed, and why; the last opens a window, which is left to whoever reads this
+COMMANDS = (
+    ("fly --out flight.csv --duration 120 --excitation multisine+turbulence --noise t2", "a healthy flight, as a log"),
+    ("inject flight.csv --fault bias:q:size=3 --onset 80 --out broken.csv", "its pitch gyro reads 3 deg/s too much"),
+    (f"monitor flight.csv {_WATCHED}", "the healthy flight, watched"),
+    (f"monitor broken.csv {_WATCHED} --report {PAGE} --record {RECORDING}", "the broken one, watched"),
+    (f"view {RECORDING}", "the recording, in the rerun viewer"),
+)
+_WELL = "The broken gyro was found and named, and the healthy flight was not accused."
+_RUN = {"fly": fly_command, "inject": inject_command, "monitor": monitor_command}
+_FOUND = (0, 0, int(Outcome.HEALTHY), int(Outcome.FAILED))  # the exit codes, where all goes as it should
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Step:
+    """A command that was run."""
+
+    typed: str
+    why: str
+    exit_code: int
+    lines: list[str]
+
+
+@click.command("demo")
+@click.option(
+    "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
+)
+@click.option("--force", is_flag=True, help="Write over existing files.")
+@common_options
+def demo_command(out: Path, force: bool, as_json: bool, quiet: bool) -> int:
+    """Fly, break a gyro, watch it: half a minute, no screen and no network needed.
+
+    The folder holds two logs, a page that a browser opens, a recording, and the five commands that made them. Exit
+    code: 0 if the broken gyro was found and the healthy flight was not accused, otherwise 3.
+    """
+    claim_folder(out, force=force)
+    shows = sys.stderr.isatty() and not (as_json or quiet)
+    with atomic_folder(out) as aside, chdir(aside):
+        steps = [_run(typed, why, shows=shows) for typed, why in COMMANDS[: len(_FOUND)]]
+        Path(STORY).write_text(_story(steps), encoding="utf-8")
+    went = tuple(step.exit_code for step in steps) == _FOUND
+    code = int(Outcome.HEALTHY if went else Outcome.UNKNOWN)
+    verdict = _WELL if went else f"Cannot tell: of the broken flight was said: {steps[3].lines[0]}"
+    if as_json:
+        rows = [{"text": step.lines[0], "typed": step.typed, "exit_code": step.exit_code} for step in steps]
+        print_json(envelope("demo", verdict, {"out": str(out), "steps": rows}, exit_code=code))
+    elif not quiet:
+        echo(verdict)
+        for step in steps:
+            echo(f"\n$ {step.typed}    # {step.why}")
+            echo("\n".join(f"  {line}" for line in step.lines))
+        echo(f"\nLook at it: open {out / PAGE} in a browser, or type: gtmbench view {out / RECORDING}")
+    return code
+
+
+def _run(typed: str, why: str, *, shows: bool) -> _Step:
+    """Run a command as if it were typed, and keep what it prints."""
+    name, *arguments = shlex.split(typed)
+    if shows:
+        echo(f"$ gtmbench {typed}", err=True)
+    said = io.StringIO()
+    with redirect_stdout(said):
+        code = _RUN[name].main(arguments, prog_name=f"gtmbench {name}", standalone_mode=False)
+    return _Step(typed=f"gtmbench {typed}", why=why, exit_code=int(code or 0), lines=said.getvalue().splitlines())
+
+
+def _story(steps: list[_Step]) -> str:
+    """Return what the folder says of itself."""
+    commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
+    said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
+    return f"# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"

@@ -1,0 +1,236 @@
+"""A watched log as a page: what an engineer files with a ticket, or sends to a colleague."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from hashlib import file_digest
+from pathlib import Path
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.intake.formats.registry import split_part
+from gtmbench.report.log_findings import (
+    TINTS,
+    State,
+    about,
+    began_s,
+    faults_of,
+    residuals_of,
+    scores_of,
+    signals_of,
+    stretches,
+    whole_of,
+)
+from gtmbench.report.page.html import html_page
+from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
+from gtmbench.report.score_units import LOWEST, level
+from gtmbench.report.tables.results import versions
+from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
+from gtmbench.report.words.judgement import alarm_text
+from gtmbench.report.words.log import detail_lines, event_name
+from gtmbench.report.words.units import duration_text
+from gtmbench.report.words.verdict import labelled, sensor_text, verdict_text
+from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.channels import unit_of
+from gtmbench.values.record import Span
+from gtmbench.version import __version__
+
+_MOST_FAULTS = 4  # that are shown large
+_MOST_ROWS = 40  # of a table
+_MOST_LEVELS = 6  # test statistics in one panel
+_MEASURED, _PREDICTED, _RESIDUAL = "measured", "predicted", "residual"
+
+
+def flight_page(watched: WatchedLog, command: str) -> str:
+    """Return a watched log as one HTML page that needs no network.
+
+    It holds no path, user or machine of where it was made, and no position.
+
+    Parameters
+    ----------
+    watched : WatchedLog
+    command : str
+        What repeats it, as it is typed where the log lies.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.write_log(record, f"{folder}/flight.csv")
+    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    ...     page = flight_page(watched, "gtmbench monitor flight.csv")
+    >>> page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page
+    (True, False, True)
+    """
+    span = whole_of(watched)
+    faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
+    close = [about(fault, span) for fault in faults]
+    title, *cells = certificate_table(watched.certificate) or [[]]
+    return html_page(
+        "flight.html.j2",
+        "flight.js",
+        "flight.css",
+        said=_placeless(watched.log.path),
+        title=verdict_text(watched),
+        outcome=watched.outcome.name.lower(),
+        log=_log_text(watched),
+        labelled=[(label, text) for label, text in labelled(watched) if label != "Next" or watched.check.causes],
+        span=(0.0, round(span[1] - span[0], 3)),
+        start_s=span[0],
+        ticks=time_ticks(span),
+        panels=panels(watched, span, close),
+        marks=marks(watched),
+        states=[(state, TINTS[state]) for state in State if any(each.state is state for each in stretches(watched))],
+        windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
+        alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
+        more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
+        events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
+        more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
+        treatment=_treatment(watched),
+        certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
+        certificate_notes=certificate_notes(watched.certificate.rows),
+        details="\n".join(detail_lines(watched)),
+        facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
+        command=command,
+        made_by=f"Made by gtmbench {__version__} of the log alone; it says where nothing was watched, and why.",
+    )
+
+
+def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+    """Return what is drawn: test statistics over their thresholds, then every sensor and its residual."""
+    made = _level_panels(watched, span, close)
+    for name in signals_of(watched):
+        unit = unit_of(name)
+        lines: list[tuple[str, str, Series]] = [
+            (_MEASURED, _MEASURED, [(segment.time_s, segment[name]) for segment in watched.log.segments])
+        ]
+        virtual = [(watch.record.time_s, watch.virtual(name)) for watch in watched.watches if name in watch.record]
+        if any(np.isfinite(values).any() for _, values in virtual):
+            lines.append((_PREDICTED, _PREDICTED, virtual))
+        title = sensor_text(name)
+        described = f"{title}, measured and predicted from the other sensors. {_alarms_said(watched)}"
+        made.append(panel(_capital(title), unit, lines, span, close, description=described))
+        if name in residuals_of(watched):
+            residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
+            described = f"{title}, measured minus predicted. {_alarms_said(watched)}"
+            own = [(_RESIDUAL, _RESIDUAL, residual)]
+            made.append(panel(f"Residual of {name}", unit, own, span, close, description=described))
+    return made
+
+
+def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+    """Return the panel of those test statistics that came nearest to their thresholds; none where there are none."""
+    levels: dict[str, Series] = {
+        name: [
+            (watch.scores[name].known_s, np.log10(np.maximum(level(watch.scores[name]), LOWEST)))
+            for watch in watched.watches
+            if name in watch.scores
+        ]
+        for name in scores_of(watched)
+    }
+    peaks = {name: max(float(np.nanmax(values, initial=-9.0)) for _, values in parts) for name, parts in levels.items()}
+    largest = sorted(peaks, key=lambda name: -peaks[name])[:_MOST_LEVELS]
+    if not largest:
+        return []
+    lines = [
+        (name, f"level{place}", levels[name]) for place, name in enumerate(name for name in levels if name in largest)
+    ]
+    described = f"Test statistics over their thresholds: an alarm above 1. {_alarms_said(watched)}"
+    few = f", the {_MOST_LEVELS} largest of {len(levels)}" if len(levels) > _MOST_LEVELS else ""
+    return [
+        panel(
+            f"Test statistics over their thresholds{few}",
+            "alarm above 1",
+            lines,
+            span,
+            close,
+            is_logarithmic=True,
+            limits=[0.0],
+            description=described,
+        )
+    ]
+
+
+def marks(watched: WatchedLog) -> list[Mark]:
+    """Return what stands in every panel: what wasn't watched, when faults began, alarms and names."""
+    start_s = whole_of(watched)[0]
+    spans = [
+        Mark(
+            start_s=each.start_s - start_s,
+            end_s=each.end_s - start_s,
+            look=each.state.name.lower(),
+            name=str(each.state),
+        )
+        for each in stretches(watched)
+    ]
+    instants = []
+    for alarm in watched.alarms[:_MOST_ROWS]:
+        instants += [(began_s(alarm), "began", "began"), (alarm.time_s, "alarm", "alarm")]
+        if alarm.isolated_s is not None:
+            instants.append((alarm.isolated_s, "named", "sensor named"))
+    lines = [
+        Mark(start_s=time_s - start_s, end_s=time_s - start_s, look=look, name=name) for time_s, look, name in instants
+    ]
+    return spans + lines
+
+
+def _alarm_row(alarm: Alarm) -> tuple[str, ...]:
+    ended = "" if alarm.ended_s is None else f"{alarm.ended_s:.2f}"
+    named = "" if alarm.isolated_s is None else f"{alarm.isolated_s:.2f}"
+    what = "nothing is left to explain: a false alarm" if alarm.has_passed else alarm_text(alarm)
+    return f"{began_s(alarm):.2f}", f"{alarm.time_s:.2f}", named, ended, what
+
+
+def _treatment(watched: WatchedLog) -> list[tuple[str, str]]:
+    """Return how long the log was in each state."""
+    rows = [(each.state, each.duration_s) for each in stretches(watched)]
+    lengths = {state: sum(length_s for own, length_s in rows if own is state) for state in State}
+    return [(str(state), f"{length_s:.1f}") for state, length_s in lengths.items() if length_s >= 0.05]
+
+
+def _alarms_said(watched: WatchedLog) -> str:
+    told = [f"alarm at {alarm.time_s:.1f} s" for alarm in watched.alarms if not alarm.has_passed]
+    return f"{_capital(', '.join(told[:_MOST_FAULTS]))}." if told else "No alarm."
+
+
+def _log_text(watched: WatchedLog) -> str:
+    log, (start_s, end_s) = watched.log, whole_of(watched)
+    length = duration_text((end_s - start_s) / 3600.0)
+    return f"{log.path.name}: {length} of flight, {1.0 / log.sample_period_s:.4g} samples a second"
+
+
+def _digest_text(path: Path) -> str:
+    """Return what shows that a log is this one."""
+    whole, part = split_part(path)
+    if not whole.is_file():
+        return path.name
+    with whole.open("rb") as file:
+        digest = file_digest(file, "sha256").hexdigest()
+    return f"{path.name}{f' of {whole.name}' * bool(part)}, {whole.stat().st_size} bytes, SHA-256 {digest}"
+
+
+def _version_facts() -> list[tuple[str, str]]:
+    return [("Versions", ", ".join(f"{name} {version}" for name, version in versions().items()))]
+
+
+def _placeless(path: Path) -> Callable[[str], str]:
+    """Return what takes the folders of where a page is made out of its texts."""
+    own = {str(path.parent), str(path.parent.absolute()), str(Path.home())} - {".", os.sep}
+    folders = [f"{folder}{os.sep}" for folder in sorted(own, key=len, reverse=True)]
+
+    def said(text: str) -> str:
+        for folder in folders:
+            text = text.replace(folder, "")
+        return text
+
+    return said
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

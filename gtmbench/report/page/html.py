@@ -1,0 +1,54 @@
+"""A page that is one file and asks nothing of any network.
+
+Style, script and figures stand in it, its security policy allows nothing else, and whatever a file or a name says is
+escaped.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable
+from hashlib import sha256
+from importlib import resources
+from typing import Any
+
+
+def html_page(
+    template: str, script: str, style: str = "", *, said: Callable[[str], str] = str, **values: object
+) -> str:
+    """Return a page of one of the templates beside this file.
+
+    Parameters
+    ----------
+    template, script, style : str
+        Names of files beside this one.
+    said : function
+        What becomes of every text before it is escaped.
+    **values
+        What the template says.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    def finalized(value: Any) -> Any:
+        return said(value) if type(value) is str else value
+
+    environment = Environment(
+        loader=PackageLoader("gtmbench.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=finalized,
+    )
+    code = _beside(script)
+    return environment.get_template(template).render(
+        style=Markup(_beside("page.css") + (_beside(style) if style else "")),  # noqa: S704  our own files
+        script=Markup(code),  # noqa: S704
+        script_digest=base64.b64encode(sha256(code.encode()).digest()).decode(),
+        **values,
+    )
+
+
+def _beside(name: str) -> str:
+    return resources.files("gtmbench.report.page").joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,192 @@
+"""Panels of a page: lines over time as SVG, in the units of their data, so that a page's script only moves the window.
+
+A panel is as wide as the log. A line keeps every sample about the faults, and elsewhere the least and the greatest of
+as many as a screen can't tell apart, so that a page of an hour stays small.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.report.figures.panels import thinned
+from gtmbench.values.record import FloatArray, Span
+
+_POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
+_DIGITS = 4  # of a value, of the panel's height
+_TICKS = 3  # at least, on an axis
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A line: what it is, how it looks (a class of the page's style) and its path."""
+
+    name: str
+    look: str
+    path: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """An instant, or a span of time, of every panel."""
+
+    start_s: float
+    end_s: float
+    look: str
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tick:
+    """A place on an axis, as a share of its length, and what it is called."""
+
+    share: float
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """Lines over one axis.
+
+    Attributes
+    ----------
+    title, unit : str
+    lines : tuple of Line
+    low, high : float
+        The axis, in the lines' units; of a logarithmic one the exponents of 10.
+    is_logarithmic : bool
+    description : str
+        What a screen reader says.
+    limits : tuple of float
+        Values that are drawn across, such as a threshold.
+    """
+
+    title: str
+    unit: str
+    lines: tuple[Line, ...]
+    low: float
+    high: float
+    is_logarithmic: bool = False
+    description: str = ""
+    limits: tuple[float, ...] = field(default=())
+
+    @property
+    def ticks(self) -> list[Tick]:
+        """Round values on the axis."""
+        return [
+            Tick(
+                share=(value - self.low) / (self.high - self.low),
+                name=f"{10.0**value:g}" if self.is_logarithmic else f"{value:g}",
+            )
+            for value in self._marked()
+        ]
+
+    def _marked(self) -> list[float]:
+        """Return round values; on a logarithmic axis powers of ten."""
+        if self.is_logarithmic:
+            return [float(power) for power in range(math.ceil(self.low), math.floor(self.high) + 1)]
+        return round_values((self.low, self.high))
+
+
+Series = Sequence[tuple[FloatArray, FloatArray]]  # times in s, and values: a part after the other
+
+
+def panel(
+    title: str,
+    unit: str,
+    lines: Sequence[tuple[str, str, Series]],
+    span: Span,
+    close: Sequence[Span],
+    *,
+    is_logarithmic: bool = False,
+    limits: Sequence[float] = (),
+    description: str = "",
+) -> Panel:
+    """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start."""
+    heights = [_reach(values) for _, _, parts in lines for _, values in parts]
+    low = min([*(low for low, _ in heights), *limits], default=0.0)
+    high = max([*(high for _, high in heights), *limits], default=1.0)
+    low, high = (low, high) if math.isfinite(low) and math.isfinite(high) else (0.0, 1.0)
+    room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
+    low, high = low - room, high + room
+    made = [
+        Line(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
+        for name, look, parts in lines
+    ]
+    return Panel(
+        title=title,
+        unit=unit,
+        lines=tuple(made),
+        low=low,
+        high=high,
+        is_logarithmic=is_logarithmic,
+        limits=tuple(limits),
+        description=description,
+    )
+
+
+def round_values(span: Span) -> list[float]:
+    """Return round values within a span, three to eight of them.
+
+    >>> round_values((0.0, 60.0)), round_values((-0.31, 0.28))
+    ([0.0, 20.0, 40.0, 60.0], [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2])
+    """
+    apart = (span[1] - span[0]) / _TICKS
+    unit = 10.0 ** math.floor(math.log10(apart))
+    step = max(each * unit for each in (1.0, 2.0, 5.0) if each * unit <= apart)
+    first, last = math.ceil(span[0] / step - 1e-9), math.floor(span[1] / step + 1e-9)
+    return [float(f"{count * step:.10g}") for count in range(first, last + 1)]
+
+
+def time_ticks(span: Span) -> list[Tick]:
+    """Return round instants of a log's clock, as shares of a span."""
+    return [Tick(share=(time_s - span[0]) / (span[1] - span[0]), name=f"{time_s:g}") for time_s in round_values(span)]
+
+
+def _reach(values: FloatArray) -> Span:
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else (math.inf, -math.inf)
+
+
+def _shown(part: tuple[FloatArray, FloatArray], span: Span, close: Sequence[Span]) -> tuple[FloatArray, FloatArray]:
+    """Return a part of a line as it is drawn: thinned, but about the faults."""
+    time_s, values = part
+    if not len(time_s):
+        return part
+    share = (time_s[-1] - time_s[0]) / max(span[1] - span[0], 1e-9)
+    coarse_s, coarse = _thinned(time_s, values, max(_POINTS * share, 2.0))
+    for start_s, end_s in close:
+        inside = (time_s >= start_s) & (time_s <= end_s)
+        if inside.any():
+            outside = (coarse_s < start_s) | (coarse_s > end_s)
+            fine_s, fine = _thinned(time_s[inside], values[inside], _CLOSE_POINTS)
+            coarse_s, coarse = np.append(coarse_s[outside], fine_s), np.append(coarse[outside], fine)
+            order = np.argsort(coarse_s, kind="stable")
+            coarse_s, coarse = coarse_s[order], coarse[order]
+    return coarse_s, coarse
+
+
+def _thinned(time_s: FloatArray, values: FloatArray, points: float) -> tuple[FloatArray, FloatArray]:
+    return thinned(time_s, values, every=max(1, math.ceil(2 * len(values) / points)))
+
+
+def _path(parts: Series, start_s: float, height: float) -> str:
+    """Return an SVG path; what is missing, and the parts' ends, break it."""
+    digits = max(0, _DIGITS - 1 - math.floor(math.log10(height)))
+    return " ".join(text for time_s, values in parts for text in _strokes(time_s - start_s, values, digits))
+
+
+def _strokes(time_s: FloatArray, values: FloatArray, digits: int) -> Iterator[str]:
+    known = np.isfinite(values)
+    edges = np.flatnonzero(np.diff(known, prepend=False, append=False))
+    for first, last in zip(edges[::2], edges[1::2], strict=True):
+        points = zip(time_s[first:last].tolist(), values[first:last].tolist(), strict=True)
+        yield "M" + " ".join(f"{_short(time, 3)},{_short(value, digits)}" for time, value in points)
+
+
+def _short(value: float, digits: int) -> str:
+    text = f"{value:z.{digits}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,0 +1,195 @@
+"""The page of a log: verdict first, every spike, no place, without mouse or network."""
+
+import re
+from functools import cache
+
+import numpy as np
+import pytest
+from markupsafe import escape
+
+import gtmbench as gb
+from gtmbench.report.page.flight import flight_page
+from gtmbench.report.page.traces import panel, round_values
+from gtmbench.report.words.verdict import verdict_text
+from tests.helpers.browsers import Seen, looking_at
+from tests.helpers.hostile import refused
+
+HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
+COMMAND = "gtmbench monitor flight.csv --identify 0:50"
+
+
+@cache
+def record_with(bias, seconds=110.0):
+    flight = gb.fly(excitation="multisine+turbulence", duration_s=seconds, seed=3)
+    record = gb.decimate(gb.measure(flight, noise="t2", seed=3), 4).select(["p", "q", "r", "phi", "theta", "psi"])
+    return gb.inject(record, gb.Bias(channel="q", onset_s=80.0, size=bias)) if bias else record
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flights") / "somebody's place"
+    folder.mkdir()
+    gb.write_log(record_with(4.0), folder / "flight.csv")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def watched(folder):
+    return gb.watch_log(folder / "flight.csv", "auto", healthy=[(0.0, 50.0)])
+
+
+@pytest.fixture(scope="module")
+def page(watched):
+    return flight_page(watched, COMMAND)
+
+
+# ---- what it says ----
+
+
+def test_the_verdict_is_the_title_and_every_part_is_there(watched, page):
+    text = Seen(page).text
+    verdict = verdict_text(watched)
+    assert verdict.startswith("The pitch gyro (q) failed at")
+    assert f'<h1 class="failed">{escape(verdict)}</h1>' in page
+    order = ["Why", "How sure", "Learnt from", "Pitch gyro (q)", "Alarms", "From which size on", COMMAND, "SHA-256"]
+    places = [text.index(part) for part in order]
+    assert places == sorted(places)
+
+
+def test_lines_keep_every_sample_about_a_fault_to_what_can_be_seen(watched, page):
+    record = watched.log.segments[0]
+    (path,) = re.findall(
+        r'data-name="measured" d="([^"]*)"', page.partition("Pitch gyro (q)")[2].partition("</figure>")[0]
+    )
+    points = np.array([point.split(",") for stroke in path.split("M")[1:] for point in stroke.split()], dtype=float)
+    shown = (points[:, 0] > 79.0) & (points[:, 0] < 82.0)
+    own = (record.time_s - record.start_s > 79.0) & (record.time_s - record.start_s < 82.0)
+    assert np.count_nonzero(shown) == np.count_nonzero(own)
+    assert np.abs(points[shown, 1] - record["q"][own]).max() < 1e-3 * np.ptp(record["q"])
+
+
+@pytest.mark.parametrize("seconds", [60.0, 3600.0])
+def test_a_spike_of_one_sample_is_seen_and_an_hour_stays_small(seconds):
+    time_s = np.arange(round(100 * seconds)) / 100.0
+    values = np.sin(time_s)
+    values[len(values) // 3] = 50.0
+    values[1000:2000] = np.nan
+    made = panel("q", "deg/s", [("measured", "measured", [(time_s, values)])], (0.0, seconds), [(20.0, 40.0)])
+    (line,) = made.lines
+    assert made.high > 50.0
+    assert ",50" in line.path
+    assert line.path.count("M") == 2
+    assert len(line.path) < 120_000  # 13 of them in a page of 2 MB
+
+
+@pytest.mark.parametrize("span", [(0.0, 1e-3), (-3.0, 4.0), (1.7e9, 1.7e9 + 90.0), (-1e6, 5e7)])
+def test_round_values_lie_within_and_are_evenly_apart(span):
+    values = round_values(span)
+    assert 3 <= len(values) <= 9
+    assert span[0] - 1e-9 <= values[0] < values[-1] <= span[1] + 1e-9 * abs(span[1])
+    assert np.ptp(np.diff(values)) < 1e-6 * (span[1] - span[0])
+
+
+# ---- what it must not do ----
+
+
+def test_it_tells_no_place_and_asks_nothing_of_a_network(folder, page):
+    assert str(folder) not in page
+    assert "somebody" not in page
+    assert all(reference.startswith("#") for reference in Seen(page).references)
+    assert "http" not in page.replace("http-equiv", "")
+    assert "url(" not in page
+    assert "default-src 'none'" in page
+
+
+def test_hostile_names_stay_words(folder):
+    gb.write_log(record_with(0.0, 70.0), folder / HOSTILE)
+    page = flight_page(gb.watch_log(folder / HOSTILE, "auto", healthy=[(0.0, 50.0)]), f"gtmbench monitor {HOSTILE}")
+    seen = Seen(page)
+    assert (seen.tags.count("script"), seen.tags.count("h1")) == (1, 1)
+    assert HOSTILE in seen.text
+
+
+# ---- the command ----
+
+
+def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
+    (tmp_path / "flight.csv").write_bytes((folder / "flight.csv").read_bytes())
+    typed = ["monitor", "flight.csv", "--identify", "0:50", "--report", "out.html"]
+    code, out, _ = cli(*typed)
+    assert (code, "report: out.html" in out) == (1, True)
+    written = (tmp_path / "out.html").read_text()
+    assert f"<pre>{COMMAND}</pre>" in written
+    refused(cli(*typed))
+    for wrong in ("out.htm", "flight.csv"):
+        refused(cli(*typed[:-1], wrong))
+    assert (tmp_path / "out.html").read_text() == written
+    code, out, err = cli("monitor", "flight.csv", "--out", "fleet", "--report", "x.html")
+    assert (code, "--report is of one log" in err) == (2, True)
+
+
+def test_a_fleets_report_links_to_the_pages_of_what_failed(cli, tmp_path):
+    for name, bias in (("broken.csv", 4.0), ("well.csv", 0.0)):
+        gb.write_log(record_with(bias, 110.0), tmp_path / name)
+    assert cli("monitor", "broken.csv", "well.csv", "--identify", "0:50", "--out", "fleet", "-q")[0] == 1
+    report = (tmp_path / "fleet/report.md").read_text()
+    (link,) = re.findall(r"\]\((pages/[^)]*)\)", report)
+    assert link.startswith("pages/broken.csv-")
+    assert "The pitch gyro (q) failed" in (tmp_path / "fleet" / link).read_text()
+
+
+# ---- in a browser ----
+
+
+@pytest.fixture(scope="module")
+def opened(page, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "flight.html"
+    path.write_text(page)
+    with looking_at(path) as look:
+        yield look
+
+
+def window(tab):
+    return [float(part) for part in tab.locator(".panel svg").nth(2).get_attribute("viewBox").split()]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "scheme"), [(375, "light"), (1280, "dark")])
+def test_a_browser_shows_it_without_complaint_and_without_scrolling_sideways(opened, width, scheme):
+    tab = opened(width, color_scheme=scheme)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert tab.complaints == []
+    assert all(url.startswith("file:") for url in tab.requests)
+
+
+@pytest.mark.browser
+def test_buttons_keys_and_the_mouse_zoom_and_read(opened, watched):
+    tab = opened(1280)
+    whole = window(tab)
+    tab.get_by_role("button", name=re.compile("^Fault at")).click()
+    near = window(tab)
+    assert near[0] < 80.0 < near[0] + near[2]
+    assert near[2] < 0.5 * whole[2]
+    panel = tab.locator(".panel svg").nth(4)  # the pitch gyro
+    panel.focus()
+    for _ in range(3):
+        tab.keyboard.press("ArrowRight")
+    said = tab.locator(".panel output").nth(3).inner_text()
+    time_s, value = map(float, re.match(r"([\d.]+) s: measured (-?[\d.]+)", said).groups())
+    record = watched.log.segments[0]
+    assert abs(record["q"][np.abs(record.time_s - time_s).argmin()] - value) < 0.05 * np.ptp(record["q"])
+    tab.keyboard.press("0")
+    assert window(tab)[::2] == pytest.approx(whole[::2])
+    box = panel.bounding_box()
+    tab.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 20)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 20)
+    tab.mouse.up()
+    assert window(tab)[2] == pytest.approx(0.25 * whole[2], rel=0.02)
+    assert tab.complaints == []
+
+
+@pytest.mark.browser
+def test_it_prints_on_two_sheets(opened):
+    printed = opened(1280).pdf(format="A4", margin=dict.fromkeys(("top", "bottom", "left", "right"), "12mm"))
+    assert len(re.findall(rb"/Type\s*/Page[^s]", printed)) <= 2
