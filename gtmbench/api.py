@@ -59,6 +59,10 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
 from gtmbench.intake.open import open_log
 from gtmbench.intake.resampling import decimate
+from gtmbench.link.events import LiveEvent, LiveKind
+from gtmbench.link.live import Live, live
+from gtmbench.link.sending import send_live
+from gtmbench.link.session import LinkCounts
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.estimators.bayesian import Bayesian
 from gtmbench.method.estimators.instruments import InstrumentalVariables
@@ -144,6 +148,10 @@ __all__ = [
     "Judgement",
     "Lag",
     "LeastSquares",
+    "LinkCounts",
+    "Live",
+    "LiveEvent",
+    "LiveKind",
     "LogColumn",
     "LoopEvent",
     "LoopFlight",
@@ -213,6 +221,7 @@ __all__ = [
     "inject",
     "inject_log",
     "innovations",
+    "live",
     "load_aircraft",
     "load_bank",
     "load_campaign",
@@ -236,6 +245,7 @@ __all__ = [
     "score_log",
     "select_inputs",
     "select_orders",
+    "send_live",
     "setting",
     "severity",
     "signatures",

@@ -1,9 +1,9 @@
 """The command line's frame: the commands, and how every one of them ends.
 
 Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`); 2 bad
-input or a failure that was foreseen (one line says why); 3 `monitor` or `score` could not tell, trials of a `campaign`
-failed; 130 Ctrl-C.
+(`monitor`, `live`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`);
+2 bad input or a failure that was foreseen (one line says why); 3 `monitor`, `live` or `score` could not tell, trials of
+a `campaign` failed; 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from gtmbench.cli.diff import diff_command
 from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
+from gtmbench.cli.live import live_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo, print_json
 from gtmbench.cli.report import report_command
@@ -87,6 +88,7 @@ for command in (
     calibrate_command,
     bank_command,
     monitor_command,
+    live_command,
     score_command,
     inject_command,
     trim_command,

@@ -11,7 +11,8 @@ import click
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import chosen_faults, fault_options
-from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
+from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.sending import broken, check_destination, deliver
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
 
@@ -83,7 +84,14 @@ def _print_modes(linear: list[Mode]) -> None:
 
 
 @click.command("fly")
-@click.option("--out", required=True, type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
+@click.option("--out", type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
+@click.option(
+    "--live",
+    "target",
+    metavar="udp:HOST:PORT",
+    help="Send the sensor readings as an autopilot does (MAVLink), for `gtmbench live`; --noise is t2 then.",
+)
+@click.option("--speed", type=float, help="With --live: how many times real time.  [default: 1]")
 @aircraft_options
 @click.option(
     "--excitation", default="dissertation", show_default=True, help="A name from `gtmbench list`, or a sum of names."
@@ -95,7 +103,7 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option(
     "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
-@fault_options("With --closed-loop: the fault in the loop.")
+@fault_options("With --closed-loop: the fault in the loop. With --live: the fault in what is sent.")
 @click.option(
     "--attitude",
     default="own",
@@ -107,7 +115,9 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def fly_command(
-    out: Path,
+    out: Path | None,
+    target: str | None,
+    speed: float | None,
     name: str,
     altitude: float | None,
     tas: float | None,
@@ -126,22 +136,22 @@ def fly_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly and write a log of the truth, or with --noise of the sensor readings."""
+    """Fly and write a log of the truth, or with --noise of the sensor readings; or send these live."""
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
     from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
-    from gtmbench.files.logs import check_log_path, write_log
     from gtmbench.report.tables.loop import event_rows
     from gtmbench.report.words.judgement import loop_text
     from gtmbench.values.attitude import OWN, estimator_of
 
-    check_log_path(out)
-    claim_file(out, force=force)
-    noise = noise.lower() if noise else None
+    check_destination(out, target, speed, force=force)
+    noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
-    if given and not closed_loop:
-        raise InputError("--fault needs --closed-loop; to break an open-loop flight's log, use gtmbench inject")
+    if given and not closed_loop and target is None:
+        raise InputError(
+            "--fault needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
+        )
     estimator_of(attitude)
     if attitude != OWN and noise is None and not closed_loop:
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
@@ -159,11 +169,11 @@ def fly_command(
         record = truth = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
         if noise is not None:
             readings = measure(truth, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
-            record = estimated_attitude(readings, truth, attitude, seed)
-    write_log(record, out)
-    verdict = f"Wrote {out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s."
+            record = broken(estimated_attitude(readings, truth, attitude, seed), faults)
+    verdict = deliver(record, out, target, speed, silent=as_json or quiet)
     if as_json:
-        written = {"out": str(out), "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
+        to = {"out": None if out is None else str(out), "live": target}
+        written = {**to, "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
         print_json(envelope("fly", verdict, written, findings=event_rows(events)))
     elif not quiet:
         echo(verdict)

@@ -145,7 +145,8 @@ class Installation:
         there = np.array(part.there)
         for names, taken in ((GYROS, told), (ATTITUDE, before)):  # beside a pause a sample is there, if not known
             there[:, part.columns(names)] = _at_rows(record.select(names).there.astype(np.float64), taken) == 1.0
-        corrected = Record(values, channels=part.channels, sample_period_s=period_s, start_s=part.start_s, there=there)
+        known = None if np.array_equal(there, np.isfinite(values)) else there  # a stream takes such rows faster
+        corrected = Record(values, channels=part.channels, sample_period_s=period_s, start_s=part.start_s, there=known)
         return corrected, int(whole[-1])
 
     def _of_other_axes(self, angles: Sequence[FloatArray], since_s: float) -> FloatArray:

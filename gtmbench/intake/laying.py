@@ -24,6 +24,9 @@ class Laying:
     period_s, typical_s : float
         The rows' period, and the samples'.
     channels : int
+    filtered : bool, optional
+        Whether a low-pass follows; by default only where the samples come faster than the rows. A track beside one that
+        is filtered has to be filtered alike.
 
     Examples
     --------
@@ -36,14 +39,17 @@ class Laying:
     (array([3., 4.]), 4)
     """
 
-    def __init__(self, start_s: float, period_s: float, typical_s: float, channels: int) -> None:
+    def __init__(
+        self, start_s: float, period_s: float, typical_s: float, channels: int, *, filtered: bool | None = None
+    ) -> None:
         finer = oversampling(typical_s, period_s)
+        self._filtered = finer > 1 if filtered is None else filtered
         self._places = Places(start_s=start_s, period_s=period_s, typical_s=typical_s, finer=finer)
         self._near = self._places.near_s / self._places.step_s
         self._time_s, self._values = np.zeros(0), np.zeros((0, channels))
         self._next = 0  # place
         self._laid: Rows = np.zeros((0, channels)), np.zeros((0, channels), dtype=bool)  # that a filter still needs
-        self.count = HALF if finer > 1 else 0
+        self.count = HALF if self._filtered else 0
         """The next row: so many periods after the start."""
 
     def push(self, time_s: FloatArray, values: FloatArray) -> Rows:
@@ -73,9 +79,7 @@ class Laying:
     def _are_next(self, time_s: FloatArray, values: FloatArray) -> bool:
         """Tell whether samples are the next rows, one by one."""
         places = self._place(time_s) - np.arange(self._next, self._next + len(time_s))
-        return (
-            self._places.finer == 1 and bool(np.all(np.abs(places) <= self._near)) and bool(np.isfinite(values).all())
-        )
+        return not self._filtered and bool(np.all(np.abs(places) <= self._near)) and bool(np.isfinite(values).all())
 
     def _final(self) -> int:
         """Return the place before which no later sample changes anything."""
@@ -101,15 +105,15 @@ class Laying:
     def _laid_to(self, stop: int) -> Rows:
         """Return the rows that the places before one complete, and go on to it."""
         finer = self._places.finer
-        if finer > 1:  # no further than to the last place that a row's filter needs
+        if self._filtered:  # no further than to the last place that a row's filter needs
             stop = max((stop - 1) // finer * finer + 1, self._next)
-        if stop - self._next < (1 if finer == 1 else (self.count + HALF) * finer + 1 - self._next):
+        if stop - self._next < (1 if not self._filtered else (self.count + HALF) * finer + 1 - self._next):
             return self._values[:0], np.zeros((0, self._values.shape[1]), dtype=bool)
         first = int(np.searchsorted(self._time_s, self._places.start_s + self._next * self._places.step_s))
         used = slice(max(first - self._places.before, 0), None)
         rows = laid(self._places, self._time_s[used], self._values[used], self._next, stop)
         self._next = stop
-        if finer > 1:
+        if self._filtered:
             values, there = (np.concatenate(both) for both in zip(self._laid, rows, strict=True))
             count = (len(values) - 1) // finer + 1 - 2 * HALF
             self._laid = values[count * finer :], there[count * finer :]

@@ -62,7 +62,7 @@ class LiveClock:
         self._typical_s: float | None = None  # the rows' own period
         self._held = np.zeros(0), np.zeros((0, len(self._channels)))  # until that is known
         self._last = self._held  # the row before, where there is one
-        self._stamps = _Stamps(sample_period_s)
+        self._stamps = EvenStamps(sample_period_s)
         self._laying: Laying | None = None  # since the last gap
         self._start_s = 0.0
 
@@ -173,7 +173,7 @@ class LiveClock:
         return moved_s[kept], values[kept], waiting
 
 
-class _Stamps:
+class EvenStamps:
     """Stamps that stand on an even clock but for rounding, or a little jitter, as `find_lattice` takes them.
 
     Once they don't, they are as they are from then on.
@@ -207,6 +207,11 @@ class _Stamps:
         return np.where(stands, even_s, time_s)
 
 
+def is_too_seldom(source_s: float, sample_period_s: float) -> bool:
+    """Tell whether samples come too seldom for a monitor: what is as fast as it watches isn't in them."""
+    return source_s * _SELDOM > sample_period_s
+
+
 def check_rate(source_s: float, sample_period_s: float, what: str = "the rows") -> None:
     """Refuse samples that come too seldom for a monitor.
 
@@ -214,7 +219,7 @@ def check_rate(source_s: float, sample_period_s: float, what: str = "the rows") 
     Traceback (most recent call last):
     gtmbench.errors.InputError: the rows come at 10 Hz, and the monitor watches at 100 Hz: what is so fast isn't in ...
     """
-    if source_s * _SELDOM > sample_period_s:
+    if is_too_seldom(source_s, sample_period_s):
         raise InputError(
             f"{what} come at {1.0 / source_s:.3g} Hz, and the monitor watches at {1.0 / sample_period_s:.3g} Hz: what "
             "is so fast isn't in them; take a monitor of their rate, or one that is identified on the log"

@@ -349,10 +349,8 @@ def joined(parts: Sequence[Record]) -> Record:
     array([1., 2., 3.])
     """
     first = parts[0]
-    values, there = (
-        np.concatenate(all_of)
-        for all_of in zip(*((part.values, part.there) for part in parts), strict=True)  # noqa: PD011
-    )
+    values = np.concatenate([part.values for part in parts])  # noqa: PD011
+    there = np.concatenate([part.there for part in parts]) if any(part.is_in_part_unknown for part in parts) else None
     period_s = first.sample_period_s
     return Record(values, channels=first.channels, sample_period_s=period_s, start_s=first.start_s, there=there)
 

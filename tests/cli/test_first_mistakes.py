@@ -144,6 +144,36 @@ MISTAKES = [
         "--rate is 0; it must be a finite number, 0.001 or more, at most 1000000",
     ),
     ("fly --duration -3 --out new.csv", "--duration is -3; it must be a finite number, 0.01 or more, at most 86400"),
+    ("fly --duration 3", "the flight goes nowhere: give --out flight.csv, or --live udp:127.0.0.1:14550 to send it"),
+    ("fly --live 127.0.0.1:14550", "the target is '127.0.0.1:14550'; give udp:HOST:PORT, such as udp:127.0.0.1:14550"),
+    ("fly --out new.csv --speed 2", "--speed is 2, and nothing is sent; add --live udp:127.0.0.1:14550"),
+    ("live", "Missing argument 'SOURCE'; gtmbench live --help says what there is"),
+    (
+        "live flight.csv",
+        "flight.csv isn't a telemetry log (.tlog); a recorded flight is ... gtmbench monitor flight.csv",
+    ),
+    ("live udp:14550:127.0.0.1", "the source is 'udp:14550:127.0.0.1'; give udp:HOST:PORT, tcp:HOST:PORT, - or a ..."),
+    ("live udp:127.0.0.1:99999", "the source is 'udp:127.0.0.1:99999', and there is no port 99999; ports are 1 to ..."),
+    ("live nowhere.tlog", "nowhere.tlog: no such file..."),
+    (
+        "live udp:127.0.0.1:14550 --detector C",
+        "the detector 'C' isn't calibrated, ... --detector monitor.json, or none ...",
+    ),
+    ("live udp:127.0.0.1:14550 --learn 1", "--learn is 1; it must be a finite number, 10 or more, at most 3600"),
+    (
+        "live udp:127.0.0.1:14550 --map p=x:rad/s",
+        "--map is for lines of CSV (-); a MAVLink message states what it holds",
+    ),
+    ("live udp:127.0.0.1:14550 --save flight.csv", "--save is 'flight.csv'; ... whose name ends in .tlog"),
+    (
+        "live udp:127.0.0.1:14550 --speed 2",
+        "--speed is 2, and a link has a speed of its own; it is for a saved one ...",
+    ),
+    (
+        "live udp:127.0.0.1:14550 --key-file nowhere",
+        "--key-file nowhere: No such file ...; give the file that holds ...",
+    ),
+    ("live - --say", "--say is for udp: and tcp:, which can be answered"),
     # names
     ("monitor flight.csv --detector c", "no detector is called 'c'; there are ...; did you mean 'C'?"),
     (

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -27,6 +28,8 @@ def commands(page):
 def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
     """Run command lines; `view` opens a window, so it has only to get there.
 
+    What listens to a link does so in a process of its own, until it ends by itself.
+
     `cheap` has what is added to those that begin so, `codes` with which code one ends that doesn't end with 0.
     """
     monkeypatch.chdir(folder)
@@ -34,10 +37,14 @@ def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
     monkeypatch.setattr("os.cpu_count", lambda: 1)  # flights are flown in turn
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
+    listening: list[subprocess.Popen[str]] = []
     for line in lines:
         more = (cheap or {}).get(
             max((known for known in cheap or {} if line.startswith(known)), key=len, default=""), ""
         )
+        if line.startswith("gtmbench live udp:"):  # in another terminal, until the one after it has sent a flight
+            listening.append(_listening(f"{line} {more}"))
+            continue
         with pytest.raises(SystemExit) as ended:
             main(shlex.split(f"{line} {more}")[1:])
         out, err = capsys.readouterr()
@@ -46,3 +53,17 @@ def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
         else:
             assert (ended.value.code, err) == ((codes or {}).get(line, 0), ""), line
             assert out
+    for process in listening:
+        said, _ = process.communicate(timeout=120)
+        assert "watching" in said, said
+        assert process.returncode in (0, 1, 3), said
+
+
+def _listening(line):
+    """Start what listens to a link, and wait until it does."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *shlex.split(line)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    assert "listening" in process.stderr.readline()
+    return process

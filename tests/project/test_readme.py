@@ -41,6 +41,8 @@ def test_every_make_target_exists():
 CHEAP = {  # what is added to a command
     "gtmbench run drift jam": "--no-figures --no-recording",
     "gtmbench run jam": "--no-figures",
+    "gtmbench live": "--learn 25 --end-after 5",
+    "gtmbench fly --live": "--duration 60 --onset 55 --speed 10",
 }
 
 

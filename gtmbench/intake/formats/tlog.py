@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from array import array
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -108,6 +109,29 @@ def _system(systems: dict[int, Messages], part: str) -> int:
     raise InputError(f"systems {listed(map(str, sorted(flying)))} sent; say which is meant: --system {min(flying)}")
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PacketHeader:
+    """Which message a packet holds, by number, and where it ends."""
+
+    number: int
+    end: int
+
+
+def packet_at(content: bytes, begin: int) -> PacketHeader | None:
+    """Return the header of a packet that begins somewhere with its marker; None where the content ends within it.
+
+    >>> packet_at(bytes.fromhex("fe020000001eaabbccdd"), 0)
+    PacketHeader(number=30, end=10)
+    """
+    header, own = _MARKERS[content[begin]]
+    if begin + header > len(content):
+        return None
+    signed = _SIGNATURE_BYTES * (header == 10 and content[begin + 2] & _SIGNED)
+    end = begin + header + content[begin + 1] + 2 + signed
+    number = content[begin + own] if header == 6 else int.from_bytes(content[begin + own : begin + own + 3], "little")
+    return PacketHeader(number=number, end=end)
+
+
 def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], int]:
     """Return what each system sent, and how many packets are broken."""
     decoder = mavlink.MAVLink(None)
@@ -117,12 +141,9 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
     place, whole, broken = 0, 0, 0
     while (found := _PACKET.search(content, place + _STAMP_BYTES)) is not None and found.start() + 12 <= len(content):
         begin, place = found.start(), found.start() - _STAMP_BYTES
-        header, own = _MARKERS[content[begin]]
-        signed = _SIGNATURE_BYTES * (header == 10 and content[begin + 2] & _SIGNED)
-        end = begin + header + content[begin + 1] + 2 + signed
-        number = (
-            content[begin + own] if header == 6 else int.from_bytes(content[begin + own : begin + own + 3], "little")
-        )
+        header = packet_at(content, begin)
+        assert header is not None  # twelve bytes are there
+        number, end = header.number, header.end
         if number not in kinds:
             is_next = end + _STAMP_BYTES >= len(content) or content[end + _STAMP_BYTES] in _MARKERS
             place = end if is_next else place + 1

@@ -161,6 +161,20 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
 
 
+def wrong_wiring(monitor: Monitor, motion: Record) -> str:
+    """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" where nothing is.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    motion : Record
+        With p, q, r, phi, theta and psi.
+    """
+    tried = guesses([motion])
+    found = [guess for guess in causes_among(tried, [motion]) if _concerns(monitor, guess)]
+    return " or ".join(cause_text(guess.changes) for guess in found)
+
+
 def _cause(part: Part, guess: Guess) -> Cause:
     sources = {source.channel: source for source in part.sources}
     return Cause(

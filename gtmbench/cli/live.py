@@ -1,0 +1,212 @@
+"""``gtmbench live``: a flight watched while it flies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gtmbench.checks import number
+from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.output import claim_file, common_options, echo, map_option
+from gtmbench.errors import InputError
+from gtmbench.files.plain import dumps
+from gtmbench.report.tables.envelope import envelope
+
+if TYPE_CHECKING:
+    from gtmbench.link.events import LiveEvent
+    from gtmbench.link.live import Live
+
+_INTERRUPTED = 130
+
+
+@click.command("live")
+@click.argument("source", metavar="SOURCE")
+@map_option
+@click.option("--system", type=int, help="The MAVLink system to watch, if several fly on one link.")
+@detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
+@click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
+@click.option("--save", type=click.Path(path_type=Path), help="Write every packet to this telemetry log (.tlog).")
+@click.option("--say", is_flag=True, help="Send STATUSTEXT and a heartbeat back, so that ground stations show events.")
+@click.option(
+    "--request-rates",
+    "request",
+    type=float,
+    metavar="HZ",
+    help="Ask the autopilot to send gyros and attitude so often.",
+)
+@click.option(
+    "--key-file",
+    type=click.Path(path_type=Path),
+    help="A signing key: 32 bytes, 64 hexadecimal digits or a passphrase. Packets that it didn't sign are refused.",
+)
+@click.option(
+    "--from", "only", default="", metavar="ADDRESS[:PORT]", help="For udp: the only address whose packets are believed."
+)
+@click.option(
+    "--speed",
+    type=float,
+    help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]",
+)
+@click.option(
+    "--end-after",
+    type=float,
+    metavar="SECONDS",
+    help="End after so long without a message.  [default: a udp link has no end, press Ctrl-C]",
+)
+@click.option("--force", is_flag=True, help="Write over an existing file.")
+@common_options
+def live_command(
+    source: str,
+    mapping: tuple[str, ...],
+    system: int | None,
+    detector: str | None,
+    calibrated: Path | None,
+    learn: float,
+    save: Path | None,
+    say: bool,
+    request: float | None,
+    key_file: Path | None,
+    only: str,
+    speed: float | None,
+    end_after: float | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Watch a flight while it flies: one line for each event, and the verdict at the end.
+
+    SOURCE is udp:HOST:PORT (MAVLink, as a ground station gets it), tcp:HOST:PORT (connects to a simulator), a telemetry
+    log (FILE.tlog), or - for lines of CSV on standard input: header first, names and units as in logs. Try it with
+    `gtmbench fly --live udp:127.0.0.1:14550` in another terminal.
+
+    The monitor is the one of `gtmbench monitor`, and reads the samples as they come. With --json each event is one line
+    of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 0 nothing found, 3 can't
+    tell, 2 bad input, 130 Ctrl-C (after the verdict so far).
+    """
+    _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
+    if save is not None:
+        if save.suffix.lower() != ".tlog":
+            raise InputError(f"--save is '{save}'; what arrives is saved as a telemetry log, whose name ends in .tlog")
+        if save.exists() and Path(source).exists() and save.samefile(source):
+            raise InputError("--save is the source itself; give another name")
+        claim_file(save, force=force, option="--save")
+    if speed is not None:
+        number("--speed", speed, 0.0, 1e6, above=True)
+    from gtmbench.detectors.registry import find_detector
+    from gtmbench.link.live import live, ready
+    from gtmbench.link.packets import key_of
+
+    key = None if key_file is None else key_of(key_file)
+    monitor = ready(None if detector is None else find_detector(detector, calibrated=calibrated))
+    if calibrated is not None and detector is None:
+        raise InputError(f"--calibrated {calibrated} holds the figures of a --detector of your own; name that, too")
+    link = live(
+        source,
+        monitor,
+        learn_s=number("--learn", learn, 10.0, 3600.0),
+        system=system,
+        mapping=mapping,
+        key=key,
+        save=save,
+        say=say,
+        request_hz=request,
+        only_from=only,
+        speed=speed,
+        end_after_s=end_after,
+    )
+    interrupted = False
+    with link:
+        try:
+            if not (as_json or quiet) and source.startswith("udp:"):
+                echo(f"listening at {source}; Ctrl-C ends it", err=True)
+            for event in link:
+                if not quiet or as_json:
+                    _print_event(event, link, as_json=as_json)
+        except KeyboardInterrupt:
+            interrupted = True
+    code = _INTERRUPTED if interrupted else int(link.outcome)
+    _print_end(link, source, save, code, as_json=as_json, quiet=quiet)
+    return code
+
+
+def _check(
+    source: str,
+    *,
+    mapping: Sequence[str],
+    say: bool,
+    request: float | None,
+    save: Path | None,
+    key_file: Path | None,
+    only: str,
+    end: float | None,
+) -> None:
+    """Refuse options that this kind of source doesn't have."""
+    is_link = source.startswith(("udp:", "tcp:"))
+    for option, given, of in (
+        ("--map", bool(mapping), source == "-"),
+        ("--say", say, is_link),
+        ("--request-rates", request is not None, is_link),
+        ("--save", save is not None, source != "-"),
+        ("--key-file", key_file is not None, source != "-"),
+        ("--from", bool(only), source.startswith("udp:")),
+        ("--end-after", end is not None, is_link),
+    ):
+        if given and not of:
+            told = {
+                "--map": "for lines of CSV (-); a MAVLink message states what it holds",
+                "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",
+                "--key-file": "for MAVLink; lines of CSV carry no signature",
+                "--from": "for udp:HOST:PORT; others have one sender",
+                "--end-after": "for udp: and tcp:; others end by themselves",
+            }
+            raise InputError(f"{option} is {told.get(option, 'for udp: and tcp:, which can be answered')}")
+
+
+def _print_event(event: LiveEvent, link: Live, *, as_json: bool) -> None:
+    if as_json:
+        own = {key: value for key, value in event.table.items() if key != "text"}
+        click.echo(dumps(envelope("live-event", event.text, own, exit_code=int(link.outcome))))
+        return
+    echo(str(event), bold=event.kind in ("alarm", "named"))
+
+
+def _print_end(link: Live, source: str, save: Path | None, code: int, *, as_json: bool, quiet: bool) -> None:
+    if as_json:
+        click.echo(
+            dumps(envelope("live", link.verdict, _ended(link, source, save), exit_code=code, findings=_found(link)))
+        )
+    elif not quiet:
+        echo(link.verdict)
+        echo(f"link: {link.counts}")
+        if save is not None:
+            echo(f"saved: {save}    watch it again: gtmbench live {save}")
+
+
+def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
+    counts = link.counts
+    return {
+        "source": source,
+        "monitor": None if link.monitor is None else link.monitor.name,
+        "watched_s": link.watched_s,
+        "saved": None if save is None else str(save),
+        "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
+    }
+
+
+def _found(link: Live) -> list[dict[str, object]]:
+    from gtmbench.report.words.judgement import alarm_text
+
+    return [
+        {
+            "text": alarm_text(alarm),
+            "time_s": alarm.time_s,
+            "onset_s": alarm.onset_s,
+            "sensor": alarm.sensor,
+            "candidates": list(alarm.candidates),
+            "ended_s": alarm.ended_s,
+        }
+        for alarm in link.alarms
+    ]

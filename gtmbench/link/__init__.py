@@ -1,0 +1,1 @@
+"""A link to something that flies: messages as they arrive, watched by a monitor, told event by event."""

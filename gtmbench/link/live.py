@@ -1,0 +1,389 @@
+"""`gb.live`: a link watched while it flies, event by event."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gtmbench.checks import number, whole
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.monitor_file import load_monitor
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready
+from gtmbench.errors import InputError
+from gtmbench.link.events import LiveEvent, LiveKind
+from gtmbench.link.learning import Lesson
+from gtmbench.link.saving import SavedLink
+from gtmbench.link.saying import Saying
+from gtmbench.link.session import LinkCounts, Session
+from gtmbench.link.sources import Delivery, Source, source_of
+from gtmbench.link.story import UNSURE
+from gtmbench.link.table import Table
+from gtmbench.link.telemetry import Message, Telemetry
+from gtmbench.link.warming import warm
+from gtmbench.link.watcher import wants_of
+from gtmbench.report.words.judgement import alarm_text
+from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.units import counted, duration_text
+from gtmbench.study.log.watched import Outcome
+from gtmbench.values.channels import ATTITUDE, GYROS
+
+_LEARNT = (*GYROS, *ATTITUDE)  # what a table has to hold to be learnt from
+_BEHIND, _TOGETHER = 32, 256  # deliveries that wait, from which on rows are taken together, and how many
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkOptions:
+    """How a link is read, and what is done beside watching it; see `live`."""
+
+    learn_s: float = 60.0
+    system: int | None = None
+    mapping: Sequence[str] = ()
+    key: bytes | None = field(default=None, repr=False)
+    save: Path | None = None
+    say: bool = False
+    request_hz: float | None = None
+    end_after_s: float | None = None
+
+
+class Live:
+    """A link that is being watched: iterate over its events; close it, or use it in a ``with`` block.
+
+    Attributes
+    ----------
+    counts : LinkCounts
+        The treatment of the link's messages so far.
+    outcome : Outcome
+        The verdict so far.
+    verdict : str
+        The verdict so far in one sentence.
+    monitor : Monitor or None
+        The monitor that watches; None while one is learnt.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> record = gb.Record([[0.0] * 6] * 500, channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
+    >>> monitor = gb.load_monitor(Path(gb.__file__).with_name("baselines") / "bank-C.json")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.send_live(record, Path(folder, "flight.tlog"))
+    ...     with gb.live(f"{folder}/flight.tlog", monitor) as link:
+    ...         print(len(list(link)), link.verdict, link.counts)
+    0 Can't tell: nothing could be watched. 1000 messages read
+    """
+
+    def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
+        self._source, self._options = source, options
+        self.monitor = monitor
+        self._reader = self._reader_of(monitor)
+        self._session: Session | None = None
+        self._learn: Lesson | None = None
+        if monitor is None:
+            self._learn = Lesson(
+                options.learn_s, is_table=source.is_table, mapping=options.mapping, system=options.system
+            )
+        else:
+            self._session = Session(monitor, self._reader)
+        self._saving: SavedLink | None = None
+        self._saying: Saying | None = None
+        self._said = ""
+        self._has_dropped = False
+        self._asks = options.request_hz is not None
+        self._arrived_s = 0.0
+        self._at_once = 1
+        self._stack = ExitStack()
+        self._stack.callback(source.close)
+        if options.save is not None:
+            self._saving = self._stack.enter_context(SavedLink(options.save))
+        self._events = self._watched()
+
+    def _reader_of(self, monitor: Monitor | None) -> Telemetry | Table:
+        if not self._source.is_table:
+            return Telemetry(self._options.system, self._options.key)
+        needs = _LEARNT if monitor is None else monitor.channels
+        return Table(needs, () if monitor is None else wants_of(monitor), self._options.mapping)
+
+    def __iter__(self) -> Iterator[LiveEvent]:
+        """Return itself: events are given once."""
+        return self
+
+    def __next__(self) -> LiveEvent:
+        """Return the next event; wait for it."""
+        return next(self._events)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Stop listening, and finish the file that is saved."""
+        self._events.close()
+        self._stack.close()
+
+    @property
+    def counts(self) -> LinkCounts:
+        """The treatment of the link's messages so far."""
+        return LinkCounts(dropped=self._source.dropped) if self._session is None else self._session.counts
+
+    @property
+    def outcome(self) -> Outcome:
+        """The verdict so far: failed, healthy, or unknown."""
+        return Outcome.UNKNOWN if self._session is None else self._session.outcome
+
+    @property
+    def watched_s(self) -> float:
+        """For how long an alarm was possible, in seconds of the sender's clock."""
+        return 0.0 if self._session is None else self._session.watched_s
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The faults so far that something is left of to explain."""
+        return () if self._session is None else tuple(self._session.alarms)
+
+    @property
+    def verdict(self) -> str:
+        """The verdict so far in one sentence."""
+        session = self._session
+        if session is None:
+            return "Can't tell: the link ended before a monitor was learnt."
+        watched = duration_text(session.watched_s / 3600.0)
+        if session.outcome == Outcome.HEALTHY:
+            return f"No fault found in the {watched} that were watched."
+        if session.alarms:
+            first = session.alarms[0]
+            more = len(session.alarms) - 1
+            others = f", and {counted(more, 'more alarm')}" if more else ""
+            said = alarm_text(first)
+            if session.outcome == Outcome.FAILED:
+                return f"Fault: {said}; alarm at {first.time_s:.2f} s{others}."
+            return f"Can't tell: {said.removeprefix(UNSURE)}; alarm at {first.time_s:.2f} s{others}."
+        if session.watched_s <= 0.0:
+            return "Can't tell: nothing could be watched."
+        heard = duration_text(session.heard_s / 3600.0)
+        return f"Can't tell: only {watched} of {heard} could be watched, or not by every test."
+
+    def _watched(self) -> Generator[LiveEvent, None, None]:
+        if self.monitor is None:
+            yield self._event(LiveKind.LEARNING, f"learning from {self._options.learn_s:g} s of this link")
+        else:
+            self._warm(self.monitor)
+        for delivery in self._source.deliveries():
+            now_s = time.time() if delivery is None else delivery.arrived_s
+            events = self._tick(now_s) if delivery is None else self._take(delivery)
+            for event in events:
+                if self._saying is not None:
+                    self._saying.say(event)
+                yield event
+            if self._saying is not None:
+                self._saying.tick()
+            silent_s = now_s - self._arrived_s
+            if self._options.end_after_s is not None and self._arrived_s and silent_s > self._options.end_after_s:
+                break
+        if self._source.is_table:
+            yield from self._read(Delivery(self._arrived_s, b""), is_last=True)
+        if self._session is not None:
+            yield from self._session.end()
+
+    def _warm(self, monitor: Monitor) -> None:
+        if self._source.is_live:
+            self._at_once = warm(monitor)
+
+    def _tick(self, now_s: float) -> Iterator[LiveEvent]:
+        if self._session is not None:
+            yield from self._session.tick(now_s)
+
+    def _take(self, delivery: Delivery) -> Iterator[LiveEvent]:
+        self._arrived_s = delivery.arrived_s
+        yield from self._read(delivery)
+
+    def _read(self, delivery: Delivery, *, is_last: bool = False) -> Iterator[LiveEvent]:
+        reader = self._reader
+        messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
+        if self._saving is not None:
+            yield from self._saved(delivery.arrived_s)
+        self._speak()
+        if self._session is None:
+            yield from self._learning(delivery.arrived_s, messages)
+            return
+        self._session.dropped = self._source.dropped
+        self._session.at_once = self._at_once if self._source.waiting < _BEHIND else _TOGETHER
+        yield from self._session.take(messages, delivery.arrived_s)
+        if self._source.dropped and not self._has_dropped:
+            self._has_dropped = True
+            yield self._session.note("the link brings more than can be watched: parts of it are dropped, and counted")
+
+    def _saved(self, arrived_s: float) -> Iterator[LiveEvent]:
+        saving = self._saving
+        if saving is None:
+            return
+        for packet in self._reader.taken:
+            saving.put(arrived_s, packet)
+        if saving.failure:
+            self._saving = None
+            yield self._event(LiveKind.NOTE, saving.failure)
+
+    def _speak(self) -> None:
+        """Begin to speak on the link, once it is known whose it is."""
+        reader, options = self._reader, self._options
+        if not isinstance(reader, Telemetry):
+            return
+        if self._asks and reader.answered is not None:
+            self._asks = False
+            Saying(self._source.send, reader.answered).request(options.request_hz or 0.0)
+        if options.say and self._saying is None and reader.system is not None:
+            self._saying = Saying(self._source.send, reader.system)
+
+    def _learning(self, arrived_s: float, messages: list[Message]) -> Iterator[LiveEvent]:
+        lesson, reader = self._learn, self._reader
+        assert lesson is not None  # there is no monitor yet
+        if reader.is_open:
+            yield from self._once(reader.is_open)
+            return
+        lesson.system = getattr(reader, "system", None)
+        if not lesson.take(arrived_s, reader.taken, messages):
+            return
+        monitor, why = lesson.learnt()
+        if monitor is None:
+            yield self._event(LiveKind.CANNOT_TELL, f"nothing can be learnt from this span yet: {why}")
+            return
+        self.monitor = monitor
+        later = "`gtmbench monitor` may choose otherwise afterwards, knowing the whole flight"
+        text = f"{why}: {title_text(monitor)}; {later}"
+        yield self._event(LiveKind.LEARNING, text)
+        self._warm(monitor)
+        if isinstance(reader, Table):
+            kept = reader.channels
+            missing = [name for name in monitor.channels if name not in kept]
+            if missing:
+                raise InputError(f"the table's first lines hold no {', '.join(missing)}, and the monitor reads them")
+        self._learn, self._session = None, Session(monitor, reader)
+
+    def _once(self, text: str) -> Iterator[LiveEvent]:
+        if text != self._said:
+            self._said = text
+            yield self._event(LiveKind.CANNOT_TELL, text)
+
+    def _event(self, kind: LiveKind, text: str) -> LiveEvent:
+        time_s = self._learn.time_s if self._learn is not None else None
+        time_s = self._session.time_s if self._session is not None else time_s
+        return LiveEvent(kind=kind, time_s=time_s, text=text, arrived_s=self._arrived_s, said_s=time.time())
+
+
+def live(
+    source: str | Source,
+    monitor: Monitor | str | Path | None = None,
+    *,
+    learn_s: float = 60.0,
+    system: int | None = None,
+    mapping: Sequence[str] = (),
+    key: bytes | None = None,
+    save: str | Path | None = None,
+    say: bool = False,
+    request_hz: float | None = None,
+    only_from: str = "",
+    speed: float | None = None,
+    end_after_s: float | None = None,
+) -> Live:
+    """Watch a flight while it flies: open a link, and give what a monitor says as it becomes known.
+
+    Parameters
+    ----------
+    source : str
+        ``udp:HOST:PORT`` (listens there), ``tcp:HOST:PORT`` (connects), a telemetry log (.tlog), or ``-`` for lines of
+        CSV on standard input, header first.
+    monitor : Monitor, str or Path, optional
+        A calibrated monitor, or its file. Without one, a monitor is learnt from the link's first `learn_s`.
+    learn_s : float
+        In seconds of the sender's clock.
+    system : int, optional
+        The MAVLink system that is watched, if several fly on one link.
+    mapping : sequence of str
+        For lines: as `open_log` takes it.
+    key : bytes, optional
+        The 32 bytes of a signing key; MAVLink that isn't signed by it is refused.
+    save : str or Path, optional
+        Write every packet to this telemetry log, in order of arrival.
+    say : bool
+        Send STATUSTEXT and a heartbeat back, for the ground station.
+    request_hz : float, optional
+        Ask the autopilot to send its gyros and attitude at this rate.
+    only_from : str
+        For UDP: the address, or ``ADDRESS:PORT``, that is believed; others are ignored.
+    speed : float, optional
+        For a telemetry log: how many times its own speed; by default as fast as it is read.
+    end_after_s : float, optional
+        End after so many seconds without a message; by default a link has no end.
+
+    Returns
+    -------
+    Live
+        An iterator of `LiveEvent`, and a context manager that closes the link.
+
+    Raises
+    ------
+    InputError
+        If the source can't be opened, or the monitor isn't calibrated or has no sample period of its own.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> flight = gb.measure(gb.fly("gtm", "multisine+turbulence", 60, seed=1), noise="t2", seed=1)
+    >>> broken = gb.inject(flight, gb.Bias(channel="q", onset_s=50, size=8))
+    >>> monitor = gb.load_monitor(Path(gb.__file__).with_name("baselines") / "bank-C.json")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     gb.send_live(broken, Path(folder, "flight.tlog"))
+    ...     with gb.live(f"{folder}/flight.tlog", monitor) as link:
+    ...         print([event.kind.value for event in link][:2], link.outcome.name)
+    ['watching', 'alarm'] FAILED
+    """
+    if isinstance(monitor, str | Path):
+        monitor = load_monitor(monitor)
+    monitor = ready(monitor)
+    options = LinkOptions(
+        learn_s=number("learn_s", learn_s, 10.0, 3600.0),
+        system=None if system is None else whole("system", system, 1, 255),
+        mapping=tuple(mapping),
+        key=key,
+        save=None if save is None else Path(save),
+        say=say,
+        request_hz=None if request_hz is None else number("request_hz", request_hz, 0.1, 1000.0),
+        end_after_s=None if end_after_s is None else number("end_after_s", end_after_s, 0.0, 86400.0, above=True),
+    )
+    opened = source_of(source, speed=speed, only=only_from) if isinstance(source, str) else source
+    return Live(opened, monitor, options)
+
+
+def ready(monitor: Monitor | Detector | None) -> Monitor | None:
+    """Return what watches a link as it is, or refuse it.
+
+    Raises
+    ------
+    InputError
+        If it isn't calibrated, or has no sample period or no channels of its own.
+    """
+    if monitor is None:
+        return None
+    if not is_ready(monitor):
+        raise InputError(
+            f"the detector '{monitor.name}' isn't calibrated, and a link can't wait for that; run: gtmbench calibrate "
+            "--detector NAME --out monitor.json, then give --detector monitor.json, or none to learn from the link"
+        )
+    if monitor.sample_period_s is None or not monitor.channels:
+        raise InputError(
+            f"{monitor.name} has no rate, or no channels, of its own; give a monitor calibrated on flights"
+        )
+    return monitor

@@ -1,0 +1,178 @@
+"""MAVLink packets in whatever bytes arrive: found by their markers, decoded and checked by pymavlink.
+
+Bytes that aren't a packet, half of one, or one whose checksum or signature is wrong are passed over and counted. No
+more than one packet's bytes ever wait for the rest of it, whatever arrives.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from gtmbench.errors import InputError
+from gtmbench.imports import load_extra
+from gtmbench.intake.formats.limits import quiet
+from gtmbench.intake.formats.tlog import packet_at
+from gtmbench.link.readings import TOPICS
+
+_LONGEST = 280  # bytes of a packet: header, 255 of its content, checksum, signature
+_MARKERS = (0xFE, 0xFD)
+HEARTBEAT = "HEARTBEAT"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Packet:
+    """A message that is used, and whose it is.
+
+    Attributes
+    ----------
+    system, component, sequence : int
+    topic : str
+        The message's name.
+    message : object
+        As pymavlink decodes it.
+    content : bytes
+        The packet as it arrived.
+    """
+
+    system: int
+    component: int
+    sequence: int
+    topic: str
+    message: Any = field(repr=False)
+    content: bytes = field(repr=False)
+
+
+def dialect() -> ModuleType:
+    """Import pymavlink's messages, or say in one line how to get them."""
+    with quiet():
+        return load_extra("pymavlink.dialects.v20.ardupilotmega", "logs", "a MAVLink link needs")
+
+
+def key_of(path: Path) -> bytes:
+    """Return the 32 bytes of a signing key: a file of them, of 64 hexadecimal digits, or of a passphrase.
+
+    Raises
+    ------
+    InputError
+        If there is no such file, or it is empty.
+    """
+    try:
+        content = path.read_bytes()[:4096]
+    except OSError as error:
+        raise InputError(f"--key-file {path}: {error.strerror}; give the file that holds the signing key") from error
+    if len(content) == 32:
+        return content
+    text = content.strip()
+    if not text:
+        raise InputError(f"--key-file {path} is empty; it holds 32 bytes, 64 hexadecimal digits or a passphrase")
+    try:
+        key = bytes.fromhex(text.decode("ascii"))
+    except ValueError:
+        key = b""
+    return key if len(key) == 32 else hashlib.sha256(text).digest()
+
+
+class Packets:
+    """The packets of one sender's bytes.
+
+    Parameters
+    ----------
+    key : bytes, optional
+        Of 32 bytes: then packets that aren't signed by it are refused.
+
+    Examples
+    --------
+    >>> mavlink = dialect()
+    >>> sender = mavlink.MAVLink(None, srcSystem=1)
+    >>> packet = mavlink.MAVLink_attitude_message(5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).pack(sender)
+    >>> packets = Packets()
+    >>> [each.topic for part in (b"junk" + packet[:9], packet[9:]) for each in packets.push(part)], packets.broken
+    (['ATTITUDE'], 0)
+    """
+
+    def __init__(self, key: bytes | None = None) -> None:
+        self._mavlink = dialect()
+        self._decoder = self._mavlink.MAVLink(None)
+        self._decoder.signing.secret_key = key
+        used = {*TOPICS, HEARTBEAT}
+        self._used = {kind.id: kind.msgname for kind in self._mavlink.mavlink_map.values() if kind.msgname in used}
+        self._rest = b""
+        self.broken = 0
+        """Packets whose checksum is wrong."""
+        self.refused = 0
+        """Packets that aren't signed as they should be."""
+
+    def push(self, data: bytes, *, is_whole: bool = False) -> list[Packet]:
+        """Return the packets that some bytes complete; none waits for the next of them where they are whole."""
+        data, place = self._rest + data, 0
+        found = []
+        while (begin := _marked(data, place)) >= 0:
+            header = packet_at(data, begin)
+            if header is None or header.end > len(data):
+                if header is None or not is_whole:
+                    place = begin
+                    break
+                place = begin + 1
+                continue
+            place = header.end
+            topic = self._used.get(header.number)
+            if topic is None:  # another message: passed over, where behind it stands another packet
+                place = header.end if header.end == len(data) or data[header.end] in _MARKERS else begin + 1
+                continue
+            packet = self._decoded(topic, data[begin : header.end])
+            if packet is None:
+                place = begin + 1
+            else:
+                found.append(packet)
+        else:
+            place = len(data)
+        self._rest = b"" if is_whole else data[place:][-_LONGEST:]
+        return found
+
+    def _decoded(self, topic: str, content: bytes) -> Packet | None:
+        try:
+            message = self._decoder.decode(bytearray(content))
+        except (self._mavlink.MAVError, IndexError) as error:
+            if "ignature" in str(error):
+                self.refused += 1
+            else:
+                self.broken += 1
+            return None
+        return Packet(
+            system=message.get_srcSystem(),
+            component=message.get_srcComponent(),
+            sequence=message.get_seq(),
+            topic=topic,
+            message=message,
+            content=content,
+        )
+
+
+def _marked(data: bytes, place: int) -> int:
+    """Return where the next packet may begin; -1 where none does."""
+    places = [found for marker in _MARKERS if (found := data.find(marker, place)) >= 0]
+    return min(places, default=-1)
+
+
+def in_tlog(content: bytes) -> Iterator[tuple[float, bytes]]:
+    """Give the parts of a telemetry log's content: when each packet arrived, in seconds since 1970, and its bytes.
+
+    >>> [(at, part.hex()) for at, part in in_tlog((1_500_000).to_bytes(8, "big") + bytes.fromhex("fe0000000000abcd"))]
+    [(1.5, 'fe0000000000abcd')]
+    """
+    place = 0
+    while (begin := _marked(content, place + 8)) >= 0:
+        header = packet_at(content, begin)
+        if header is None or header.end > len(content):
+            return
+        follows = header.end + 8
+        if follows < len(content) and content[follows] not in _MARKERS:
+            place = begin - 7
+            continue
+        yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin : header.end]
+        place = header.end

@@ -1,0 +1,215 @@
+"""Rows on a monitor's clock, made of messages that come each at a rate of its own.
+
+Every message is a lane: its samples are put in order, and laid on the clock as a log's are (`intake.laying`). A row is
+given when all lanes know it. What a link loses is no sensor's fault: a row for which a whole message is missing is
+left out for all sensors alike, so no monitor takes it for a sensor that dropped out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.intake.lattice import typical_period
+from gtmbench.intake.laying import Laying, Rows
+from gtmbench.intake.live import EvenStamps
+from gtmbench.intake.mapping import Turns
+from gtmbench.intake.resampling import HALF, nominal, oversampling
+from gtmbench.link.order import InOrder
+from gtmbench.link.readings import Sample
+from gtmbench.values.clock import FloatArray, same_period
+from gtmbench.values.record import BoolArray, Record
+
+_SILENT_S = 1.0  # a message that is missing for so long while others come isn't waited for any more
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """What is read of one message: its channels, and how often it comes."""
+
+    topic: str
+    channels: tuple[str, ...]
+    period_s: float
+
+
+def measured_period(stamps_s: Sequence[float]) -> float | None:
+    """Return the period of some samples by their stamps, in whatever order they came; None of too few.
+
+    >>> measured_period([0.0, 0.1, 0.3, 0.2, 0.2, 0.4])
+    0.1
+    """
+    own = np.unique(np.round(stamps_s, 6))
+    period_s = typical_period(np.diff(own)) if len(own) > 2 else None
+    return None if period_s is None else float(round(period_s, 6))
+
+
+class _Lane:
+    """One message's samples, and the rows that they make."""
+
+    def __init__(self, route: Route, start_s: float, period_s: float, *, filtered: bool) -> None:
+        self._route, self._start_s, self._period_s, self._filtered = route, start_s, period_s, filtered
+        self._typical_s = nominal(route.period_s, period_s)
+        self.order = InOrder(self._typical_s)
+        self._due: list[Sample] = []
+        self._turns = Turns()
+        self._stamps = EvenStamps(period_s) if same_period(self._typical_s, period_s) else None
+        self._laying: Laying | None = None
+        self._first = self._skip = 0  # the rows' number at which the laying begins; rows of it that were given before
+        self.count = HALF if filtered else 0
+        self._values: list[FloatArray] = []
+        self._there: list[BoolArray] = []
+
+    def put(self, sample: Sample) -> None:
+        """Put a sample in order, to be laid."""
+        self._due += self.order.push(sample)
+
+    def lay(self) -> None:
+        """Lay the samples whose turn has come."""
+        due, self._due = self._due, []
+        self._lay(due)
+
+    def end(self) -> None:
+        """Give what still waits: nothing follows, for a while or at all."""
+        self._due += self.order.rest()
+        self.lay()
+        if self._laying is not None:
+            self._add(self._laying.end())
+            self._laying = None
+
+    def pass_over(self, count: int) -> None:
+        """Leave rows out up to a number: nothing is known of them."""
+        missing = count - self.count
+        if missing > 0:
+            width = len(self._route.channels)
+            self._add((np.full((missing, width), np.nan), np.zeros((missing, width), dtype=bool)))
+
+    def take(self, count: int) -> tuple[FloatArray, BoolArray]:
+        """Return the next rows."""
+        if len(self._values) == 1 and len(self._values[0]) == count:  # as nearly always
+            values, there = self._values.pop(), self._there.pop()
+            return values, there
+        values, there = np.concatenate(self._values), np.concatenate(self._there)
+        self._values, self._there = [values[count:]], [there[count:]]
+        return values[:count], there[:count]
+
+    def _lay(self, samples: Sequence[Sample]) -> None:
+        if not samples:
+            return
+        time_s = np.array([sample.time_s for sample in samples])
+        values = np.array([sample.values for sample in samples])
+        if "psi" in self._route.channels:
+            self._turns.undo(values[:, self._route.channels.index("psi")])
+        if self._laying is None:
+            margin = HALF if self._filtered else 0
+            place = math.ceil((float(time_s[0]) - self._start_s) / self._period_s - 1e-3)
+            first = max(place, self.count - margin, 0)
+            self.pass_over(first + margin)
+            begin_s = self._start_s + first * self._period_s
+            self._laying = Laying(begin_s, self._period_s, self._typical_s, values.shape[1], filtered=self._filtered)
+            if self._stamps is not None:
+                self._stamps.begin(begin_s)
+        if self._stamps is not None:
+            time_s = self._stamps.even(time_s)
+        self._add(self._laying.push(time_s, values))
+
+    def _add(self, rows: Rows) -> None:
+        if len(rows[0]):
+            self._values.append(rows[0])
+            self._there.append(rows[1])
+            self.count += len(rows[0])
+
+
+class LinkRows:
+    """The rows of one stretch of a link, on an even clock.
+
+    Parameters
+    ----------
+    routes : sequence of Route
+    start_s, period_s : float
+        The first row's time by the sender's clock, and the monitor's period.
+
+    Examples
+    --------
+    >>> rows = LinkRows([Route(topic="", channels=("p",), period_s=0.1)], 5.0, 0.1)
+    >>> [rows.push([Sample(topic="", time_s=at, values=(at,))]) for at in (5.0, 5.1)]
+    [Record(1 samples, 5..5 s, every 0.1 s: p), Record(1 samples, 5.1..5.1 s, every 0.1 s: p)]
+    """
+
+    def __init__(self, routes: Sequence[Route], start_s: float, period_s: float) -> None:
+        filtered = any(oversampling(nominal(route.period_s, period_s), period_s) > 1 for route in routes)
+        self._start_s, self._period_s = start_s, period_s
+        self._lanes = {route.topic: _Lane(route, start_s, period_s, filtered=filtered) for route in routes}
+        self._widths = [len(route.channels) for route in routes]
+        self.channels = tuple(name for route in routes for name in route.channels)
+        self._silent: set[int] = set()
+        self._given = HALF if filtered else 0
+        self.left_out = 0
+        """Rows so far for which a message is missing."""
+
+    @property
+    def counts(self) -> Mapping[str, InOrder]:
+        """What was counted of each message."""
+        return {topic: lane.order for topic, lane in self._lanes.items()}
+
+    def push(self, samples: Sequence[Sample]) -> Record | None:
+        """Return the rows that some samples complete, None where they complete none; the same in whatever pieces."""
+        for sample in samples:
+            lane = self._lanes.get(sample.topic)
+            if lane is not None:
+                lane.put(sample)
+                if len(self._lanes) > 1:
+                    self._leave_out(lane)
+        self._lay()
+        return self._taken()
+
+    def _lay(self) -> None:
+        for lane in self._lanes.values():
+            lane.lay()
+
+    def _leave_out(self, lane: _Lane) -> None:
+        """Wait no longer for a message that is missing while another comes."""
+        newest_s = lane.order.last_s
+        if newest_s is None:
+            return
+        for other in self._lanes.values():
+            last_s = self._start_s if other.order.last_s is None else other.order.last_s
+            if newest_s - last_s > _SILENT_S:
+                self._lay()
+                other.end()
+                other.pass_over(lane.count)
+                self._silent.add(id(other))
+            elif id(other) in self._silent and other is lane:  # it is back: laid at once, behind what was left out
+                self._silent.discard(id(other))
+                self._lay()
+
+    def end(self) -> Record | None:
+        """Return the rows that are left."""
+        for lane in self._lanes.values():
+            lane.end()
+        return self._taken()
+
+    def _taken(self) -> Record | None:
+        count = min(lane.count for lane in self._lanes.values()) - self._given
+        if count <= 0:
+            return None
+        taken = [lane.take(count) for lane in self._lanes.values()]
+        values, there = (np.hstack(parts) for parts in zip(*taken, strict=True))
+        lost = np.zeros(count, dtype=bool)
+        for part, _ in taken:
+            lost |= np.isnan(part).all(axis=1)
+        is_plain = not lost.any() and bool(there.all())
+        if not is_plain:
+            values, there = np.where(lost[:, np.newaxis], np.nan, values), there & ~lost[:, np.newaxis]
+            self.left_out += int(np.count_nonzero(lost))
+        start_s = self._start_s + round(self._given * self._period_s, 9)
+        self._given += count
+        return Record(
+            values,
+            channels=self.channels,
+            sample_period_s=self._period_s,
+            start_s=start_s,
+            there=None if is_plain else there,
+        )

@@ -1,0 +1,147 @@
+"""A fault's story in a few lines: the alarm, its name where that changes, its end; not a line a judgement."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from gtmbench.checks import listed
+from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
+from gtmbench.link.events import LiveKind
+from gtmbench.report.words.judgement import judgement_text
+from gtmbench.report.words.verdict import sensor_text
+from gtmbench.study.log.watched import Outcome
+
+MOST_LINES = 12
+"""What is said of one fault, its end included."""
+UNSURE = "can't tell: "
+_MOST_FAULTS = 10_000  # that are remembered
+Line = tuple[LiveKind, float, str, Alarm]  # kind, when it could be known, text, and the alarm
+
+
+@dataclass
+class _Fault:
+    """What has been said of a fault."""
+
+    number: int
+    alarm: Alarm
+    lines: int = 1
+    judged: int = 0  # judgements
+    named: object = None
+    has_ended: bool = False
+
+
+class Story:
+    """What has been said of every fault so far, and what is new in what a monitor tells.
+
+    Examples
+    --------
+    >>> alarm = Alarm(number=0, time_s=12.4, onset_s=12.0, source="p")
+    >>> story = Story()
+    >>> [text for told in ([alarm], [alarm]) for _, _, text, _ in story.lines(told)]
+    ['p rose above its threshold; the change began at about 12.00 s']
+    """
+
+    def __init__(self) -> None:
+        self._faults: dict[tuple[int, int], _Fault] = {}
+        self._stretch = self._count = 0
+
+    def begin(self) -> None:
+        """Begin anew: the monitor counts its alarms from 0 again."""
+        self._stretch += 1
+
+    def number_of(self, alarm: Alarm) -> int:
+        """Return the number of an alarm's fault."""
+        return self._faults[self._stretch, alarm.number].number
+
+    def lines(self, told: Iterable[Alarm]) -> list[Line]:
+        """Return what is new in some alarms, line by line, in time: the same in however many pieces they are told."""
+        lines: list[Line] = []
+        for alarm in told:
+            if alarm.is_first:
+                lines += self._of(alarm)
+            else:  # it belongs to a fault that has been told
+                fault = self._faults.get((self._stretch, alarm.number))
+                if fault is not None:
+                    fault.alarm = alarm
+        return sorted(lines, key=lambda line: line[1])
+
+    def _of(self, alarm: Alarm) -> Iterator[Line]:
+        key = self._stretch, alarm.number
+        fault = self._faults.get(key)
+        if fault is None:
+            if len(self._faults) >= _MOST_FAULTS:
+                self._faults.pop(next(iter(self._faults)))
+            at_once = sum(judged.time_s <= alarm.time_s for judged in alarm.judgements)
+            first = _until(alarm, at_once)
+            fault = self._faults[key] = _Fault(number=self._count, alarm=alarm)
+            self._count += 1
+            yield _raised(first)
+            if _is_at_once(first):  # which sensors it may be, and no more: the next judgement says more
+                fault.named, fault.judged = _name(first), at_once
+        for count in range(fault.judged + 1, len(alarm.judgements) + 1):
+            now = _until(alarm, count)
+            named = _name(now)
+            if named is not None and named != fault.named and fault.lines < MOST_LINES - 1:
+                fault.named = named
+                fault.lines += 1
+                yield _named(now)
+        fault.alarm, fault.judged = alarm, max(fault.judged, len(alarm.judgements))
+        if alarm.ended_s is not None and alarm.end_known_s is not None and not fault.has_ended:
+            fault.has_ended = True
+            what = "calm again" if alarm.doubt or alarm.test == OUTSIDE else "the fault has gone"
+            yield LiveKind.ENDED, alarm.end_known_s, f"{what}, since {alarm.ended_s:.2f} s", alarm
+
+    @property
+    def left(self) -> list[Alarm]:
+        """The faults that something is left of to explain, in time."""
+        return [fault.alarm for fault in self._faults.values() if fault.alarm.is_first and not fault.alarm.has_passed]
+
+    def outcome(self, *, could_tell: bool) -> Outcome:
+        """Return what it comes to: failed if a fault is left to explain that may be no doubt's."""
+        if any(not alarm.doubt and alarm.test != OUTSIDE for alarm in self.left):
+            return Outcome.FAILED
+        return Outcome.HEALTHY if could_tell and not self.left else Outcome.UNKNOWN
+
+
+def _until(alarm: Alarm, count: int) -> Alarm:
+    """Return an alarm as it was known after so many judgements."""
+    return replace(alarm, judgements=alarm.judgements[:count], ended_s=None, end_known_s=None)
+
+
+def _raised(alarm: Alarm) -> Line:
+    if alarm.test == MISSING:
+        text = f"samples of the {sensor_text(alarm.source)} are missing since {alarm.onset_s:.2f} s"
+        return LiveKind.ALARM, alarm.time_s, text, alarm
+    if alarm.test == OUTSIDE:
+        text = f"motion beyond what the monitor knows; {alarm.source} isn't judged there"
+        return LiveKind.CANNOT_TELL, alarm.time_s, text, alarm
+    test = f" ({alarm.test})" if alarm.test else ""
+    among = f"; it may be {listed(alarm.candidates, 'or')}" if _is_at_once(alarm) else ""
+    text = f"{alarm.source}{test} rose above its threshold; the change began at about {alarm.onset_s:.2f} s{among}"
+    return LiveKind.ALARM, alarm.time_s, text, alarm
+
+
+def _is_at_once(alarm: Alarm) -> bool:
+    judged = alarm.last
+    return judged is not None and judged.sensor is None and judged.time_s <= alarm.time_s and bool(judged.candidates)
+
+
+def _name(alarm: Alarm) -> object | None:
+    """Return what has to change to be said again; None before the first judgement, and of what names itself."""
+    judged = alarm.last
+    if judged is None or alarm.test in (MISSING, OUTSIDE):
+        return None
+    among = judged.sensor or tuple(sorted(judged.candidates))
+    return among, judged.kind if judged.sensor is not None else None, judged.partner, judged.doubt
+
+
+def _named(alarm: Alarm) -> Line:
+    judged = alarm.last
+    assert judged is not None  # it has a name
+    if judged.sensor is not None:
+        kind = LiveKind.NAMED
+    else:
+        kind = LiveKind.CANNOT_TELL if judged.candidates else LiveKind.ENDED
+    text = judgement_text(judged)
+    return kind, judged.time_s, text.removeprefix(UNSURE) if kind == LiveKind.CANNOT_TELL else text, alarm

@@ -1,0 +1,225 @@
+"""A monitor at work on a link's samples, for as long as its sender's clock runs on: the same engine as on a log's rows.
+
+First the rates of the messages are measured; then rows are laid on the monitor's clock, their installation is
+corrected as a log's is, and the monitor's own stream reads them. Nothing here depends on when samples arrived.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
+from gtmbench.detectors.protocol import Monitor, Stream
+from gtmbench.errors import InputError
+from gtmbench.intake.live import is_too_seldom
+from gtmbench.link.order import InOrder
+from gtmbench.link.readings import Sample
+from gtmbench.link.rows import LinkRows, Route, measured_period
+from gtmbench.link.telemetry import Message
+from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Record, joined
+
+_PROBED_S = 1.5  # in which rates are measured
+_PATIENCE_S = 2.5  # until a message that is needed has to be there
+_MOST = 50_000  # messages until then
+
+
+class Reader(Protocol):
+    """What makes samples of messages: `Telemetry`, or `Table`."""
+
+    unit: str
+
+    def routes(self, rates_hz: dict[str, float], needs: Sequence[str], least_hz: float) -> dict[str, str]:
+        """Return the message that each channel is read from."""
+
+    def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
+        """Return what a message reads of some channels."""
+
+    def told(self) -> str:
+        """Say what could be read."""
+
+
+def wants_of(monitor: Monitor) -> tuple[str, ...]:
+    """Return the channels that a monitor reads where they are there, beside those that it needs."""
+    read = basis_of(monitor).witnesses
+    wanted = (*read, *GYROS, *ATTITUDE) if read else ()
+    return tuple(name for name in dict.fromkeys(wanted) if name not in monitor.channels)
+
+
+class Watcher:
+    """A monitor on one sender's samples, while its clock runs on.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    reader : Reader
+    learner : Learner, optional
+        What is known of the installation, from before a silence.
+
+    Raises
+    ------
+    InputError
+        If the monitor has no rate, or no channels, of its own.
+    """
+
+    def __init__(self, monitor: Monitor, reader: Reader, learner: Learner | None = None) -> None:
+        if monitor.sample_period_s is None or not monitor.channels:
+            raise InputError(f"{monitor.name} has no rate, or no channels, of its own; calibrate it on flights first")
+        self._monitor = monitor
+        self._reader, self._period_s = reader, monitor.sample_period_s
+        self._needs, self._wants = monitor.channels, wants_of(monitor)
+        if learner is None and has_motion(monitor):
+            learner = Learner(self._period_s, expected_of(monitor))
+        self.learner = learner
+        self._corrector = None if learner is None else Corrector(learner)
+        self._unchecked: list[Record] | None = None
+        if learner is not None and not learner.is_settled and rests_on_motion(monitor):
+            self._unchecked = []  # the first rows, whose wiring is checked before any is judged
+        self._stream: Stream = monitor.stream()
+        self._probed: list[Message] = []
+        self._channels: dict[str, tuple[str, ...]] = {}
+        self._rows: LinkRows | None = None
+        self.pending: list[Sample] = []
+        """Samples that wait for others, to be taken together."""
+        self.watched = self.heard = 0
+        """Rows that could have alarmed, and all rows."""
+        self.problem = ""
+        """Why these messages can't be watched by this monitor; "" where they can."""
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far."""
+        return self._stream.alarms
+
+    @property
+    def armed(self) -> dict[str, bool]:
+        """Whether each test statistic could alarm with the next row."""
+        return dict(self._stream.armed)
+
+    @property
+    def counts(self) -> Sequence[InOrder]:
+        """What was counted of each message that is read."""
+        return () if self._rows is None else tuple(self._rows.counts.values())
+
+    @property
+    def left_out(self) -> int:
+        """Rows for which a message is missing."""
+        return 0 if self._rows is None else self._rows.left_out
+
+    @property
+    def routes(self) -> dict[str, tuple[str, ...]]:
+        """The channels that each message is read for."""
+        return dict(self._channels)
+
+    def push(self, messages: Sequence[Message], at_once: int = 1) -> tuple[Alarm, ...]:
+        """Return the alarms that some messages raise or tell more of, where they complete enough rows."""
+        if self.problem:
+            return ()
+        if self._rows is None:
+            self._probed += messages
+            messages = self._begun()
+        self.pending += self._samples(messages)
+        if not self.pending:
+            return ()
+        if at_once > 1 and abs(self.pending[-1].time_s - self.pending[0].time_s) < (at_once - 0.5) * self._period_s:
+            return ()
+        return self._hear()
+
+    def end(self) -> tuple[Alarm, ...]:
+        """Return what is left to be told, now that no message follows."""
+        if self._rows is None:
+            return ()
+        told = self._hear()
+        if self.problem:
+            return told
+        left = self._rows.end()
+        if left is not None:
+            told += self._push([left] if self._corrector is None else self._corrector.push(left))
+        return told + (() if self._corrector is None else self._push(self._corrector.end()))
+
+    def _begun(self) -> list[Message]:
+        """Return the messages so far, once their rates are known."""
+        stamps: dict[str, list[float]] = {}
+        for message in self._probed:
+            stamps.setdefault(message.topic, []).append(message.time_s)
+        if not stamps:
+            return []
+        newest_s, first_s = max(map(max, stamps.values())), min(map(min, stamps.values()))
+        span_s = newest_s - first_s
+        if span_s < _PROBED_S and len(self._probed) < _MOST:
+            return []
+        periods_s = {topic: own_s for topic, at in stamps.items() if (own_s := measured_period(at)) is not None}
+        rates_hz = {topic: 1.0 / own_s for topic, own_s in periods_s.items() if own_s > 0.0}
+        read = self._reader.routes(rates_hz, (*self._needs, *self._wants), 0.45 / self._period_s)
+        lacking = [name for name in self._needs if name not in read]
+        slow = [topic for topic in dict.fromkeys(read.values()) if is_too_seldom(periods_s[topic], self._period_s)]
+        if (lacking or slow) and span_s < _PATIENCE_S and len(self._probed) < _MOST:
+            return []
+        if lacking or slow:
+            self.problem = self._problem(lacking, slow, periods_s)
+            self._probed = []
+            return []
+        for name, topic in read.items():
+            self._channels[topic] = (*self._channels.get(topic, ()), name)
+        routes = [Route(topic=topic, channels=own, period_s=periods_s[topic]) for topic, own in self._channels.items()]
+        begin_s = max(min(stamps[route.topic]) for route in routes)
+        slowest = max(routes, key=lambda route: route.period_s)
+        start_s = min(at for at in stamps[slowest.topic] if at >= begin_s) if len(routes) > 1 else begin_s
+        self._rows = LinkRows(routes, start_s, self._period_s)
+        probed, self._probed = self._probed, []
+        return probed
+
+    def _problem(self, lacking: Sequence[str], slow: Sequence[str], periods_s: dict[str, float]) -> str:
+        wanted = f"{1.0 / self._period_s:.3g} Hz"
+        if lacking:
+            return f"no {self._reader.unit} that comes tells {', '.join(lacking)}; {self._reader.told()}"
+        said = " and ".join(f"{topic or 'rows'} at {1.0 / periods_s[topic]:.3g} Hz" for topic in slow)
+        return (
+            f"{said}: too seldom for this monitor, which watches at {wanted}; let them come at {wanted} "
+            "(--request-rates asks an autopilot for it), or take a monitor calibrated at the link's rate"
+        )
+
+    def _samples(self, messages: Sequence[Message]) -> list[Sample]:
+        read = ((message, self._channels.get(message.topic)) for message in messages)
+        made = (self._reader.sample(message, channels) for message, channels in read if channels is not None)
+        return [sample for sample in made if sample is not None]
+
+    def _hear(self) -> tuple[Alarm, ...]:
+        samples, self.pending = self.pending, []
+        rows = None if self._rows is None else self._rows.push(samples)
+        if rows is None:
+            return ()
+        given = [rows] if self._corrector is None else self._corrector.push(rows)
+        if self._unchecked is not None:
+            self._check(rows, bool(given))
+        return () if self.problem else self._push(given)
+
+    def _check(self, rows: Record, is_due: bool) -> None:
+        """Check that gyros and attitude show one motion, with the first rows that are to be judged."""
+        assert self._unchecked is not None  # it is called while rows are kept
+        self._unchecked.append(rows)
+        if is_due:
+            motion = joined(self._unchecked).select((*GYROS, *ATTITUDE))
+            self._unchecked = None
+            wrong = wrong_wiring(self._monitor, motion)
+            if wrong:
+                self.problem = f"{wrong}; nothing is watched, because healthy sensors would be accused"
+
+    def _push(self, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
+        told: list[Alarm] = []
+        for piece in pieces:
+            for part in [piece] if self.watched else self._seconds(piece):
+                told += self._stream.push(part)
+                self.heard += len(part)
+                if any(self._stream.armed.values()):
+                    self.watched += len(part)
+        return tuple(told)
+
+    def _seconds(self, piece: Record) -> list[Record]:
+        """Return a piece second by second: until something is armed, nothing of it counts as watched."""
+        rows = max(round(1.0 / self._period_s), 1)
+        return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]

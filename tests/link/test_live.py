@@ -1,0 +1,418 @@
+"""A link is watched as a log is: the same alarms whatever it loses, and never a sensor accused for what it loses."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.link.packets import Packets, dialect, key_of
+from gtmbench.link.sources import Delivery, InputSource, Source, UdpSource
+from gtmbench.study.log.watched import Outcome
+from tests.helpers import links, monitors
+
+BIAS = gb.Bias(channel="q", onset_s=45.0, size=4.0)
+
+
+@cache
+def sent(*, is_broken=True):
+    record = monitors.record(3200, seed=21)
+    return links.packets(gb.inject(record, BIAS) if is_broken else record)
+
+
+class Given(Source):
+    """Deliveries as a test has them."""
+
+    is_live, is_whole = False, True
+
+    def __init__(self, arrived, *, one_by_one=False):
+        super().__init__()
+        self._arrived, self._one_by_one = arrived, one_by_one
+
+    @property
+    def waiting(self):
+        return 0 if self._one_by_one else 1000
+
+    def deliveries(self):
+        for at, data, *peer in self._arrived:
+            yield Delivery(at, data, *peer)
+
+
+def watch(arrived, **options):
+    one_by_one = options.pop("one_by_one", False)
+    return links.said(gb.live(Given(arrived, one_by_one=one_by_one), monitors.monitor(), **options))
+
+
+@cache
+def plain():
+    """Return what is said on the flight as it is sent."""
+    return watch(sent())
+
+
+def kinds(events):
+    return [event.kind.value for event in events]
+
+
+def test_a_fault_is_named_as_on_the_record():
+    events, link = plain()
+    stream = monitors.monitor().stream()
+    record = gb.inject(monitors.record(3200, seed=21), BIAS)
+    assert stream.push(record)
+    named = [event for event in events if event.kind == "named"]
+    assert kinds(events)[:2] == ["watching", "alarm"]
+    assert [event.alarm.sensor for event in named][-1] == "q"
+    assert link.outcome == Outcome.FAILED
+    assert "q failed; bias" in link.verdict
+    assert links.EVENTS  # what is compared below isn't empty
+    assert abs(events[1].time_s - 10.0 - stream.alarms[0].time_s) < 0.2  # the sender's clock began 10 s earlier
+
+
+def test_a_healthy_link_is_quiet():
+    events, link = watch(links.troubled(sent(is_broken=False)))
+    assert (kinds(events), link.outcome) == (["watching"], Outcome.HEALTHY)
+    assert "No fault found" in link.verdict
+    assert link.counts.lost > 100
+
+
+@pytest.mark.parametrize(
+    ("seed", "loss", "doubled", "jitter_s", "many"), [(1, 0.0, 0.0, 0.0, 400), (2, 0.03, 0.02, 0.03, 1)]
+)
+def test_a_saved_link_gives_the_same_alarms(seed, loss, doubled, jitter_s, many):
+    """Rows and packets one by one, or together: alarms, times and names are the same, bit for bit."""
+    arrived = links.troubled(sent(), seed=seed, loss=loss, doubled=doubled, jitter_s=jitter_s)
+    first, link = watch(arrived, one_by_one=True)
+    together = [
+        (arrived[k][0], b"".join(packet for _, packet in arrived[k : k + many])) for k in range(0, len(arrived), many)
+    ]
+    again, other = watch(together)
+    assert links.told(first)
+    assert links.told(first) == links.told(again)
+    assert (link.verdict, link.counts) == (other.verdict, other.counts)
+
+
+def test_what_arrives_by_udp_and_what_is_saved_of_it_are_watched_alike(tmp_path):
+    source = UdpSource("127.0.0.1", 0)
+    path = tmp_path / "saved.tlog"
+    link = gb.live(source, monitors.monitor(), save=path, end_after_s=1.0)
+
+    def send():
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            for k, (_, packet) in enumerate(links.troubled(sent(), seed=5)):
+                sender.sendto(packet, ("127.0.0.1", source.port))
+                if k % 20 == 0:
+                    time.sleep(0.002)
+
+    sender = threading.Timer(2.0, send)
+    sender.start()
+    events, link = links.said(link)
+    sender.join()
+    assert link.counts.dropped == 0
+    again, other = links.said(gb.live(str(path), monitors.monitor()))
+    assert links.told(events)
+    assert links.told(events) == links.told(again)
+    assert other.counts == link.counts
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.02])
+def test_the_whole_log_is_watched_alike(tmp_path, loss):
+    """`monitor` of the file that a link was saved to alarms when `live` does, and names the same."""
+    path = links.saved(tmp_path / "saved.tlog", links.troubled(sent(), seed=9, loss=loss))
+    _, link = links.said(gb.live(str(path), monitors.monitor()))
+    alarms = gb.watch_log(path, monitors.monitor()).alarms
+    assert [alarm.time_s for alarm in alarms] == pytest.approx([alarm.time_s for alarm in link.alarms], abs=1e-9)
+    assert [alarm.sensor for alarm in alarms] == [alarm.sensor for alarm in link.alarms] == ["q"]
+
+
+def test_values_of_another_unit_are_never_watched_in_silence():
+    """Gyros in rad/s that call themselves deg/s: healthy sensors, which a watch would accuse."""
+    record = monitors.record(3200, seed=21)
+    small = record
+    for name in ("p", "q", "r"):
+        small = small.replace(name, np.radians(record[name]))
+    content = "\n".join(lines(small)).encode()
+    (event,), link = of_input(content, monitors.monitor())
+    assert link.outcome == Outcome.UNKNOWN
+    assert event.kind == "cannot tell"
+    assert event.text.startswith("p, q and r are 57 times too small: rad/s taken for deg/s; nothing is watched")
+
+
+def without(arrived, start, stop, topic=None):
+    """Return packets without those that are sent between two times, all or of one message."""
+    packets = Packets()
+    kept = []
+    for at, packet in arrived:
+        if start <= at - 1e9 < stop:
+            found = packets.push(packet, is_whole=True)
+            if topic is None or any(each.topic == topic for each in found):
+                continue
+        kept.append((at, packet))
+    return kept
+
+
+@pytest.mark.parametrize("topic", ["ATTITUDE", "HIGHRES_IMU", None])
+def test_what_a_link_loses_is_no_sensors_fault(topic):
+    arrived = without(sent(is_broken=False), 45.0, 51.0, topic)
+    events, link = watch(arrived)
+    assert "alarm" not in kinds(events)
+    assert "named" not in kinds(events)
+    expected = ["watching", "link lost", "link back"] if topic is None else ["watching", "cannot tell", "watching"]
+    assert kinds(events) == expected
+    assert link.outcome == Outcome.HEALTHY
+
+
+def test_after_a_long_silence_watching_begins_anew():
+    late = gb.Bias(channel="q", onset_s=57.0, size=4.0)
+    arrived = without(links.packets(gb.inject(monitors.record(3500, seed=21), late)), 27.0, 39.0)
+    events, _ = watch(arrived)
+    assert kinds(events)[:5] == ["watching", "link lost", "link back", "note", "watching"]
+    assert [event.alarm.sensor for event in events if event.kind == "named"][-1] == "q"
+
+
+def test_a_reboot_is_said_and_the_clock_is_taken_anew():
+    first = [each for each in sent(is_broken=False) if each[0] < 1e9 + 50.0]
+    again = [(at + 51.0, packet) for at, packet in sent()]
+    events, link = watch(first + again)
+    assert kinds(events)[:3] == ["watching", "note", "watching"]
+    assert "reboot" in events[1].text
+    assert link.outcome == Outcome.FAILED
+
+
+def test_two_senders_with_one_number_are_not_believed():
+    other = links.packets(monitors.record(500, seed=5))
+    mixed = sorted(sent(is_broken=False) + [(at + 5.0031, packet) for at, packet in other])
+    events, link = watch(mixed)
+    assert "two senders" in events[0].text
+    assert kinds(events) == ["cannot tell", "note", "watching"]
+    assert {"alarm", "named"}.isdisjoint(kinds(events))
+    assert link.outcome != Outcome.FAILED
+
+
+def test_of_two_systems_one_has_to_be_named():
+    mavlink = dialect()
+    other = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    extra = mavlink.MAVLink_attitude_message(5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).pack(other)
+    arrived = [sent()[0], (1e9, bytes(extra)), *sent()[1:]]
+    events, link = watch(arrived)
+    assert "--system 1" in events[0].text
+    assert (kinds(events), link.outcome) == (["cannot tell"], Outcome.UNKNOWN)
+    events, link = watch(arrived, system=1)
+    assert link.outcome == Outcome.FAILED
+    assert "system 7" in next(event.text for event in events if event.kind == "note")
+
+
+def slower(rate_hz):
+    record = monitors.record(600, seed=4)
+    step = round(50.0 / rate_hz)
+    slow = gb.Record(record.values[::step], channels=record.channels, sample_period_s=step * 0.02)
+    return links.packets(slow)
+
+
+@pytest.mark.parametrize("rate_hz", [4.0, 10.0])
+def test_a_link_that_is_too_slow_says_within_three_seconds_which_rate_is_needed(rate_hz):
+    (event,), link = watch(slower(rate_hz))
+    assert event.kind == "cannot tell"
+    assert event.time_s - 10.0 < 3.0
+    assert "Hz: too seldom for this monitor, which watches at 50 Hz" in event.text
+    assert link.outcome == Outcome.UNKNOWN
+
+
+def test_signed_packets_are_read_and_others_refused(tmp_path):
+    key_file = tmp_path / "key"
+    key_file.write_text("a passphrase\n")
+    key = key_of(key_file)
+    mavlink = dialect()
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    sender.signing.secret_key, sender.signing.sign_outgoing, sender.signing.timestamp = key, True, 1
+    message = mavlink.MAVLink_attitude_message(5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    packets = Packets(key)
+    assert len(packets.push(bytes(message.pack(sender)), is_whole=True)) == 1
+    assert packets.push(sent()[1][1], is_whole=True) == []
+    assert packets.refused == 1
+    events, link = watch(sent(), key=key)
+    assert (events, link.outcome) == ([], Outcome.UNKNOWN)
+    assert link.counts.refused > 1000
+
+
+def test_random_bytes_are_passed_over():
+    random = np.random.default_rng(3)
+    dirty = [part for at, packet in sent() for part in ((at, random.bytes(40)), (at, packet))]
+    events, _ = watch(dirty)
+    clean, _ = plain()
+    assert links.told(events) == links.told(clean)
+    stream = b"".join(random.bytes(7) + packet for _, packet in sent()[:2000])
+    packets = Packets()
+    found = [each for k in range(0, len(stream), 100) for each in packets.push(stream[k : k + 100])]
+    assert len(found) >= 1950
+    assert len(packets._rest) <= 280
+
+
+def lines(record):
+    head = "time_s," + ",".join(f"{name}_{unit}" for name, unit in zip(NAMES, UNITS, strict=True))
+    rows = np.column_stack([record.time_s, record.matrix(NAMES)])
+    return [head, *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+
+
+NAMES, UNITS = ("p", "q", "r", "phi", "theta", "psi"), ("deg_s", "deg_s", "deg_s", "deg", "deg", "deg")
+
+
+def of_input(content, monitor, **options):
+    reading, writing = os.pipe()
+
+    def write():
+        with os.fdopen(writing, "wb") as file:
+            file.write(content)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        return links.said(gb.live(InputSource(reading), monitor, **options))
+    finally:
+        writer.join()
+        os.close(reading)
+
+
+def test_lines_of_csv_give_the_alarms_of_the_record():
+    record = gb.inject(monitors.record(3200, seed=21), BIAS)
+    content = "\n".join(lines(record)).encode()
+    events, link = of_input(content, monitors.monitor())
+    assert link.outcome == Outcome.FAILED
+    assert link.counts.read == len(record)  # the last line, too, which has no end
+    broken = content.replace(b"\n30.0", b"\nnonsense\n30.0").replace(b"\n40.", b"\n,,\n40.", 1)
+    again, other = of_input(broken, monitors.monitor())
+    assert links.told(again) == links.told(events)
+    assert other.counts.broken == 4 + 1
+
+
+def test_a_line_that_never_ends_is_dropped():
+    table_lines = lines(monitors.record(200, seed=21))
+    content = "\n".join(table_lines[:100]).encode() + b"9" * 3_000_000 + b"\n" + "\n".join(table_lines[100:]).encode()
+    _, link = of_input(content, monitors.monitor())
+    assert (link.counts.read, link.counts.broken) == (200 - 1, 1)
+
+
+def test_a_monitor_is_learnt_from_the_first_span():
+    record = gb.inject(monitors.record(3200, seed=21), BIAS)
+    events, link = links.said(gb.live(Given(links.packets(record)), None, learn_s=30.0))
+    assert kinds(events)[:4] == ["learning", "learning", "watching", "alarm"]
+    assert 30.0 <= events[1].time_s - 10.0 < 31.0
+    assert link.outcome == Outcome.FAILED
+    assert "q failed" in link.verdict
+
+
+def test_what_cannot_be_learnt_from_is_said():
+    still = gb.Record(np.zeros((2000, 6)), channels=NAMES, sample_period_s=0.02)
+    events, link = links.said(gb.live(Given(links.packets(still)), None, learn_s=20.0))
+    assert kinds(events)[:2] == ["learning", "cannot tell"]
+    assert link.outcome == Outcome.UNKNOWN
+
+
+class Answered(Given):
+    """A source that keeps what is sent back."""
+
+    def __init__(self, arrived):
+        super().__init__(arrived)
+        self.sent = []
+
+    def send(self, data):
+        self.sent.append(data)
+
+
+@pytest.mark.parametrize("say", [False, True])
+def test_what_is_sent_back(say):
+    source = Answered(sent())
+    links.said(gb.live(source, monitors.monitor(), say=say))
+    decoder = dialect().MAVLink(None)
+    messages = [decoder.decode(bytearray(packet)) for packet in source.sent]
+    assert {message.get_type() for message in messages} == ({"HEARTBEAT", "STATUSTEXT"} if say else set())
+    texts = [message.text for message in messages if message.get_type() == "STATUSTEXT"]
+    assert all(text.startswith("gtmbench") and len(text) <= 50 for text in texts)
+    assert len(texts) == len(set(texts))
+
+
+def test_rates_are_asked_for_only_if_wanted():
+    source = Answered(sent()[:50])
+    links.said(gb.live(source, monitors.monitor(), request_hz=50.0))
+    decoder = dialect().MAVLink(None)
+    messages = [decoder.decode(bytearray(packet)) for packet in source.sent]
+    assert {(message.get_type(), message.command, message.param2) for message in messages} == {
+        ("COMMAND_LONG", 511, 20000.0)
+    }
+
+
+def test_a_fault_has_at_most_twelve_lines():
+    record = gb.inject(monitors.record(3200, seed=21), gb.Noise(channel="p", onset_s=45.0, deviation=3.0))
+    events, _ = watch(links.packets(record))
+    own = [event for event in events if event.fault == 0]
+    assert 2 <= len(own) <= 12
+
+
+def test_an_event_is_known_no_later_than_it_is_said():
+    events, _ = plain()
+    for event in events:
+        assert event.said_s > 0.0
+        assert event.table["text"] == event.text
+        assert event.kind.value in str(event)
+    alarm = next(event for event in events if event.kind == "alarm")
+    assert alarm.time_s == alarm.alarm.time_s
+
+
+def test_a_burst_beyond_what_can_wait_is_dropped_and_counted(monkeypatch):
+    """Nobody takes what arrives: memory stays bounded, and the link says how much was lost."""
+    monkeypatch.setattr("gtmbench.link.sources._MOST", 50)
+    source = UdpSource("127.0.0.1", 0)
+    deliveries = source.deliveries()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"first", ("127.0.0.1", source.port))
+        assert next(each for each in deliveries if each is not None).data == b"first"
+        for _ in range(500):
+            sender.sendto(b"x" * 100, ("127.0.0.1", source.port))
+            time.sleep(0.0005)
+    deadline = time.monotonic() + 20.0
+    while source.dropped < 450 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    source.close()
+    assert source.dropped == 450
+    assert source.waiting == 0
+
+
+def test_only_the_address_that_is_named_is_believed():
+    source = UdpSource("127.0.0.1", 0, only="127.0.0.1:9")
+    deliveries = source.deliveries()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(b"x", ("127.0.0.1", source.port))
+    assert [next(deliveries) for _ in range(2)] == [None, None]
+    source.close()
+
+
+def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
+    """With the exit code of an interruption; what was saved is a whole log."""
+    gb.save_monitor(monitors.monitor(), tmp_path / "monitor.json")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, "-m", "gtmbench", "live", f"udp:127.0.0.1:{port}", "--detector", "monitor.json"]
+    process = subprocess.Popen(
+        [*command, "--save", "saved.tlog"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        assert "listening" in process.stderr.readline()
+        for k, (_, packet) in enumerate(sent()):
+            sender.sendto(packet, ("127.0.0.1", port))
+            if k % 10 == 0:
+                time.sleep(0.002)
+        said = ""
+        while "named" not in said:
+            said = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (130, "")
+    assert out.splitlines()[-3].startswith("Fault: q failed; bias")
+    again, _ = links.said(gb.live(str(tmp_path / "saved.tlog"), monitors.monitor()))
+    assert "named" in kinds(again)
