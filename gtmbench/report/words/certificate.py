@@ -27,7 +27,8 @@ def certificate_text(certificate: Certificate) -> str:
     units = {unit_text(row) for row in seen}
     sizes = [f"{row.sensor} {size_text(row, row.size) if len(units) > 1 else _two(row.size or 0.0)}" for row in seen]
     blind = " or ".join(row.sensor for row in rows if row.size is None)
-    within = f"would have been detected within {rows[0].within_s:g} s (at {_share(SHARE)} of start times)"
+    longest_s = max(row.within_s for row in seen or rows)
+    within = f"would have been detected within {longest_s:g} s (at {_share(SHARE)} of start times)"
     if not seen:
         return f"No bias of {blind}, however large, {within}."
     unit = f" {units.pop()}".rstrip() if len(units) == 1 else ""
@@ -58,16 +59,13 @@ def certificate_lines(certificate: Certificate) -> list[str]:
 
 
 def certificate_title(certificate: Certificate) -> str:
-    """Return what the table is of."""
-    rows = certificate.rows
-    kinds = dict.fromkeys(row.kind for row in rows)
-    longer = [f"{_NAMES.get(row.kind, row.kind)} {row.within_s:g} s" for row in rows[: len(kinds)]]
-    limits = sorted({row.within_s for row in rows})
-    within = f"within {limits[0]:g} s" + (
-        f" ({', '.join(text for text, row in zip(longer, rows, strict=False) if row.within_s > limits[0])})"
-        if len(limits) > 1
-        else ""
-    )
+    """Return what the table is of; of each kind the longest time that a sensor's size takes."""
+    longest_s: dict[str, float] = {}
+    for row in certificate.rows:
+        longest_s[row.kind] = max(row.within_s, longest_s.get(row.kind, 0.0))
+    usual_s = min(longest_s.values())
+    longer = [f"{_NAMES.get(kind, kind)} {time_s:g} s" for kind, time_s in longest_s.items() if time_s > usual_s]
+    within = f"within {usual_s:g} s" + (f" ({', '.join(longer)})" if longer else "")
     return (
         f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
         f"{_watched(certificate)}"

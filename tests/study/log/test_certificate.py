@@ -204,8 +204,8 @@ def test_with_names_asks_for_them(monkeypatch):
     assert short().with_names().certificate.is_named
 
 
-def row(sensor, size, kind="bias", **more):
-    return Smallest(sensor=sensor, kind=kind, size=size, share=0.9 if size else 0.45, within_s=10.0, **more)
+def row(sensor, size, kind="bias", within_s=10.0, **more):
+    return Smallest(sensor=sensor, kind=kind, size=size, share=0.9 if size else 0.45, within_s=within_s, **more)
 
 
 @pytest.mark.parametrize(
@@ -218,6 +218,10 @@ def row(sensor, size, kind="bias", **more):
         (
             [row("p", 2.0), row("r", None)],
             "A bias above p 2 deg/s would have been detected within 10 s (at 90 % of start times); none of r.",
+        ),
+        (
+            [row("p", 2.0), row("q", 0.5, within_s=60.0), row("r", None, within_s=90.0)],
+            "A bias above p 2, q 0.5 deg/s would have been detected within 60 s (at 90 % of start times); none of r.",
         ),
         (
             [row("p", None), row("r", None)],
@@ -233,6 +237,12 @@ def test_a_gyro_whose_end_would_go_unseen_is_told():
     rows = (row("p", None, "deadzone"), row("q", 0.5, "deadzone"), row("r", None, "deadzone"))
     told = certificate_lines(Certificate(rows=rows, watched_s=60.0))[-1]
     assert told == "  p, r going dead would not have been detected at 90 % of start times"
+
+
+def test_the_table_says_of_each_kind_the_longest_time_that_a_sensor_takes():
+    rows = (row("p", 2.0), row("p", 1.0, "noise"), row("q", 0.5, within_s=60.0), row("q", 1.0, "noise"))
+    title = certificate_lines(Certificate(rows=rows, watched_s=60.0))[0]
+    assert title.startswith("Smallest faults that would have been detected within 10 s (bias 60 s), at 90 %")
 
 
 def test_the_table_says_how_often_the_largest_would_have_been_seen_and_what_is_named():
