@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -92,10 +93,12 @@ class _Spectra:
         """Return Itakura's and Saito's distance of a periodogram from one of the spectra, over the most that is chance.
 
         It is the sum over bins of n (r - 1 - log r) for n lines whose mean is r times the spectrum, half by chance
-        of every bin. Spectra of healthy residuals are themselves known to a few percent.
+        of every bin. Spectra of healthy residuals are themselves known to a few percent. Without a line nothing fits.
         """
         lines = 0.5 * counts.ravel()
         there = lines > 0.0
+        if not there.any():
+            return math.inf
         ratio = np.maximum(0.5 * binned[there] * self.inverse[place, there] / lines[there], 1e-9)
         distance = float(np.sum(lines[there] * (ratio - 1.0 - np.log(ratio))))
         return distance / (_CHANCE * float(np.count_nonzero(there)) + _KNOWN * float(lines.sum()))

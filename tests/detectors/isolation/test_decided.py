@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.isolation import noise
 from gtmbench.detectors.monitor import review
 from gtmbench.values.attitude import AttitudeEstimator
 from tests.helpers import monitors
@@ -109,3 +110,10 @@ def test_a_bend_of_all_rows_at_once_is_that_row_by_row(bias_s):
         by_row = estimator.bent_path(*given)
     assert np.abs(by_row - attitude).max() > 1.0
     assert np.abs(at_once - by_row).max() < 1e-9
+
+
+def test_a_spectrum_without_a_line_fits_nothing():
+    """In a real log a fault began where all samples of a residual were missing."""
+    spectra = noise._Spectra.of(np.ones((1, 4)), np.ones((1, 4)))
+    assert spectra.misfit(np.zeros(4), np.zeros((1, 4)), 0) == np.inf
+    assert spectra.misfit(np.ones(4), np.full((1, 4), 2.0), 0) < np.inf
