@@ -398,9 +398,11 @@ def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     command = [sys.executable, "-m", "gtmbench", "live", f"udp:127.0.0.1:{port}", "--detector", "monitor.json"]
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
     process = subprocess.Popen(
         [*command, "--save", "saved.tlog"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
+    signal.signal(signal.SIGINT, before)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         assert "listening" in process.stderr.readline()
         for k, (_, packet) in enumerate(sent()):

@@ -9,7 +9,7 @@ import pytest
 
 from gtmbench.api import __all__ as public
 from gtmbench.cli.app import app
-from tests.report.test_page import BROWSER
+from tests.helpers.browsers import BROWSER
 
 SITE = Path(__file__).parents[2] / "out/docs"
 PAGES = [page for page in sorted(SITE.rglob("*.html")) if "_static" not in page.parts]
