@@ -17,6 +17,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.learning import Lesson
+from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
@@ -80,31 +81,33 @@ class Live:
 
     def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
         self._source, self._options = source, options
-        self.monitor = monitor
-        self._reader = self._reader_of(monitor)
-        self._session: Session | None = None
-        self._learn: Lesson | None = None
-        if monitor is None:
-            self._learn = Lesson(
-                options.learn_s, is_table=source.is_table, mapping=options.mapping, system=options.system
-            )
-        else:
-            self._session = Session(monitor, self._reader)
-        self._saving: SavedLink | None = None
-        self._saying: Saying | None = None
-        self._said = ""
-        self._has_dropped = False
-        self._asks = options.request_hz is not None
-        self._arrived_s = 0.0
-        self._at_once = 1
-        self._stack = ExitStack()
-        self._stack.callback(source.close)
-        if options.save is not None:
-            self._saving = self._stack.enter_context(SavedLink(options.save))
+        with ExitStack() as stack:
+            stack.callback(source.close)  # also where nothing can be watched
+            self.monitor = monitor
+            self._reader = self._reader_of(monitor)
+            self._session: Session | None = None
+            self._learn: Lesson | None = None
+            if monitor is None:
+                self._learn = Lesson(
+                    options.learn_s, is_table=source.is_table, mapping=options.mapping, system=options.system
+                )
+            else:
+                self._session = Session(monitor, self._reader)
+            self._saving: SavedLink | None = None
+            self._saying: Saying | None = None
+            self._said = ""
+            self._has_dropped = False
+            self._asks = options.request_hz is not None
+            self._arrived_s = 0.0
+            self._at_once = 1
+            if options.save is not None:
+                self._saving = stack.enter_context(SavedLink(options.save))
+            self._stack = stack.pop_all()
         self._events = self._watched()
 
     def _reader_of(self, monitor: Monitor | None) -> Telemetry | Table:
         if not self._source.is_table:
+            dialect()  # without its library, that is said before anybody waits
             return Telemetry(self._options.system, self._options.key)
         needs = _LEARNT if monitor is None else monitor.channels
         return Table(needs, () if monitor is None else wants_of(monitor), self._options.mapping)

@@ -391,6 +391,14 @@ def test_only_the_address_that_is_named_is_believed():
     source.close()
 
 
+def test_without_the_library_nobody_waits(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
+    with pytest.raises(gb.InputError, match=r"needs the package pymavlink; pip install 'gtmbench\[logs\]'"):
+        gb.live("udp:127.0.0.1:0", monitors.monitor())
+    with pytest.raises(gb.InputError, match="needs the package pymavlink"):
+        gb.live("udp:127.0.0.1:0")
+
+
 def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
     """With the exit code of an interruption; what was saved is a whole log."""
     gb.save_monitor(monitors.monitor(), tmp_path / "monitor.json")
