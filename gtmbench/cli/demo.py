@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import io
+import json
 import shlex
+import socket
+import subprocess
 import sys
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import click
@@ -28,6 +32,7 @@ COMMANDS = (
     (f"monitor broken.csv {_WATCHED} --report {PAGE} --record {RECORDING}", "the broken one, watched"),
     (f"view {RECORDING}", "the recording, in the rerun viewer"),
 )
+LIVE_FLIGHT = "--duration 90 --excitation multisine+turbulence --noise t2 --fault bias:q:size=3 --onset 60 --speed 4"
 _WELL = "The broken gyro was found and named, and the healthy flight was not accused."
 _RUN = {"fly": fly_command, "inject": inject_command, "monitor": monitor_command}
 _FOUND, _OTHERWISE = (0, 0, 0, 1), 3  # the exit codes, where all goes as it should; our own, where it doesn't
@@ -47,14 +52,18 @@ class _Step:
 @click.option(
     "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
 )
+@click.option("--live", is_flag=True, help="Watch the broken flight while it flies, at four times its speed, instead.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
-def demo_command(out: Path, force: bool, as_json: bool, quiet: bool) -> int:
+def demo_command(out: Path, live: bool, force: bool, as_json: bool, quiet: bool) -> int:
     """Fly, break a gyro, watch it: half a minute, no screen and no network needed.
 
-    The folder holds two logs, a page that a browser opens, a recording, and the five commands that made them. Exit
+    The folder holds two logs, a page that a browser opens, a recording, and the five commands that made them. With
+    --live nothing is written: one process sends the flight as an autopilot does, this one watches it as it comes. Exit
     code: 0 if the broken gyro was found and the healthy flight was not accused, otherwise 3.
     """
+    if live:
+        return _live(as_json=as_json, quiet=quiet)
     claim_folder(out, force=force)
     shows = sys.stderr.isatty() and not (as_json or quiet)
     with atomic_folder(out) as aside, chdir(aside):
@@ -72,6 +81,43 @@ def demo_command(out: Path, force: bool, as_json: bool, quiet: bool) -> int:
             echo(f"\n$ {step.typed}    # {step.why}")
             echo("\n".join(f"  {line}" for line in step.lines))
         echo(f"\nLook at it: open {out / PAGE} in a browser, or type: gtmbench view {out / RECORDING}")
+    return code
+
+
+def _live(*, as_json: bool, quiet: bool) -> int:
+    """Watch a flight that another process sends, and return the exit code."""
+    from gtmbench.cli.live import live_command
+    from gtmbench.link.packets import dialect
+
+    dialect()  # without its library, that is said before anybody sends
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        link = f"udp:127.0.0.1:{free.getsockname()[1]}"
+    monitor = files("gtmbench") / "baselines" / "bank-C.json"
+    watching = ["live", link, "--detector", str(monitor), "--end-after", "4"]
+    sending = ["fly", "--live", link, *LIVE_FLIGHT.split()]
+    if not (as_json or quiet):
+        for words, why in ((sending, "another process sends a flight"), (watching, "this one watches it")):
+            echo(f"$ {shlex.join(['gtmbench', *words])}    # {why}")
+    sender = subprocess.Popen([sys.executable, "-m", "gtmbench", *sending, "-q"])
+    silent, said = as_json or quiet, io.StringIO()
+    try:
+        with redirect_stdout(said if silent else sys.stdout):
+            given = [*watching[1:], *["--json"] * silent]
+            found = int(live_command.main(given, prog_name="gtmbench live", standalone_mode=False) or 0)
+    finally:
+        sender.terminate()
+        sender.wait()
+    went = found == _FOUND[-1]
+    code = 0 if went else _OTHERWISE
+    verdict = "The broken gyro was found while it flew." if went else "Cannot tell: the broken gyro was not found."
+    if as_json:
+        typed = shlex.join(["gtmbench", *watching])
+        told = [json.loads(line)["verdict"] for line in said.getvalue().splitlines()]
+        rows = [{"text": text, "typed": typed, "exit_code": found} for text in told]
+        print_json(envelope("demo", verdict, {"out": None, "steps": rows}, exit_code=code))
+    elif not quiet:
+        echo(verdict)
     return code
 
 
