@@ -78,6 +78,9 @@ class Opened:
         Whether the gyros drive the attitude; None where nothing rests on that.
     findings : tuple of str
         What is worth a word.
+    bends : bool
+        Whether the log shows that its gyros drive the attitude, while the monitor was calibrated for one of its own:
+        then a gyro's fault shows in other residuals, too.
     unwatched : mapping of str to str
         Why gyros aren't watched that the channels give no relation.
     """
@@ -89,6 +92,7 @@ class Opened:
     imus: FlightLog | None = field(repr=False)
     attitude: Origin | None
     findings: tuple[str, ...]
+    bends: bool
     unwatched: Mapping[str, str]
 
     @property
@@ -127,6 +131,7 @@ def opened(asked: Asked) -> Opened:
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         attitude=attitude,
         findings=findings,
+        bends=is_ready(asked.watcher) and bool(findings) and attitude is not None and not attitude.is_driven,
         unwatched=unwatched,
     )
 

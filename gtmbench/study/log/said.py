@@ -28,7 +28,7 @@ from gtmbench.study.log.records import first_part, outside, whole_s, within, wit
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
@@ -106,6 +106,8 @@ def doubted(said: Said, progress: Progress) -> Said:
     comparison = _compared(said, learnt.identified_s or (first_part(log),))
     watches = beside(watches, comparison)
     watches = [_but_small(watch, learnt) for watch in watches]
+    if learnt.opened.bends:
+        watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(
@@ -165,6 +167,23 @@ def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
     if last is None or off_deg_s is None or off_deg_s >= least_deg_s or alarm.doubt or alarm.has_passed:
         return alarm
     return with_doubt(alarm, f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own")
+
+
+def _but_bent(watches: Sequence[Watch]) -> list[Watch]:
+    """Return watches that believe the first fault only, and of an angle none: a gyro may have bent the attitude.
+
+    An estimator turns a gyro's error into all three angles. A monitor that was calibrated for an attitude of its own
+    takes that for faults of other sensors.
+    """
+    left = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
+    first_s = min((alarm.time_s for alarm in left), default=np.inf)
+    certain = [alarm for alarm in left if alarm.judgements and not alarm.doubt]
+    bent = {id(each) for each in certain if each.time_s > first_s or each.sensor in ATTITUDE}
+    why = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
+    return [
+        replace(watch, alarms=tuple(with_doubt(each, why) if id(each) in bent else each for each in watch.alarms))
+        for watch in watches
+    ]
 
 
 def _left_s(learnt: Learnt) -> list[Span]:
