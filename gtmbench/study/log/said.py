@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -175,7 +175,8 @@ def _but_bent(watches: Sequence[Watch]) -> list[Watch]:
     An estimator turns a gyro's error into all three angles. A monitor that was calibrated for an attitude of its own
     takes that for faults of other sensors.
     """
-    left = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
+    told = [alarm for watch in watches for alarm in watch.faults]
+    left = [alarm for alarm in told if not alarm.has_passed and alarm.test != MISSING]
     first_s = min((alarm.time_s for alarm in left), default=np.inf)
     certain = [alarm for alarm in left if alarm.judgements and not alarm.doubt]
     bent = {id(each) for each in certain if each.time_s > first_s or each.sensor in ATTITUDE}

@@ -1,4 +1,4 @@
-"""A monitor that was calibrated for an attitude of its own, on a log whose attitude the gyros drive: one name, no more."""
+"""A monitor calibrated for an attitude of its own, on a log whose attitude the gyros drive: one name at most."""
 
 import pytest
 
