@@ -166,6 +166,11 @@ class Alarm:
         return "" if self.last is None else self.last.doubt
 
     @property
+    def accuses(self) -> bool:
+        """Whether a sensor must have failed: nothing else may have raised it, and something is left to explain."""
+        return not (self.doubt or self.has_passed)
+
+    @property
     def isolated_s(self) -> float | None:
         """When the final decision on the sensor first became possible; None while undecided."""
         if self.last is None or self.last.sensor is None:

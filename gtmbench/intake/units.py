@@ -6,10 +6,9 @@ import math
 import re
 from dataclasses import dataclass
 
-from gtmbench.values.channels import CHANNELS
+from gtmbench.values.channels import CHANNELS, G_M_S2
 
 _DEG = math.degrees(1.0)
-_G = 9.80665
 _KT = 1852.0 / 3600.0
 _FT = 0.3048
 _ALIKE = 0.1  # of factors that were measured
@@ -36,8 +35,10 @@ _UNITS: dict[str, tuple[str, dict[str, float]]] = {
     ),
     "acceleration": (
         "g",
-        {"g": 1.0, "gs": 1.0, "gee": 1.0, "g0": 1.0, "mg": 1e-3, "m/s2": 1 / _G, "m/s/s": 1 / _G, "ms-2": 1 / _G}
-        | {"mps2": 1 / _G, "mss": 1 / _G, "cm/s2": 0.01 / _G, "ft/s2": _FT / _G, "ft/s/s": _FT / _G, "fps2": _FT / _G},
+        {"g": 1.0, "gs": 1.0, "gee": 1.0, "g0": 1.0, "mg": 1e-3}
+        | dict.fromkeys(("m/s2", "m/s/s", "ms-2", "mps2", "mss"), 1 / G_M_S2)
+        | {"cm/s2": 0.01 / G_M_S2}
+        | dict.fromkeys(("ft/s2", "ft/s/s", "fps2"), _FT / G_M_S2),
     ),
     "speed": (
         "kt",

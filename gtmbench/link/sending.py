@@ -15,7 +15,7 @@ from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import Record, check_record
 
 _BOOT_S = 10.0  # since the autopilot was switched on
@@ -94,7 +94,7 @@ def _packets(record: Record) -> Iterator[tuple[float, bytes]]:
     sender = mavlink.MAVLink(None, srcSystem=_SYSTEM, srcComponent=1)
     rates, angles = np.radians(record.matrix(GYROS)), np.radians(record.matrix(ATTITUDE))
     angles = np.column_stack([angles[:, :2], np.remainder(angles[:, 2] + np.pi, 2.0 * np.pi) - np.pi])
-    forces = [record[name] * 9.80665 if name in record else np.full(len(record), np.nan) for name in ("nx", "ny", "nz")]
+    forces = [record[name] * G_M_S2 if name in record else np.full(len(record), np.nan) for name in ("nx", "ny", "nz")]
     pushed = np.column_stack([forces[0], forces[1], -forces[2]]).tolist()
     per_second = max(round(1.0 / record.sample_period_s), 1)
 

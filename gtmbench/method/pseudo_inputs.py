@@ -19,10 +19,9 @@ import numpy as np
 
 from gtmbench.checks import meant, names
 from gtmbench.errors import InputError
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import G_M_S2, unit_of
 from gtmbench.values.record import FloatArray, Record, check_record
 
-_G = 9.80665  # m/s2
 _STEP = 1e-5  # of a derivative, in the formulas' units
 _M_S_PER_KT = 1852.0 / 3600.0
 _BLOCK = 4096  # rows at a time: what is worked out of them stays in the cache
@@ -118,7 +117,7 @@ def _r_att(x: Motion) -> Any:
 
 def _r_lat(x: Motion) -> Any:
     forward = _moving(x("tas") * x.cos("alpha") * x.cos("beta"))
-    return _G * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
+    return G_M_S2 * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
 
 
 def _along(x: Motion) -> Any:
@@ -127,11 +126,11 @@ def _along(x: Motion) -> Any:
 
 
 def _forward(x: Motion) -> Any:
-    return _G * (x("nx") - x.sin("theta"))
+    return G_M_S2 * (x("nx") - x.sin("theta"))
 
 
 def _down(x: Motion) -> Any:
-    return _G * (x.cos("theta") * x.cos("phi") - x("nz"))
+    return G_M_S2 * (x.cos("theta") * x.cos("phi") - x("nz"))
 
 
 def _q_air(x: Motion) -> Any:
@@ -141,7 +140,7 @@ def _q_air(x: Motion) -> Any:
 
 
 def _r_air(x: Motion) -> Any:
-    right = _G * (x("ny") + x.cos("theta") * x.sin("phi"))
+    right = G_M_S2 * (x("ny") + x.cos("theta") * x.sin("phi"))
     across = right * x.cos("beta") - _along(x) * x.sin("beta")
     return (x("p") * x.sin("alpha") + across / _moving(x("tas")) - x.slope("beta")) / x.cos("alpha")
 

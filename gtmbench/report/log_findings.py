@@ -146,6 +146,12 @@ def stretches(watched: WatchedLog) -> list[Stretch]:
     return parts
 
 
+def seconds_by_state(parts: Sequence[Stretch]) -> dict[State, float]:
+    """Return how long a log was in each state that it was in, in the order of the states."""
+    own = {part.state for part in parts}
+    return {state: sum(part.duration_s for part in parts if part.state is state) for state in State if state in own}
+
+
 def _of_segment(watched: WatchedLog, segment: Record) -> list[Stretch]:
     states = np.full(len(segment), _STATES.index(State.LEFT_OUT), dtype=np.int8)
     for span in watched.identified_s:

@@ -17,6 +17,9 @@ from typing import Any
 from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 
+G_M_S2 = 9.80665
+"""Standard gravity, by which a specific force in g is one in m/s2."""
+
 
 class Role(StrEnum):
     """What a channel is to the aircraft."""

@@ -18,10 +18,9 @@ import numpy as np
 from gtmbench.detectors.rivals.rival import Model, Rival
 from gtmbench.detectors.rivals.signals import AIR, Generator, Lookback, body_rates, running
 from gtmbench.method.convolution import filtered
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import FloatArray
 
-_G = 9.80665  # m/s2
 _M_S_PER_KT = 1852.0 / 3600.0
 
 
@@ -87,8 +86,8 @@ def _forces(values: FloatArray, velocity: FloatArray, slopes: FloatArray) -> Flo
     du, dv, dw = slopes.T
     return np.column_stack(
         [
-            _G * nx - (du + q * w - r * v + _G * np.sin(theta)),
-            _G * ny - (dv + r * u - p * w - _G * np.cos(theta) * np.sin(phi)),
-            _G * nz + (dw + p * v - q * u - _G * np.cos(theta) * np.cos(phi)),
+            G_M_S2 * nx - (du + q * w - r * v + G_M_S2 * np.sin(theta)),
+            G_M_S2 * ny - (dv + r * u - p * w - G_M_S2 * np.cos(theta) * np.sin(phi)),
+            G_M_S2 * nz + (dw + p * v - q * u - G_M_S2 * np.cos(theta) * np.cos(phi)),
         ]
     )

@@ -13,12 +13,13 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.log_findings import (
     TINTS,
-    State,
+    Stretch,
     about,
     began_s,
     faults_of,
     residuals_of,
     scores_of,
+    seconds_by_state,
     signals_of,
     stretches,
     whole_of,
@@ -30,8 +31,8 @@ from gtmbench.report.tables.results import versions
 from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
-from gtmbench.report.words.units import duration_text
-from gtmbench.report.words.verdict import labelled, sensor_text, verdict_text
+from gtmbench.report.words.units import capitalised, duration_text
+from gtmbench.report.words.verdict import SHORT_S, labelled, sensor_text, verdict_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
@@ -70,7 +71,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
     """
     span = whole_of(watched)
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    close = [about(fault, span) for fault in faults]
+    close, parts = [about(fault, span) for fault in faults], stretches(watched)
+    lengths_s = seconds_by_state(parts)
     title, *cells = certificate_table(watched.certificate) or [[]]
     return html_page(
         "flight.html.j2",
@@ -85,14 +87,14 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         start_s=span[0],
         ticks=time_ticks(span),
         panels=panels(watched, span, close),
-        marks=marks(watched),
-        states=[(state, TINTS[state]) for state in State if any(each.state is state for each in stretches(watched))],
+        marks=marks(watched, parts),
+        states=[(state, TINTS[state]) for state in lengths_s],
         windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
-        treatment=_treatment(watched),
+        treatment=[(state, f"{seconds:.1f}") for state, seconds in lengths_s.items() if seconds >= SHORT_S],
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
         certificate_notes=certificate_notes(watched.certificate.rows),
         details="\n".join(detail_lines(watched)),
@@ -115,7 +117,7 @@ def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel
             lines.append((_PREDICTED, _PREDICTED, virtual))
         title = sensor_text(name)
         described = f"{title}, measured and predicted from the other sensors. {_alarms_said(watched)}"
-        made.append(panel(_capital(title), unit, lines, span, close, description=described))
+        made.append(panel(capitalised(title), unit, lines, span, close, description=described))
         if name in residuals_of(watched):
             residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
             described = f"{title}, measured minus predicted. {_alarms_said(watched)}"
@@ -157,7 +159,7 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
     ]
 
 
-def marks(watched: WatchedLog) -> list[Mark]:
+def marks(watched: WatchedLog, parts: Sequence[Stretch]) -> list[Mark]:
     """Return what stands in every panel: what wasn't watched, when faults began, alarms and names."""
     start_s = whole_of(watched)[0]
     spans = [
@@ -167,7 +169,7 @@ def marks(watched: WatchedLog) -> list[Mark]:
             look=each.state.name.lower(),
             name=str(each.state),
         )
-        for each in stretches(watched)
+        for each in parts
     ]
     instants = []
     for alarm in watched.alarms[:_MOST_ROWS]:
@@ -187,16 +189,9 @@ def _alarm_row(alarm: Alarm) -> tuple[str, ...]:
     return f"{began_s(alarm):.2f}", f"{alarm.time_s:.2f}", named, ended, what
 
 
-def _treatment(watched: WatchedLog) -> list[tuple[str, str]]:
-    """Return how long the log was in each state."""
-    rows = [(each.state, each.duration_s) for each in stretches(watched)]
-    lengths = {state: sum(length_s for own, length_s in rows if own is state) for state in State}
-    return [(str(state), f"{length_s:.1f}") for state, length_s in lengths.items() if length_s >= 0.05]
-
-
 def _alarms_said(watched: WatchedLog) -> str:
     told = [f"alarm at {alarm.time_s:.1f} s" for alarm in watched.alarms if not alarm.has_passed]
-    return f"{_capital(', '.join(told[:_MOST_FAULTS]))}." if told else "No alarm."
+    return f"{capitalised(', '.join(told[:_MOST_FAULTS]))}." if told else "No alarm."
 
 
 def _log_text(watched: WatchedLog) -> str:
@@ -230,7 +225,3 @@ def _placeless(path: Path) -> Callable[[str], str]:
         return text
 
     return said
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

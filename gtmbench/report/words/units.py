@@ -5,6 +5,15 @@ from __future__ import annotations
 import math
 
 
+def capitalised(text: str) -> str:
+    """Write a sentence's beginning with a capital; the rest stays as it is.
+
+    >>> capitalised("no GPS"), capitalised("")
+    ('No GPS', '')
+    """
+    return text[:1].upper() + text[1:]
+
+
 def per_second(unit: str) -> str:
     """Write a unit per second.
 

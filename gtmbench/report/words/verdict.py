@@ -15,11 +15,19 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.report.log_findings import State, alarm_bound, began_s, faults_of, passed_alarms, stretches
+from gtmbench.report.log_findings import (
+    State,
+    alarm_bound,
+    began_s,
+    faults_of,
+    passed_alarms,
+    seconds_by_state,
+    stretches,
+)
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.judgement import kind_text, source_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.units import counted, duration_text
+from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.values.record import Span
@@ -41,7 +49,7 @@ SENSORS = {
 _LABEL = 13  # characters, with the space behind
 _LINES = 2  # a label has no more
 _FEW = 2  # alarms that are told one by one where more of them tell nothing
-_SHORT_S = 0.05  # of what wasn't watched: less isn't told
+SHORT_S = 0.05  # of what wasn't watched: less isn't told
 _MOST = 3  # faults, doubts or spans that are told one by one
 _NOT_WATCHED = {
     State.IDENTIFIED: "learnt from",
@@ -75,9 +83,9 @@ def verdict_text(watched: WatchedLog) -> str:
     if faults:
         told = [_fault_text(same) for same in faults[:_MOST]]
         more = f"; and {len(faults) - _MOST} more" if len(faults) > _MOST else ""
-        return f"{_capital('; '.join(told))}{more}."
+        return f"{capitalised('; '.join(told))}{more}."
     passed = passed_alarms(watched)
-    alarms = f" {_capital(counted(passed, 'alarm'))} had nothing left to explain." if passed else ""
+    alarms = f" {capitalised(counted(passed, 'alarm'))} had nothing left to explain." if passed else ""
     watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
     blind = _unheard(watched)
     but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
@@ -187,12 +195,12 @@ def _certainty(watched: WatchedLog) -> list[str]:
 
 
 def _not_watched(watched: WatchedLog) -> list[str]:
-    lengths = [(each.state, each.duration_s) for each in stretches(watched)]
-    total = {state: sum(length_s for its, length_s in lengths if its is state) for state in _NOT_WATCHED}
-    largest = sorted((state for state in total if total[state] >= _SHORT_S), key=lambda state: -total[state])
+    lengths_s = seconds_by_state(stretches(watched))
+    total = {state: lengths_s.get(state, 0.0) for state in _NOT_WATCHED}
+    largest = sorted((state for state in total if total[state] >= SHORT_S), key=lambda state: -total[state])
     parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
     rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
-    others = [f"others {rest_s:.1f}"] if rest_s >= _SHORT_S else []
+    others = [f"others {rest_s:.1f}"] if rest_s >= SHORT_S else []
     why = [f"{reason.rstrip('.')}." for reason in watched.unwatched.values()]
     return [*why, *([f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else [])]
 
@@ -207,7 +215,7 @@ def _learnt(watched: WatchedLog) -> list[str]:
         return [f"{_spans(spans)} of this log{chosen} ({title})."]
     logs = monitor.provenance.get("logs")
     named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
-    return [f"{_listed(named)} ({title})." if named else f"{_capital(title)} came calibrated."]
+    return [f"{_listed(named)} ({title})." if named else f"{capitalised(title)} came calibrated."]
 
 
 def _read_as(watched: WatchedLog) -> list[str]:
@@ -278,9 +286,5 @@ def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> s
     return f"{', '.join(names[:most])} and {len(names) - most} more" if len(names) > most else listed(names, word)
 
 
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
 def _sentence(text: str) -> str:
-    return f"{_capital(text.rstrip('.'))}."
+    return f"{capitalised(text.rstrip('.'))}."

@@ -65,7 +65,7 @@ def _accusing(said: Said) -> Iterator[Alarm]:
 
 def _accuses(alarm: Alarm) -> bool:
     """Tell whether an alarm must be a fault; of missing samples no model tells."""
-    return alarm.test != MISSING and alarm.is_first and not (alarm.doubt or alarm.has_passed)
+    return alarm.test != MISSING and alarm.is_first and alarm.accuses
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:

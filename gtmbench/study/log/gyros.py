@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.protocol import Watch
-from gtmbench.study.log.self_check.motion import rates_from, terms_of
+from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
@@ -18,7 +18,6 @@ _WHOLE = 0.5  # of a block's rows, or it doesn't count
 _FEWEST = 3  # blocks
 _ORDER = 4  # of the difference: an aircraft moves slowly beside its sensors' samples
 _SPREAD = np.sqrt(70.0)  # of that difference of white noise of deviation 1: 1, 4, 6, 4, 1
-_AS_THEY_ARE = (1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +72,7 @@ def _biases(record: Record, place: int) -> FloatArray:
     """Return by how much a gyro reads more than the attitude turns, block by block."""
     if not {*GYROS, *ATTITUDE} <= set(record.channels):
         return np.empty(0)
-    turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from(_AS_THEY_ARE)
+    turned = attitude_rates(record)
     blocks = _blocks(record.matrix(GYROS)[:, place] - turned[:, place], record.sample_period_s)
     return np.array([np.nanmean(block) for block in blocks])
 

@@ -23,7 +23,7 @@ from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
-from gtmbench.study.log.self_check.motion import rates_from, terms_of
+from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
@@ -261,7 +261,7 @@ def _blocks(
     spans = np.full((len(imus), count, 3), np.nan)
     attitude = np.full((count, 3), np.nan)
     for record in segments:
-        turned = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
+        turned = attitude_rates(record)
         full = list(rows_by_second(record, start_s))
         for number, imu in enumerate(imus):
             known = unit(imu.unit)

@@ -113,10 +113,13 @@ def opened(asked: Asked) -> Opened:
     asked, without = _but_heading(asked, read)
     watcher: Detector | Monitor
     attitude: Origin | None
+    shown: Origin | None = None
+    findings: tuple[str, ...]
     unwatched: dict[str, str] = {}
     if is_ready(asked.watcher):
         watcher, log = asked.watcher, _at_own_rate(asked, read, asked.watcher)
-        attitude, findings = _as_calibrated(asked.watcher, log)
+        attitude, shown = _as_calibrated(asked.watcher, log)
+        findings = () if attitude is None or shown is None else (_other_text(attitude, shown),)
     else:
         watcher, attitude, unwatched = _recipe(asked, [read, *others])
         findings = (*without, *unwatched.values())
@@ -131,7 +134,7 @@ def opened(asked: Asked) -> Opened:
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         attitude=attitude,
         findings=findings,
-        bends=is_ready(asked.watcher) and bool(findings) and attitude is not None and not attitude.is_driven,
+        bends=shown is not None and shown.is_driven,
         unwatched=unwatched,
     )
 
@@ -186,19 +189,21 @@ def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor,
     return with_origin(watcher, origin), origin, unwatched
 
 
-def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, tuple[str, ...]]:
-    """Return whose attitude a monitor was calibrated for, and a word where the log shows that its own is another."""
+def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, Origin | None]:
+    """Return whose attitude a monitor was calibrated for, and the log's, where it shows that its own is another."""
     calibrated_for = basis_of(monitor).attitude_from_gyros
     if calibrated_for is None:
-        return None, ()
-    told = Origin(is_driven=calibrated_for, why="as the monitor was calibrated")
+        return None, None
     seen = origin_in_log(log)
-    if seen.is_assumed or seen.is_driven == told.is_driven:
-        return told, ()
+    is_other = not seen.is_assumed and seen.is_driven != calibrated_for
+    return Origin(is_driven=calibrated_for, why="as the monitor was calibrated"), seen if is_other else None
+
+
+def _other_text(told: Origin, seen: Origin) -> str:
     names = {True: "one that the gyros drive", False: "one of its own"}
-    return told, (
+    return (
         f"the log's attitude is {names[seen.is_driven]} ({seen.why}), and the monitor was calibrated for "
-        f"{names[told.is_driven]}: calibrate one for such logs",
+        f"{names[told.is_driven]}: calibrate one for such logs"
     )
 
 

@@ -21,8 +21,8 @@ from gtmbench.intake.times import unit_hint
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.intake.units import unit
 from gtmbench.study.log.seconds import rows_by_second
-from gtmbench.study.log.self_check.motion import rates_from, terms_of
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.study.log.self_check.motion import attitude_rates
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _LOST = 2  # samples in a row
@@ -130,7 +130,7 @@ def _turning(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]:
     times_s, found = [np.zeros(0)], [np.zeros(0)]
     for record in moving:
         gyros = record.matrix(GYROS)
-        rates = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
+        rates = attitude_rates(record)
         both = np.minimum(*(np.linalg.norm(each - np.nanmedian(each, axis=0), axis=1) for each in (gyros, rates)))
         rows = [rows for _, rows in rows_by_second(record, record.start_s) if np.isfinite(both[rows]).any()]
         times_s.append(np.array([record.time_s[part.start] for part in rows]))

@@ -164,7 +164,7 @@ def _but_small(watch: Watch, learnt: Learnt) -> Watch:
 
 def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
     last, off_deg_s = alarm.last, mean_error_deg_s(alarm)
-    if last is None or off_deg_s is None or off_deg_s >= least_deg_s or alarm.doubt or alarm.has_passed:
+    if last is None or off_deg_s is None or off_deg_s >= least_deg_s or not alarm.accuses:
         return alarm
     return with_doubt(alarm, f"a mean error of {off_deg_s:.2g} deg/s, which an estimator's attitude has of its own")
 
@@ -178,7 +178,7 @@ def _but_bent(watches: Sequence[Watch]) -> list[Watch]:
     told = [alarm for watch in watches for alarm in watch.faults]
     left = [alarm for alarm in told if not alarm.has_passed and alarm.test != MISSING]
     first_s = min((alarm.time_s for alarm in left), default=np.inf)
-    certain = [alarm for alarm in left if alarm.judgements and not alarm.doubt]
+    certain = [alarm for alarm in left if alarm.judgements and alarm.accuses]
     bent = {id(each) for each in certain if each.time_s > first_s or each.sensor in ATTITUDE}
     why = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
     return [

@@ -13,7 +13,7 @@ beyond that the gyro is named; a heading may be off by much more.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import MOTION
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
-from gtmbench.study.log.self_check.motion import rates_from, terms_of
+from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
@@ -129,14 +129,7 @@ def slow_means(
         is_driven=is_driven,
     )
     alarms = tuple(_alarm(number, compared, seconds, fault) for number, fault in enumerate(_faults(compared)))
-    return SlowMeans(
-        start_s=start_s,
-        error=error,
-        bounds=compared.bounds,
-        is_watched=compared.is_watched,
-        is_driven=is_driven,
-        alarms=alarms,
-    )
+    return replace(compared, alarms=alarms)
 
 
 def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
@@ -148,7 +141,7 @@ def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
     means : SlowMeans or None
     """
     told = () if means is None else means.alarms
-    sure = [alarm for alarm in alarms if not (alarm.doubt or alarm.has_passed)]
+    sure = [alarm for alarm in alarms if alarm.accuses]
     return [each for each in told if not any(_is_told(each, alarm) for alarm in sure)]
 
 
@@ -214,9 +207,7 @@ def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Exc
 
 def _differences(record: Record) -> FloatArray:
     """Return what each gyro reads more than the attitude turns."""
-    gyros = record.matrix(GYROS)
-    rates = terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0))
-    return np.asarray(gyros - rates)
+    return np.asarray(record.matrix(GYROS) - attitude_rates(record))
 
 
 def _bounds(error: FloatArray, seconds: _Seconds, usual: BoolArray, floor: float) -> dict[int, FloatArray]:

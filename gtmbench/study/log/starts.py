@@ -34,7 +34,7 @@ def steady(monitor: PredictingMonitor, watch: Watch, before: Record | None = Non
     """
     if not monitor.basis.is_cautious:
         return watch
-    accusing = [alarm for alarm in watch.faults if not alarm.has_passed and not alarm.doubt and alarm.test != MISSING]
+    accusing = [alarm for alarm in watch.faults if alarm.accuses and alarm.test != MISSING]
     if not accusing:
         return watch
     doubtful = {alarm.number for alarm in accusing[:_MOST] if not _is_said_again(monitor, watch, alarm, before)}

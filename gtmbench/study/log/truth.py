@@ -217,7 +217,7 @@ def scored(watched: WatchedLog) -> ScoredLog:
     rows = tuple(
         _scored(watched, injection, window, words) for injection, window in zip(injections, windows, strict=True)
     )
-    accusing = [alarm for alarm in watched.alarms if not (alarm.doubt or alarm.has_passed)]
+    accusing = [alarm for alarm in watched.alarms if alarm.accuses]
     return ScoredLog(
         watched=watched,
         rows=rows,

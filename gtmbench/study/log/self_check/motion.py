@@ -137,6 +137,11 @@ def rates_from(signs: Sequence[float]) -> FloatArray:
     return rates
 
 
+def attitude_rates(record: Record) -> FloatArray:
+    """Return the rates that a record's attitude turns at about the gyros' axes, in deg/s, shape (rows, 3)."""
+    return np.asarray(terms_of(record.matrix(ATTITUDE), record.sample_period_s) @ rates_from((1.0, 1.0, 1.0)))
+
+
 def slow_motion(values: FloatArray) -> tuple[FloatArray, BoolArray]:
     """Return columns' slow motion about its mean, 0 where samples are missing, and which rows are whole."""
     there = np.asarray(np.isfinite(values).all(axis=1), dtype=np.bool_)
