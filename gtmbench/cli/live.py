@@ -78,9 +78,10 @@ def live_command(
 ) -> int:
     """Watch a flight while it flies: one line for each event, and the verdict at the end.
 
-    SOURCE is udp:HOST:PORT (MAVLink, as a ground station gets it), tcp:HOST:PORT (connects to a simulator), a telemetry
-    log (FILE.tlog), or - for lines of CSV on standard input: header first, names and units as in logs. Try it with
-    `gtmbench fly --live udp:127.0.0.1:14550` in another terminal.
+    SOURCE is udp:HOST:PORT (MAVLink, as a ground station gets it), tcp:HOST:PORT (connects to a simulator),
+    serial:DEVICE:BAUD (a radio), a telemetry log (FILE.tlog), follow:FILE.csv (lines of a file that grows), or - for lines
+    of CSV on standard input: header first, names and units as in logs. Try it with `gtmbench fly --live
+    udp:127.0.0.1:14550` in another terminal.
 
     The monitor is the one of `gtmbench monitor`, and reads the samples as they come. With --json each event is one line
     of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 0 nothing found, 3 can't
@@ -120,7 +121,7 @@ def live_command(
     interrupted = False
     with link:
         try:
-            if not (as_json or quiet) and source.startswith("udp:"):
+            if not (as_json or quiet) and source.startswith(("udp:", "serial:", "follow:")):
                 echo(f"listening at {source}; Ctrl-C ends it", err=True)
             for event in link:
                 if not quiet or as_json:
@@ -144,25 +145,26 @@ def _check(
     end: float | None,
 ) -> None:
     """Refuse options that this kind of source doesn't have."""
-    is_link = source.startswith(("udp:", "tcp:"))
+    is_lines = source == "-" or source.startswith("follow:")
+    is_link = source.startswith(("udp:", "tcp:", "serial:"))
     for option, given, of in (
-        ("--map", bool(mapping), source == "-"),
+        ("--map", bool(mapping), is_lines),
         ("--say", say, is_link),
         ("--request-rates", request is not None, is_link),
-        ("--save", save is not None, source != "-"),
-        ("--key-file", key_file is not None, source != "-"),
+        ("--save", save is not None, not is_lines),
+        ("--key-file", key_file is not None, not is_lines),
         ("--from", bool(only), source.startswith("udp:")),
-        ("--end-after", end is not None, is_link),
+        ("--end-after", end is not None, is_link or source.startswith("follow:")),
     ):
         if given and not of:
             told = {
-                "--map": "for lines of CSV (-); a MAVLink message states what it holds",
+                "--map": "for lines of CSV (- and follow:); a MAVLink message states what it holds",
                 "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",
                 "--key-file": "for MAVLink; lines of CSV carry no signature",
                 "--from": "for udp:HOST:PORT; others have one sender",
-                "--end-after": "for udp: and tcp:; others end by themselves",
+                "--end-after": "for udp:, tcp:, serial: and follow:; others end by themselves",
             }
-            raise InputError(f"{option} is {told.get(option, 'for udp: and tcp:, which can be answered')}")
+            raise InputError(f"{option} is {told.get(option, 'for udp:, tcp: and serial:, which can be answered')}")
 
 
 def _print_event(event: LiveEvent, link: Live, *, as_json: bool) -> None:

@@ -25,9 +25,9 @@ def check_destination(out: Path | None, target: str | None, speed: float | None,
         if target is None:
             raise InputError(f"--speed is {speed:g}, and nothing is sent; add --live udp:127.0.0.1:14550")
     if target is not None:
-        from gtmbench.link.sending import address_of
+        from gtmbench.link.sending import udp_address
 
-        address_of(target)
+        udp_address(target)
     if out is not None:
         from gtmbench.files.logs import check_log_path
 

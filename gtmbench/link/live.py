@@ -17,11 +17,12 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.learning import Lesson
+from gtmbench.link.opening import source_of
 from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
-from gtmbench.link.sources import Delivery, Source, source_of
+from gtmbench.link.source import Delivery, Source
 from gtmbench.link.story import UNSURE
 from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
@@ -198,6 +199,8 @@ class Live:
             yield from self._read(Delivery(self._arrived_s, b""), is_last=True)
         if self._session is not None:
             yield from self._session.end()
+        if self._source.ended:
+            yield self._event(LiveKind.NOTE, self._source.ended)
 
     def _warm(self, monitor: Monitor) -> None:
         if self._source.is_live:
@@ -304,8 +307,8 @@ def live(
     Parameters
     ----------
     source : str
-        ``udp:HOST:PORT`` (listens there), ``tcp:HOST:PORT`` (connects), a telemetry log (.tlog), or ``-`` for lines of
-        CSV on standard input, header first.
+        ``udp:HOST:PORT`` (listens there), ``tcp:HOST:PORT`` (connects), ``serial:DEVICE:BAUD``, a telemetry log
+        (.tlog), ``follow:FILE.csv`` for a file that grows, or ``-`` for lines of CSV on standard input, header first.
     monitor : Monitor, str or Path, optional
         A calibrated monitor, or its file. Without one, a monitor is learnt from the link's first `learn_s`.
     learn_s : float

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 import socket
 import time
 from collections.abc import Iterator
@@ -13,13 +12,13 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
+from gtmbench.link.address import Address, address_of
 from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
 from gtmbench.values.channels import ATTITUDE, G_M_S2, GYROS
 from gtmbench.values.record import Record, check_record
 
 _BOOT_S = 10.0  # since the autopilot was switched on
-_UDP = re.compile(r"udp:(?P<host>[^:]*):(?P<port>\d{1,5})")
 _NAP_S = 0.002
 _SYSTEM = 1
 
@@ -66,26 +65,27 @@ def send_live(record: Record, target: str | Path, *, speed: float = 1.0) -> None
             for time_s, packet in _packets(record):
                 saved.put(began_s + time_s, packet)
         return
-    host, port = address_of(target)
-    with contextlib.closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as sender:
+    address = udp_address(target)
+    family = socket.AF_INET6 if ":" in address.host else socket.AF_INET
+    with contextlib.closing(socket.socket(family, socket.SOCK_DGRAM)) as sender:
         began_s = time.perf_counter()
         for time_s, packet in _packets(record):
             while (wait_s := time_s / speed - (time.perf_counter() - began_s)) > 0.0:
                 time.sleep(min(wait_s, _NAP_S))
             with contextlib.suppress(ConnectionError):  # nobody listens yet
-                sender.sendto(packet, (host, port))
+                sender.sendto(packet, (address.host, address.port))
 
 
-def address_of(target: str) -> tuple[str, int]:
-    """Return the host and port of ``udp:HOST:PORT``.
+def udp_address(target: str) -> Address:
+    """Return the UDP port that is sent to.
 
-    >>> address_of("udp:127.0.0.1:14550")
-    ('127.0.0.1', 14550)
+    >>> udp_address("udp:127.0.0.1:14550").port
+    14550
     """
-    found = _UDP.fullmatch(target)
-    if found is None or not 0 < int(found["port"]) < 1 << 16:
+    address = address_of(target)
+    if address is None or address.kind != "udp" or address.port == 0:
         raise InputError(f"the target is '{target}'; give udp:HOST:PORT, such as udp:127.0.0.1:14550")
-    return found["host"] or "127.0.0.1", int(found["port"])
+    return address
 
 
 def _packets(record: Record) -> Iterator[tuple[float, bytes]]:

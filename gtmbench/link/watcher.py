@@ -6,6 +6,7 @@ corrected as a log's is, and the monitor's own stream reads them. Nothing here d
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Protocol
 
@@ -164,7 +165,8 @@ class Watcher:
             self._probed = []
             return []
         for name, topic in read.items():
-            self._channels[topic] = (*self._channels.get(topic, ()), name)
+            if name in self._needs or self._is_told(name, topic):
+                self._channels[topic] = (*self._channels.get(topic, ()), name)
         routes = [Route(topic=topic, channels=own, period_s=periods_s[topic]) for topic, own in self._channels.items()]
         begin_s = max(min(stamps[route.topic]) for route in routes)
         slowest = max(routes, key=lambda route: route.period_s)
@@ -172,6 +174,11 @@ class Watcher:
         self._rows = LinkRows(routes, start_s, self._period_s)
         probed, self._probed = self._probed, []
         return probed
+
+    def _is_told(self, name: str, topic: str) -> bool:
+        """Tell whether a channel is ever read: one that a sender leaves out throughout is nothing to wait for."""
+        own = (self._reader.sample(message, (name,)) for message in self._probed if message.topic == topic)
+        return any(sample is not None and math.isfinite(sample.values[0]) for sample in own)
 
     def _problem(self, lacking: Sequence[str], slow: Sequence[str], periods_s: dict[str, float]) -> str:
         wanted = f"{1.0 / self._period_s:.3g} Hz"

@@ -14,7 +14,11 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.link.packets import Packets, dialect, key_of
-from gtmbench.link.sources import Delivery, InputSource, Source, UdpSource
+from gtmbench.link.ports import UdpSource
+from gtmbench.link.source import Delivery, Source
+from gtmbench.link.streams import InputSource
+from gtmbench.link.telemetry import Telemetry
+from gtmbench.link.watcher import Watcher
 from gtmbench.study.log.watched import Outcome
 from tests.helpers import links, monitors
 
@@ -290,6 +294,84 @@ def test_lines_of_csv_give_the_alarms_of_the_record():
     assert other.counts.broken == 4 + 1
 
 
+def test_lines_of_a_file_that_grows_give_the_same_alarms(tmp_path):
+    """Nobody tells when a file grows, and half a line is none yet; a file that is begun anew ends the watch."""
+    content = "\n".join(lines(gb.inject(monitors.record(3200, seed=21), BIAS))).encode() + b"\n"
+    plain_events, _ = of_input(content, monitors.monitor())
+    path = tmp_path / "flight.csv"
+    path.write_bytes(content[:100_003])
+
+    def write():
+        with path.open("ab") as file:
+            for begin in range(100_003, len(content), 40_000):
+                file.write(content[begin : begin + 40_000])
+                file.flush()
+                time.sleep(0.03)
+        time.sleep(0.6)
+        path.write_bytes(b"time_s,p\n")
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    events, link = links.said(gb.live(f"follow:{path}", monitors.monitor()))
+    writer.join()
+    assert links.told(events) == links.told(plain_events)
+    assert link.outcome == Outcome.FAILED
+    assert "has become shorter" in events[-1].text
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo terminal")
+def test_a_serial_line_gives_the_same_alarms():
+    pytest.importorskip("serial")
+    ours, theirs = os.openpty()
+    arrived = sent()
+
+    def write():
+        for begin in range(0, len(arrived), 20):
+            os.write(ours, b"".join(packet for _, packet in arrived[begin : begin + 20]))
+        time.sleep(0.5)
+        os.close(ours)
+
+    link = gb.live(f"serial:{os.ttyname(theirs)}:115200", monitors.monitor(), end_after_s=3.0)
+    writer = threading.Thread(target=write)
+    writer.start()
+    events, link = links.said(link)
+    writer.join()
+    os.close(theirs)
+    clean, _ = plain()
+    assert links.told(events) == links.told(clean)
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("serial:/dev/nothing:57600", "can't open serial:/dev/nothing:57600"),
+        ("follow:nothing.csv", "no such file"),
+        ("udp:127.0.0.1:70000", "ports are 1 to 65535"),
+        ("udp:", "give udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, follow:FILE.csv"),
+    ],
+)
+def test_a_source_that_cannot_be_opened_is_told_in_a_line(source, told):
+    with pytest.raises(gb.InputError, match=told) as raised:
+        gb.live(source, monitors.monitor())
+    assert "\n" not in str(raised.value)
+
+
+def test_a_channel_that_a_sender_leaves_out_throughout_is_not_waited_for():
+    """An autopilot without accelerometers sends NaN for them: each row is still given with its own message."""
+    reader = Telemetry()
+    watcher = Watcher(monitors.monitor(), reader)
+    packets = links.packets(monitors.record(1000, seed=21).select(NAMES))
+    messages = [message for _, packet in packets for message in reader.read(packet, None, is_whole=True)]
+    given = []
+    for message in messages:
+        watcher.push([message])
+        given.append((message.time_s, 0 if watcher._rows is None else watcher._rows._given))
+    period_s = monitors.monitor().sample_period_s
+    assert all("n" not in name[0] for own in watcher.routes.values() for name in own)
+    late = [time_s - messages[0].time_s - (count - 1) * period_s for time_s, count in given[200:]]
+    assert max(late) < 1.5 * period_s
+
+
 def test_a_line_that_never_ends_is_dropped():
     table_lines = lines(monitors.record(200, seed=21))
     content = "\n".join(table_lines[:100]).encode() + b"9" * 3_000_000 + b"\n" + "\n".join(table_lines[100:]).encode()
@@ -365,7 +447,7 @@ def test_an_event_is_known_no_later_than_it_is_said():
 
 def test_a_burst_beyond_what_can_wait_is_dropped_and_counted(monkeypatch):
     """Nobody takes what arrives: memory stays bounded, and the link says how much was lost."""
-    monkeypatch.setattr("gtmbench.link.sources._MOST", 50)
+    monkeypatch.setattr("gtmbench.link.ports._MOST", 50)
     source = UdpSource("127.0.0.1", 0)
     deliveries = source.deliveries()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from gtmbench.detectors.bank.calibrated import CalibratedBank
 
-_FEW = 8  # rows of a chunk, up to which they are taken one by one
+_FEW = 20  # rows of a chunk, up to which they are taken one by one: from some 30 on, arrays cost less
 
 
 class BankStream:
