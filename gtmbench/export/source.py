@@ -14,7 +14,7 @@ from gtmbench.detectors.statistics.statistic import ordinary_powers
 from gtmbench.export.board import DERIVED, Board, BoardResidual
 from gtmbench.values.channels import CHANNELS
 
-RECENT, LATE, GROUPS = 52, 28, 20  # blocks of the noise's memory; old ones in groups of twenty
+RECENT, LATE, GROUPS = 52, 28, 16  # blocks of the noise's memory; old ones in groups of 25
 _FIRST = 14
 _ROWS_A_CALL = (0, 100, 40, 100, 40, 40, 40, 6)  # of each pass over rows that wait while the noise is learnt
 _TO_CATCH_UP = 1.42  # times the rows that wait at first: with those that come until all have been judged

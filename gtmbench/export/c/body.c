@@ -6,7 +6,7 @@
 #define SPAN 40u       /* blocks that level, colour and tail are learnt from */
 #define TOO_YOUNG 16u  /* blocks that don't tell of steadiness yet */
 #define GAP 1u
-#define GROUP 20u      /* old blocks are kept as sums of so many */
+#define GROUP 25u      /* old blocks are kept as sums of so many */
 #define MEMORY 400u    /* blocks that are remembered for steadiness */
 #define ORDER GTM_MONITOR_ORDER
 #define BLOCK GTM_MONITOR_BLOCK
