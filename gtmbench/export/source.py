@@ -14,12 +14,13 @@ from gtmbench.detectors.statistics.statistic import ordinary_powers
 from gtmbench.export.board import DERIVED, Board, BoardResidual
 from gtmbench.values.channels import CHANNELS
 
-RECENT, LATE, GROUPS = 52, 28, 16  # blocks of the noise's memory; old ones in groups of 25
+RECENT, LATE, GROUPS = 52, 28, 12  # blocks of the noise's memory; old ones in groups of 34
 _FIRST = 14
-_ROWS_A_CALL = (0, 100, 40, 100, 40, 40, 40, 6)  # of each pass over rows that wait while the noise is learnt
-_TO_CATCH_UP = 1.42  # times the rows that wait at first: with those that come until all have been judged
+_ROWS_A_CALL = (0, 200, 25, 100, 25, 25, 25, 4)  # of each pass over rows that wait while the noise is learnt
+_TO_CATCH_UP = 1.65  # times the rows that wait at first: with those that come until all have been judged
 _SUSPECTED = 12.0  # nats
 MISSING_MOST_S = 0.25
+_SCALE = 320.0  # of a stored sample, as the code has it
 
 
 def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
@@ -53,7 +54,7 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
         ("LASTING", f"{board.lasting}u"),
         ("ECHO", f"{board.echo}u"),
         ("APART", f"{board.apart}u"),
-        ("RECENT", f"{RECENT}u"),
+        ("RECENT", f"{RECENT - 8 * compact}u"),
         ("LATE", f"{LATE}u"),
         ("GROUPS", f"{GROUPS}u"),
         ("SUSPICIONS", f"{len(board.suspicions)}u"),
@@ -92,7 +93,10 @@ def tables_of(board: Board) -> tuple[list[str], int]:
     tables.whole("SUSPICION_ROWS", board.suspicions)
     nats = [_SUSPECTED - math.log(rows / board.suspicions[0]) for rows in board.suspicions]
     ordinary = [ordinary_powers(rows, least) for rows, least in zip(board.suspicions, nats, strict=True)]
+    tables.real("SHARES", [1.0 / (rows * _SCALE) for rows in board.windows])
+    tables.real("SUSPICION_SHARES", [1.0 / (rows * _SCALE) for rows in board.suspicions])
     tables.real("SUSPICION_NATS", nats)
+    tables.real("SUSPICION_NEAR", [2.0 * least / rows for rows, least in zip(board.suspicions, nats, strict=True)])
     tables.real("SUSPICION_QUIET", [low for low, _ in ordinary])
     tables.real("SUSPICION_LOUD", [high for _, high in ordinary])
     tables.whole("ROWS_A_CALL", _ROWS_A_CALL)

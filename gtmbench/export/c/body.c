@@ -6,8 +6,7 @@
 #define SPAN 40u       /* blocks that level, colour and tail are learnt from */
 #define TOO_YOUNG 16u  /* blocks that don't tell of steadiness yet */
 #define GAP 1u
-#define GROUP 25u      /* old blocks are kept as sums of so many */
-#define MEMORY 400u    /* blocks that are remembered for steadiness */
+#define GROUP 34u
 #define ORDER GTM_MONITOR_ORDER
 #define BLOCK GTM_MONITOR_BLOCK
 #define NAMES (ORDER + 9) /* columns of a recent block */
@@ -27,6 +26,8 @@ static float largest(float a, float b) { return a > b ? a : b; }
 static float least(float a, float b) { return a < b ? a : b; }
 static float within(float value, float most) { return value > most ? most : value < -most ? -most : value; }
 static float filled(float value) { return isfinite(value) ? value : 0.0f; }
+/* A sum of squares; two conversions are much cheaper than one of 64 bits. */
+static float real(int64_t sum) { return (float)(uint32_t)(sum >> 16) * 65536.0f + (float)(uint32_t)(sum & 0xFFFF); }
 static int32_t nearest(float value) { return (int32_t)(value < 0.0f ? value - 0.5f : value + 0.5f); }
 
 /* A float's upper half, rounded: eight bits of mantissa, whose rounding averages out over many blocks. */
@@ -157,35 +158,38 @@ static void put_sample(gtm_monitor_line *line, int32_t sample)
 
 /* ---- test statistics ---- */
 
-/* Mean and mean square of a window about the mean of the baseline before it; 0 where there are too few samples. */
-static int window_of(const gtm_monitor_line *line, unsigned w, float *shift, float *power, float *length)
+/* How many samples a window's baseline has, and the mean of it; 0 where there are too few. */
+static uint32_t baseline_of(const gtm_monitor_line *line, unsigned w, float *base)
 {
-    uint32_t rows = WINDOW_ROWS[w];
-    if (line->count < rows) {
-        return 0;
-    }
-    uint32_t had = line->count - rows;
-#if GTM_MONITOR_COMPACT
-    uint32_t blocks = had / GTM_MONITOR_SHORTEST;
-    blocks = blocks > GTM_MONITOR_BASE_BLOCKS ? GTM_MONITOR_BASE_BLOCKS : blocks;
-    had = had > GTM_MONITOR_BASELINE ? GTM_MONITOR_BASELINE : had;
-    if (had < GTM_MONITOR_LEAST_BASELINE || blocks == 0u) {
-        return 0;
-    }
-    float base = (float)line->bases[w] / ((float)blocks * SCALE);
-#else
-    had = had > GTM_MONITOR_BASELINE ? GTM_MONITOR_BASELINE : had;
+    uint32_t rows = WINDOW_ROWS[w], had = line->count > rows ? line->count - rows : 0u;
     if (had < GTM_MONITOR_LEAST_BASELINE) {
-        return 0;
+        return 0u;
     }
-    float base = (float)line->bases[w] / ((float)had * SCALE);
+#if GTM_MONITOR_COMPACT
+    uint32_t blocks = had >= GTM_MONITOR_BASE_BLOCKS * GTM_MONITOR_SHORTEST ? GTM_MONITOR_BASE_BLOCKS : had / GTM_MONITOR_SHORTEST;
+    if (blocks == 0u) {
+        return 0u;
+    }
+    *base = (float)line->bases[w] / ((float)blocks * SCALE);
+    return had < GTM_MONITOR_BASELINE ? had : GTM_MONITOR_BASELINE;
+#else
+    had = had < GTM_MONITOR_BASELINE ? had : GTM_MONITOR_BASELINE;
+    *base = (float)line->bases[w] / ((float)had * SCALE);
+    return had;
 #endif
-    float mean = (float)line->sums[w] / ((float)rows * SCALE);
-    float square = (float)line->squares[w] / ((float)rows * SCALE * SCALE);
-    *shift = mean - base;
-    *power = largest(square - (mean + *shift) * base, 1e-12f);
-    *length = (float)had;
-    return 1;
+}
+
+/* Mean and mean square of a window about the mean of the baseline before it; 0 where there are too few samples. */
+static uint32_t window_of(const gtm_monitor_line *line, unsigned w, float *shift, float *power)
+{
+    float base, share = SHARES[w]; /* 1 / (rows SCALE) */
+    uint32_t length = baseline_of(line, w, &base);
+    if (length > 0u) {
+        float mean = (float)line->sums[w] * share;
+        *shift = mean - base;
+        *power = largest(real(line->squares[w]) * (share / SCALE) - (mean + *shift) * base, 1e-12f);
+    }
+    return length;
 }
 
 /* Of a mean that is off by `shift` deviations and a mean square `power`, over `rows` samples: likelihood ratios in nats. */
@@ -217,10 +221,10 @@ static float nats_of_energy(const gtm_monitor_noise *noise, float rows, float po
     return nats;
 }
 
-static float of_mean(const gtm_monitor_line *line, unsigned j, unsigned w, float shift, float power, float length)
+static float of_mean(const gtm_monitor_line *line, unsigned j, unsigned w, float shift, float power, uint32_t length)
 {
     float rows = (float)WINDOW_ROWS[w];
-    float variance = 1.0f / rows + 1.0f / length + 2.0f * line->noise.slow;
+    float variance = 1.0f / rows + 1.0f / (float)length + 2.0f * line->noise.slow;
     return nats_of_mean(&line->noise, rows, shift, power, variance, TOLERANCES[j][0]) * OF_MEAN[j][w];
 }
 
@@ -236,8 +240,9 @@ static int judged(const gtm_monitor_line *line, unsigned j)
 {
     int known = -1;
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        float shift, power, length;
-        if (!window_of(line, w, &shift, &power, &length)) {
+        float shift, power;
+        uint32_t length = window_of(line, w, &shift, &power);
+        if (length == 0u) {
             break; /* longer ones have fewer samples before them */
         }
         known = 0;
@@ -253,18 +258,20 @@ static int judged(const gtm_monitor_line *line, unsigned j)
 
 /* ---- what blocks of half a second tell of the noise ---- */
 
+/* Sums over `count` blocks, of which `newer` ones are younger. */
 static void add_recent(const gtm_monitor_blocks *blocks, unsigned newer, unsigned count, float *sums)
 {
-    unsigned at = blocks->recent_next + 2u * GTM_MONITOR_RECENT - newer;
+    unsigned stop = (blocks->recent_next + GTM_MONITOR_RECENT - newer) % GTM_MONITOR_RECENT;
+    unsigned early = count > stop ? count - stop : 0u; /* of them stand at the ring's end */
     for (unsigned i = 0u; i < NAMES; i++) {
-        sums[i] = 0.0f;
-    }
-    for (unsigned k = 0u; k < count; k++) {
-        at--;
-        const uint16_t *row = blocks->recent[at % GTM_MONITOR_RECENT];
-        for (unsigned i = 0u; i < NAMES; i++) {
-            sums[i] += unpacked(row[i]);
+        float sum = 0.0f;
+        for (unsigned k = stop + early - count; k < stop; k++) {
+            sum += unpacked(blocks->recent[k][i]);
         }
+        for (unsigned k = GTM_MONITOR_RECENT - early; k < GTM_MONITOR_RECENT; k++) {
+            sum += unpacked(blocks->recent[k][i]);
+        }
+        sums[i] = sum;
     }
 }
 
@@ -274,9 +281,9 @@ static unsigned old_blocks(const gtm_monitor_blocks *blocks)
 }
 
 /* Sums over the blocks that tell of steadiness; the last is the sum of blocks' sums times their places about the middle. */
-static unsigned add_remembered(const gtm_monitor_blocks *blocks, float *sums)
+static unsigned add_remembered(const gtm_monitor_blocks *blocks, unsigned to_come, float *sums)
 {
-    unsigned old = old_blocks(blocks), all = old + blocks->late_count;
+    unsigned old = old_blocks(blocks), all = old + blocks->late_count + to_come;
     unsigned end = all > 1u + GAP ? all - GAP : 1u;
     unsigned settled = end > TOO_YOUNG + FIRST ? end - TOO_YOUNG : (end < FIRST ? end : FIRST);
     unsigned own = settled > old ? settled - old : 0u;
@@ -427,10 +434,10 @@ static float learn_tail(gtm_monitor_noise *noise, const float *sums)
     return largest(power / floored, 1e-6f);
 }
 
-static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks *remembered, float quiet)
+static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks *remembered, unsigned to_come, float quiet)
 {
     float sums[ALL_OLD];
-    float blocks = (float)add_remembered(remembered, sums);
+    float blocks = (float)add_remembered(remembered, to_come, sums);
     for (unsigned i = 0u; i < ALL_OLD; i++) {
         sums[i] /= blocks;
     }
@@ -464,17 +471,35 @@ static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks 
     noise->louder = least(wide, UNSTEADIEST);
 }
 
-static void learn_all(gtm_monitor_line *line)
+/* What blocks are whitened by once `to_come` more is there: the youngest block is never learnt from, so what the next
+ * one is whitened by is known as soon as this one begins. */
+static void learn_all(const gtm_monitor_blocks *blocks, unsigned to_come, gtm_monitor_noise *noise)
 {
-    const gtm_monitor_blocks *blocks = &line->blocks;
-    unsigned newer = blocks->recent_count > 1u ? GAP : 0u, count = blocks->recent_count - newer;
+    unsigned newer = blocks->recent_count + to_come > 1u ? GAP - to_come : 0u, count = blocks->recent_count - newer;
     float sums[NAMES];
     add_recent(blocks, newer, count < SPAN ? count : SPAN, sums);
-    learn_level(&line->noise, sums);
-    learn_colour(&line->noise, sums);
-    float quiet = learn_tail(&line->noise, sums);
-    learn_steadiness(&line->noise, blocks, quiet);
-    line->noise.base = sums[SUM] / largest(sums[COUNT], 1.0f);
+    learn_level(noise, sums);
+    learn_colour(noise, sums);
+    float quiet = learn_tail(noise, sums);
+    learn_steadiness(noise, blocks, to_come, quiet);
+    noise->base = sums[SUM] / largest(sums[COUNT], 1.0f);
+}
+
+/* Learn, where that is due: it is dear, so one residual does it in a call. */
+static void learn_due(gtm_monitor_line *line, unsigned *may_learn)
+{
+    if (*may_learn == 0u || line->phase != FOLLOWING) {
+        return;
+    }
+    if (line->is_due) {
+        learn_all(&line->blocks, 0u, &line->noise);
+        line->is_due = 0u;
+        *may_learn = 0u;
+    } else if (!line->is_held && !line->is_ready && line->row_in_block > 0u) {
+        learn_all(&line->blocks, 1u, &line->next);
+        line->is_ready = 1u;
+        *may_learn = 0u;
+    }
 }
 
 /* ---- from a row behind the calibrated filter to a whitened sample ---- */
@@ -509,9 +534,12 @@ static void measure_colour(gtm_monitor_line *line, float x)
     float own = within(filled(x), CLIPS[3] * line->noise.local);
     line->lagged_at = next_of(line->lagged_at, ORDER + 1u);
     line->lagged[line->lagged_at] = own;
-    unsigned at = line->lagged_at + ORDER + 1u;
-    for (unsigned i = 0u; i <= ORDER; i++) {
-        line->open.lags[i] += own * line->lagged[(at - i) % (ORDER + 1u)];
+    unsigned at = line->lagged_at, lag = 0u;
+    for (unsigned i = at + 1u; i-- > 0u;) {
+        line->open.lags[lag++] += own * line->lagged[i];
+    }
+    for (unsigned i = ORDER + 1u; i-- > at + 1u;) {
+        line->open.lags[lag++] += own * line->lagged[i];
     }
 }
 
@@ -538,34 +566,43 @@ static void measure_power(gtm_monitor_line *line, float z)
     }
 }
 
-/* One and a half times the median of the last sizes: what is as loud for longer is no outlier. */
-static float lasting(const gtm_monitor_line *line)
+static uint32_t sizes_upto(const gtm_monitor_line *line, uint32_t code)
 {
-    uint32_t low = 0u, high = 0x7F80u, middle, above = 0xFFFFu, upto = 0u;
+    uint32_t count = 0u;
+    for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
+        count += line->sizes[i] <= code ? 1u : 0u;
+    }
+    return count;
+}
+
+/* One and a half times the median of the last sizes, where it is more than `clip`: what is as loud for longer is no
+ * outlier. Codes of sizes are in their order, so the median is found by halving. */
+static float lasting(const gtm_monitor_line *line, float clip)
+{
     const uint32_t half = (GTM_MONITOR_LASTING + 1u) / 2u;
-    while (low < high) { /* codes are in the order of the sizes */
-        uint32_t count = 0u;
-        middle = (low + high) / 2u;
-        for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
-            count += line->sizes[i] <= middle ? 1u : 0u;
-        }
-        if (count >= half) {
+    uint32_t low = packed(clip / 1.5f), high = 0u, above = 0xFFFFu;
+    if (sizes_upto(line, low) > half) {
+        return clip;
+    }
+    for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
+        high = line->sizes[i] > high ? line->sizes[i] : high;
+    }
+    for (low = 0u; low < high;) {
+        uint32_t middle = (low + high) / 2u;
+        if (sizes_upto(line, middle) >= half) {
             high = middle;
         } else {
             low = middle + 1u;
         }
     }
-    for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
-        upto += line->sizes[i] <= low ? 1u : 0u;
-        if (line->sizes[i] > low && line->sizes[i] < above) {
-            above = line->sizes[i];
-        }
-    }
     float median = unpacked((uint16_t)low);
-    if (GTM_MONITOR_LASTING % 2u == 0u && upto == half && above < 0x7F80u) {
-        median = 0.5f * (median + unpacked((uint16_t)above));
+    if (GTM_MONITOR_LASTING % 2u == 0u && sizes_upto(line, low) == half) {
+        for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
+            above = line->sizes[i] > low && line->sizes[i] < above ? line->sizes[i] : above;
+        }
+        median = above < 0xFFFFu ? 0.5f * (median + unpacked((uint16_t)above)) : median;
     }
-    return 1.5f * median;
+    return largest(clip, 1.5f * median);
 }
 
 /* Behind both filters; NaN where a row that it needs is missing. */
@@ -594,7 +631,7 @@ static float clipped_white(gtm_monitor_line *line, float y)
         clip = 5.0f;
     }
     if (size > clip) {
-        clip = largest(clip, lasting(line));
+        clip = lasting(line, clip);
     }
     return within(y, clip) * line->noise.scale;
 }
@@ -665,12 +702,11 @@ static void suspect_row(gtm_monitor_line *line)
 {
     const gtm_monitor_noise *noise = &line->noise;
     for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++) {
-        float rows = (float)SUSPICION_ROWS[w];
-        float mean = (float)line->window_sums[w] / (rows * SCALE), shift = mean - noise->base;
-        float square = (float)line->window_squares[w] / (rows * SCALE * SCALE);
+        float share = SUSPICION_SHARES[w], mean = (float)line->window_sums[w] * share, shift = mean - noise->base;
+        float square = real(line->window_squares[w]) * (share / SCALE);
         float power = largest(square - (mean + shift) * noise->base, 1e-12f);
-        float enough = SUSPICION_NATS[w];
-        if (shift * shift > 2.0f * enough / rows || power < SUSPICION_QUIET[w] || power > SUSPICION_LOUD[w]) {
+        if (shift * shift > SUSPICION_NEAR[w] || power < SUSPICION_QUIET[w] || power > SUSPICION_LOUD[w]) {
+            float rows = (float)SUSPICION_ROWS[w], enough = SUSPICION_NATS[w];
             float variance = 1.0f / rows + noise->slow;
             float nats = nats_of_mean(noise, rows, shift, power, variance, 0.0f);
             nats = largest(nats, nats_of_energy(noise, rows, power, 1.0f, 1.0f));
@@ -703,6 +739,8 @@ static void begin_learning(gtm_monitor_line *line)
     line->learnt_rows = 0u;
     line->at = 0u;
     line->is_held = 0u;
+    line->is_due = 0u;
+    line->is_ready = 0u;
     end_nothing(line);
     open_block(line);
 }
@@ -724,7 +762,7 @@ static void complete_block(gtm_monitor_line *line)
     }
     if (line->suspected > 0u) {
         take_out(&line->blocks, (line->suspected + BLOCK - 1u) / BLOCK);
-        learn_all(line);
+        line->is_due = 1u; /* the next calls' first: until then the noise is that of before */
         line->is_held = 1u;
         line->calm = 0u;
         line->held_for = 0u;
@@ -734,9 +772,14 @@ static void complete_block(gtm_monitor_line *line)
         end_block(line, powers, burst);
         if (line->open.count >= 0.5f * (float)BLOCK) {
             remember(&line->blocks, recent, late);
-            learn_all(line);
+            if (line->is_ready) {
+                line->noise = line->next;
+            } else {
+                learn_all(&line->blocks, 0u, &line->noise);
+            }
         }
     }
+    line->is_ready = 0u;
     open_block(line);
 }
 
@@ -895,7 +938,7 @@ static void end_pass(gtm_monitor_line *line)
         }
         line->blocks.recent_count = line->blocks.recent_next = (uint16_t)kept;
         line->blocks.late_count = line->blocks.late_next = (uint16_t)kept;
-        learn_all(line);
+        line->is_due = 1u;
         line->outlier_age = 0xFFFFu;
         memset(line->sizes, 0, sizeof line->sizes);
     }
@@ -965,12 +1008,13 @@ static uint32_t hear(gtm_monitor_line *line, int said)
 }
 
 /* Take the next row of the residual; return 1 where a row that this lets be judged is an alarm. */
-static uint32_t take_residual(gtm_monitor_line *line, unsigned j, float raw)
+static uint32_t take_residual(gtm_monitor_line *line, unsigned j, float raw, unsigned *may_learn)
 {
     uint32_t rose = 0u;
     if (line->phase == FOLLOWING && line->row_in_block == BLOCK) {
         complete_block(line);
     }
+    learn_due(line, may_learn);
     if (line->phase == FOLLOWING && line->rows == 0u) {
         return hear(line, follow(line, j, behind_calibrated(line, j, raw), 0));
     }
@@ -984,6 +1028,9 @@ static uint32_t take_residual(gtm_monitor_line *line, unsigned j, float raw)
     }
     waiting(line)[line->rows++] = raw;
     const unsigned phase = line->phase;
+    if (phase == FOLLOWING && line->at == 0u && line->is_due) {
+        return 0u; /* the first noise of all isn't learnt yet */
+    }
     for (unsigned k = 0u; k < ROWS_A_CALL[phase] && line->phase == phase; k++) {
         if (phase != FOLLOWING) {
             pass_row(line, j);
@@ -1055,6 +1102,7 @@ static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_
     }
     count_missing(state);
     derive(state, derived);
+    unsigned may_learn = 1u;
     for (unsigned j = 0u; j < GTM_MONITOR_RESIDUALS; j++) {
         gtm_monitor_line *line = &state->lines[j];
         float predicted = OFFSETS[j];
@@ -1073,7 +1121,7 @@ static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_
         if (state->first_rows < AHEAD[j]) {
             continue; /* the first sample's residual isn't known yet */
         }
-        events->alarms |= take_residual(line, j, line->residual) << j;
+        events->alarms |= take_residual(line, j, line->residual, &may_learn) << j;
     }
     state->first_rows = (uint16_t)(state->first_rows < 0xFFFFu ? state->first_rows + 1u : 0xFFFFu);
 }
@@ -1179,12 +1227,13 @@ float gtm_monitor_noise_level(const gtm_monitor_state *state, unsigned residual)
 
 float gtm_monitor_statistic(const gtm_monitor_state *state, unsigned residual, unsigned window, unsigned is_energy)
 {
-    float shift, power, length;
+    float shift, power;
     if (residual >= GTM_MONITOR_RESIDUALS || window >= GTM_MONITOR_WINDOWS || state->lines[residual].phase != FOLLOWING) {
         return NAN;
     }
     const gtm_monitor_line *line = &state->lines[residual];
-    if (!window_of(line, window, &shift, &power, &length)) {
+    uint32_t length = window_of(line, window, &shift, &power);
+    if (length == 0u) {
         return NAN;
     }
     return is_energy ? of_energy(line, residual, window, power) : of_mean(line, residual, window, shift, power, length);
