@@ -16,8 +16,9 @@ from gtmbench.values.channels import CHANNELS
 
 RECENT, LATE, GROUPS = 52, 28, 12  # blocks of the noise's memory; old ones in groups of 34
 _FIRST = 14
-_ROWS_A_CALL = (0, 200, 25, 100, 25, 25, 25, 4)  # of each pass over rows that wait while the noise is learnt
-_TO_CATCH_UP = 1.65  # times the rows that wait at first: with those that come until all have been judged
+_ROWS_A_CALL = (0, 100, 15, 60, 15, 15, 15, 3)  # of each pass over rows that wait while the noise is learnt
+_ROWS_COMPACT = (0, 100, 25, 100, 25, 25, 25, 4)  # there is no room for more that wait
+TO_CATCH_UP = {False: 2.25, True: 1.68}  # times the rows that wait at first: with those until all have been judged
 _SUSPECTED = 12.0  # nats
 MISSING_MOST_S = 0.25
 _SCALE = 320.0  # of a stored sample, as the code has it
@@ -31,12 +32,13 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     means = (longest + board.baseline) // shortest + 3
     store = (2 * ring + 2 * means * compact) // 4
     lead = means // 2 + 1 if compact else 0
-    room = [count for count in range(_FIRST, LATE + 1) if lead + _waiting(board, count) <= store]
+    room = [count for count in range(_FIRST, LATE + 1) if lead + _waiting(board, count, compact=compact) <= store]
     first_most = max(room, default=_FIRST)
-    waiting = _waiting(board, first_most)
+    waiting = _waiting(board, first_most, compact=compact)
     there = -(-board.suspicions[-1] // 32) * 32
     sizes: list[tuple[str, object]] = [
         ("COMPACT", int(compact)),
+        ("REPLAYS_ALONE", int(not compact)),
         ("PERIOD_US", f"{round(board.period_s * 1e6)}u"),
         ("RESIDUALS", f"{len(board.residuals)}u"),
         ("CHANNELS", f"{len(board.channels)}u"),
@@ -77,8 +79,8 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     return sizes
 
 
-def _waiting(board: Board, blocks: int) -> int:
-    return math.ceil(_TO_CATCH_UP * blocks * board.block) + 64
+def _waiting(board: Board, blocks: int, *, compact: bool) -> int:
+    return math.ceil(TO_CATCH_UP[compact] * blocks * board.block) + 50
 
 
 def _reads(board: Board, residual: BoardResidual) -> int:
@@ -86,7 +88,7 @@ def _reads(board: Board, residual: BoardResidual) -> int:
     return max(residual.ahead, 1) if residual.output in board.derived else residual.ahead + 1
 
 
-def tables_of(board: Board) -> tuple[list[str], int]:
+def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
     """Return the tables as C, and the CRC-32 of all their numbers, as the folder's own test works it out."""
     own, tables = board.residuals, _Tables()
     tables.whole("WINDOW_ROWS", board.windows)
@@ -99,7 +101,7 @@ def tables_of(board: Board) -> tuple[list[str], int]:
     tables.real("SUSPICION_NEAR", [2.0 * least / rows for rows, least in zip(board.suspicions, nats, strict=True)])
     tables.real("SUSPICION_QUIET", [low for low, _ in ordinary])
     tables.real("SUSPICION_LOUD", [high for _, high in ordinary])
-    tables.whole("ROWS_A_CALL", _ROWS_A_CALL)
+    tables.whole("ROWS_A_CALL", _ROWS_COMPACT if compact else _ROWS_A_CALL)
     tables.whole("TAPS", [each.markov.shape[1] for each in own])
     tables.whole("AHEAD", [each.ahead for each in own])
     tables.whole("READS", [_reads(board, each) for each in own])
@@ -170,12 +172,12 @@ class _Tables:
         self.checksum = zlib.crc32(struct.pack(f"<{len(numbers)}f", *numbers), self.checksum)
 
 
-def summed_tables(board: Board) -> list[str]:
+def summed_tables(board: Board, *, compact: bool) -> list[str]:
     """Return the names of the tables that the checksum is of, in its order.
 
     The test passes over their bytes, so it has to know which they are.
     """
-    lines, _ = tables_of(board)
+    lines, _ = tables_of(board, compact=compact)
     found = (re.match(r"static const float (\w+)\[", line) for line in lines)
     return [match[1] for match in found if match]
 

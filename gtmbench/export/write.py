@@ -13,14 +13,13 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor_file import digest_in, digest_of_monitor, load_monitor
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.export.board import Board, BoardResidual, board_of
-from gtmbench.export.source import fields_of, number, sizes_of, summed_tables, tables_of
+from gtmbench.export.source import TO_CATCH_UP, fields_of, number, sizes_of, summed_tables, tables_of
 from gtmbench.export.vectors import vectors_of
 from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.version import __version__
 
 FILES = ("gtm_monitor.h", "gtm_monitor.c", "test_gtm_monitor.c", "CMakeLists.txt", "README.md")
 _FIRST = 14  # blocks that the noise is learnt on
-_CAUGHT_UP = 1.65  # times as long, until all that waited meanwhile has been judged
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +121,7 @@ def _variant(*, compact: bool) -> str:
 
 
 def _common(board: Board, digest: str, *, compact: bool) -> dict[str, Any]:
-    tables, checksum = tables_of(board)
+    tables, checksum = tables_of(board, compact=compact)
     return {
         "title": "A monitor of aircraft sensors.",
         "version": __version__,
@@ -137,7 +136,7 @@ def _common(board: Board, digest: str, *, compact: bool) -> dict[str, Any]:
         "tables": tables,
         "period_s": number(board.period_s),
         "checksum": f"{checksum:08X}",
-        "summed": summed_tables(board),
+        "summed": summed_tables(board, compact=compact),
     }
 
 
@@ -151,7 +150,7 @@ def _readme(board: Board, *, compact: bool) -> dict[str, Any]:
         "missing_most": str(sizes["MISSING_MOST"]).rstrip("u"),
         "residual_rows": [_residual_row(each, board) for each in board.residuals],
         "learn_s": f"{learn_s:g}",
-        "caught_s": f"{_CAUGHT_UP * learn_s:.3g}",
+        "caught_s": f"{TO_CATCH_UP[compact] * learn_s:.3g}",
         "baseline_s": f"{board.baseline * board.period_s:g}",
         "shortest": board.windows[0],
     }

@@ -12,6 +12,11 @@
 #define NAMES (ORDER + 9) /* columns of a recent block */
 #define FLOOR 0.0025f
 #define LEAST 0.005f
+#if GTM_MONITOR_COMPACT
+#define BASE_SHARE (1.0f / ((float)GTM_MONITOR_BASE_BLOCKS * SCALE))
+#else
+#define BASE_SHARE (1.0f / ((float)GTM_MONITOR_BASELINE * SCALE))
+#endif
 #define UNSTEADIEST 9.0f /* times the power that was learnt: noise that wanders so far is a fault */
 
 enum { WAITING, CENTRING, CONVERTING, SIZING, COLOURING, TAILING, WHITENING, FOLLOWING };
@@ -47,17 +52,25 @@ static float unpacked(uint16_t half)
     return value;
 }
 
+static float products(const float *a, const float *b, unsigned count, float sum)
+{
+    for (; count >= 4u; count -= 4u, a += 4, b += 4) {
+        sum += a[0] * b[0];
+        sum += a[1] * b[1];
+        sum += a[2] * b[2];
+        sum += a[3] * b[3];
+    }
+    for (; count > 0u; count--) {
+        sum += *a++ * *b++;
+    }
+    return sum;
+}
+
 /* The sum of taps (for the oldest first) times a ring's values. */
 static float dot(const float *taps, const float *ring, unsigned count, unsigned newest)
 {
-    float sum = 0.0f;
-    for (unsigned i = newest + 1u; i < count; i++) {
-        sum += *taps++ * ring[i];
-    }
-    for (unsigned i = 0u; i <= newest; i++) {
-        sum += *taps++ * ring[i];
-    }
-    return sum;
+    unsigned old = count - newest - 1u;
+    return products(taps + old, ring, newest + 1u, products(taps, ring + newest + 1u, old, 0.0f));
 }
 
 static uint16_t next_of(unsigned at, unsigned count) { return (uint16_t)(at + 1u < count ? at + 1u : 0u); }
@@ -78,55 +91,43 @@ static int32_t sample_before(const gtm_monitor_line *line, uint32_t lag)
 }
 
 /* The window of a suspicion counts rows, of which those that are missing read 0. */
-static void put_row(gtm_monitor_line *line, int is_there, int32_t sample)
+static void put_row(gtm_monitor_line *line, unsigned is_there, int32_t sample)
 {
+    const unsigned at = line->there_at;
+    const int32_t square = sample * sample;
     for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++) {
-        uint32_t rows = SUSPICION_ROWS[w];
-        uint32_t at = line->there_at >= rows ? line->there_at - rows : line->there_at + GTM_MONITOR_THERE - rows;
-        if ((line->there[at / 32u] >> (at % 32u)) & 1u) {
-            uint32_t lag = line->in_window[w] - 1u; /* of the newest one before this row */
-            int32_t old = sample_before(line, lag);
-            line->window_sums[w] -= old;
-            line->window_squares[w] -= (int64_t)(old * old);
-            line->in_window[w]--;
+        uint32_t rows = SUSPICION_ROWS[w], held = line->in_window[w];
+        unsigned leaves = at >= rows ? at - rows : at + GTM_MONITOR_THERE - rows;
+        int32_t old = 0;
+        if (held == rows || ((line->there[leaves / 32u] >> (leaves % 32u)) & 1u)) {
+            old = sample_before(line, held - 1u); /* the newest one is that of the row before */
+            held--;
         }
-        if (is_there) {
-            line->window_sums[w] += sample;
-            line->window_squares[w] += (int64_t)(sample * sample);
-            line->in_window[w]++;
-        }
+        line->in_window[w] = (uint16_t)(held + is_there);
+        line->window_sums[w] += sample - old;
+        line->window_squares[w] += square - old * old;
     }
-    uint32_t bit = 1u << (line->there_at % 32u);
-    if (is_there) {
-        line->there[line->there_at / 32u] |= bit;
-    } else {
-        line->there[line->there_at / 32u] &= ~bit;
-    }
-    line->there_at = next_of(line->there_at, GTM_MONITOR_THERE);
+    uint32_t bit = 1u << (at % 32u), others = line->there[at / 32u] & ~bit;
+    line->there[at / 32u] = is_there ? others | bit : others;
+    line->there_at = next_of(at, GTM_MONITOR_THERE);
 }
 
 static void put_sample(gtm_monitor_line *line, int32_t sample)
 {
+    const int32_t square = sample * sample;
     if (line->count > 0u) {
         line->ring_at = next_of(line->ring_at, GTM_MONITOR_RING);
     }
-    line->count++;
+    const uint32_t count = ++line->count;
     /* what leaves a window goes into its baseline; it is read before the newest takes the oldest one's place */
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
         uint32_t rows = WINDOW_ROWS[w];
-        line->sums[w] += sample;
-        line->squares[w] += (int64_t)(sample * sample);
-        if (line->count > rows) {
-            int32_t old = sample_before(line, rows);
-            line->sums[w] -= old;
-            line->squares[w] -= (int64_t)(old * old);
+        int32_t old = count > rows ? sample_before(line, rows) : 0;
+        line->sums[w] += sample - old;
+        line->squares[w] += square - old * old;
 #if !GTM_MONITOR_COMPACT
-            line->bases[w] += old;
-            if (line->count > rows + GTM_MONITOR_BASELINE) {
-                line->bases[w] -= sample_before(line, rows + GTM_MONITOR_BASELINE);
-            }
+        line->bases[w] += count > rows + GTM_MONITOR_BASELINE ? old - sample_before(line, rows + GTM_MONITOR_BASELINE) : old;
 #endif
-        }
     }
     line->store.samples.ring[line->ring_at] = (int16_t)sample;
 #if GTM_MONITOR_COMPACT
@@ -234,11 +235,26 @@ static float of_energy(const gtm_monitor_line *line, unsigned j, unsigned w, flo
     return nats_of_energy(&line->noise, rows, power, TOLERANCES[j][1], TOLERANCES[j][2]) * OF_ENERGY[j][w];
 }
 
-/* 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. Logarithms are dear, and nearly
- * all samples lie where no ratio can reach its threshold: NEAR, QUIET and LOUD. */
+/* Nearly all samples lie where no ratio of any window can reach its threshold: NEAR, QUIET and LOUD. */
+static int is_ordinary(const gtm_monitor_line *line, unsigned j)
+{
+    for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
+        float mean = (float)line->sums[w] * SHARES[w], base = (float)line->bases[w] * BASE_SHARE, shift = mean - base;
+        float power = real(line->squares[w]) * (SHARES[w] / SCALE) - (mean + shift) * base;
+        if (!(fabsf(shift) < NEAR[j][w] && power > QUIET[j][w] && power < LOUD[j][w])) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. */
 static int judged(const gtm_monitor_line *line, unsigned j)
 {
     int known = -1;
+    if (line->count >= WINDOW_ROWS[GTM_MONITOR_WINDOWS - 1u] + GTM_MONITOR_BASELINE && is_ordinary(line, j)) {
+        return 0;
+    }
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
         float shift, power;
         uint32_t length = window_of(line, w, &shift, &power);
@@ -258,20 +274,28 @@ static int judged(const gtm_monitor_line *line, unsigned j)
 
 /* ---- what blocks of half a second tell of the noise ---- */
 
+static float column_sum(const uint16_t *first, unsigned count)
+{
+    float sum = 0.0f;
+    for (; count >= 4u; count -= 4u, first += 4u * NAMES) {
+        sum += unpacked(first[0]) + unpacked(first[NAMES]) + unpacked(first[2u * NAMES]) + unpacked(first[3u * NAMES]);
+    }
+    for (; count > 0u; count--, first += NAMES) {
+        sum += unpacked(*first);
+    }
+    return sum;
+}
+
 /* Sums over `count` blocks, of which `newer` ones are younger. */
 static void add_recent(const gtm_monitor_blocks *blocks, unsigned newer, unsigned count, float *sums)
 {
     unsigned stop = (blocks->recent_next + GTM_MONITOR_RECENT - newer) % GTM_MONITOR_RECENT;
     unsigned early = count > stop ? count - stop : 0u; /* of them stand at the ring's end */
     for (unsigned i = 0u; i < NAMES; i++) {
-        float sum = 0.0f;
-        for (unsigned k = stop + early - count; k < stop; k++) {
-            sum += unpacked(blocks->recent[k][i]);
+        sums[i] = column_sum(&blocks->recent[stop + early - count][i], count - early);
+        if (early > 0u) {
+            sums[i] += column_sum(&blocks->recent[GTM_MONITOR_RECENT - early][i], early);
         }
-        for (unsigned k = GTM_MONITOR_RECENT - early; k < GTM_MONITOR_RECENT; k++) {
-            sum += unpacked(blocks->recent[k][i]);
-        }
-        sums[i] = sum;
     }
 }
 
@@ -794,7 +818,7 @@ static int follow(gtm_monitor_line *line, unsigned j, float x, int is_silent)
         measure_tail(line, y);
         measure_power(line, z);
     }
-    int is_there = isfinite(z) ? 1 : 0;
+    unsigned is_there = isfinite(z) ? 1u : 0u;
     int32_t sample = is_there ? nearest(within(z, MOST) * SCALE) : 0;
     put_row(line, is_there, sample);
     if (is_there) {
@@ -1028,8 +1052,8 @@ static uint32_t take_residual(gtm_monitor_line *line, unsigned j, float raw, uns
     }
     waiting(line)[line->rows++] = raw;
     const unsigned phase = line->phase;
-    if (phase == FOLLOWING && line->at == 0u && line->is_due) {
-        return 0u; /* the first noise of all isn't learnt yet */
+    if (phase == FOLLOWING && (line->is_due || (GTM_MONITOR_REPLAYS_ALONE && *may_learn == 0u))) {
+        return 0u; /* the noise isn't learnt yet, or this call has done enough */
     }
     for (unsigned k = 0u; k < ROWS_A_CALL[phase] && line->phase == phase; k++) {
         if (phase != FOLLOWING) {
@@ -1081,6 +1105,9 @@ static void count_missing(gtm_monitor_state *state)
     uint32_t old = state->lost[state->lost_at];
     state->lost[state->lost_at] = ({{ lost_type }})lost;
     state->lost_at = next_of(state->lost_at, GTM_MONITOR_LOST);
+    if (lost == old) {
+        return;
+    }
     for (unsigned c = 0u; c < GTM_MONITOR_CHANNELS; c++) {
         uint32_t bit = 1u << c;
         state->lost_counts[c] = (uint16_t)(state->lost_counts[c] + ((lost & bit) ? 1u : 0u) - ((old & bit) ? 1u : 0u));
