@@ -235,37 +235,27 @@ static float of_energy(const gtm_monitor_line *line, unsigned j, unsigned w, flo
     return nats_of_energy(&line->noise, rows, power, TOLERANCES[j][1], TOLERANCES[j][2]) * OF_ENERGY[j][w];
 }
 
-/* Nearly all samples lie where no ratio of any window can reach its threshold: NEAR, QUIET and LOUD. */
-static int is_ordinary(const gtm_monitor_line *line, unsigned j)
-{
-    for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        float mean = (float)line->sums[w] * SHARES[w], base = (float)line->bases[w] * BASE_SHARE, shift = mean - base;
-        float power = real(line->squares[w]) * (SHARES[w] / SCALE) - (mean + shift) * base;
-        if (!(fabsf(shift) < NEAR[j][w] && power > QUIET[j][w] && power < LOUD[j][w])) {
-            return 0;
-        }
-    }
-    return 1;
-}
-
-/* 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. */
+/* 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. Logarithms are dear, and nearly
+ * all samples lie where no ratio of a window can reach its threshold: NEAR, QUIET and LOUD. */
 static int judged(const gtm_monitor_line *line, unsigned j)
 {
     int known = -1;
-    if (line->count >= WINDOW_ROWS[GTM_MONITOR_WINDOWS - 1u] + GTM_MONITOR_BASELINE && is_ordinary(line, j)) {
-        return 0;
-    }
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        float shift, power;
-        uint32_t length = window_of(line, w, &shift, &power);
-        if (length == 0u) {
-            break; /* longer ones have fewer samples before them */
+        uint32_t rows = WINDOW_ROWS[w], length = GTM_MONITOR_BASELINE;
+        float base = (float)line->bases[w] * BASE_SHARE, share = SHARES[w];
+        if (line->count < rows + GTM_MONITOR_BASELINE) {
+            length = baseline_of(line, w, &base);
+            if (length == 0u) {
+                break; /* longer ones have fewer samples before them */
+            }
         }
+        float mean = (float)line->sums[w] * share, shift = mean - base;
+        float power = real(line->squares[w]) * (share / SCALE) - (mean + shift) * base;
         known = 0;
-        if (fabsf(shift) >= NEAR[j][w] && of_mean(line, j, w, shift, power, length) > 1.0f) {
+        if (fabsf(shift) >= NEAR[j][w] && of_mean(line, j, w, shift, largest(power, 1e-12f), length) > 1.0f) {
             return 1;
         }
-        if ((power <= QUIET[j][w] || power >= LOUD[j][w]) && of_energy(line, j, w, power) > 1.0f) {
+        if ((power <= QUIET[j][w] || power >= LOUD[j][w]) && of_energy(line, j, w, largest(power, 1e-12f)) > 1.0f) {
             return 1;
         }
     }

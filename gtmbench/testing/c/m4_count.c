@@ -1,11 +1,11 @@
 /* The exported folder's own test on a Cortex-M4, and then instructions a call: of a healthy flight that is made up (level,
- * with noise), the last third of it with a step of the first channel. qemu lets a time go by for each instruction. */
+ * with noise), the last fifth of it with a step of the first channel. qemu lets a time go by for each instruction. */
 #define main folder_test
 #include "test_gtm_monitor.c"
 #undef main
 
 #define TIMER ((volatile uint32_t *)0xE000E010u)
-#define LONG_ROWS 12000u
+#define LONG_ROWS 15000u
 
 static uint32_t random_bits = 1u;
 
@@ -33,7 +33,7 @@ int main(void)
         float values[GTM_MONITOR_CHANNELS];
         gtm_monitor_sample sample;
         for (unsigned c = 0u; c < GTM_MONITOR_CHANNELS; c++) {
-            values[c] = NOISES[c] * noise() + (c == 0u && row > LONG_ROWS * 2u / 3u ? 10.0f * NOISES[0] : 0.0f);
+            values[c] = NOISES[c] * noise() + (c == 0u && row > LONG_ROWS * 4u / 5u ? 10.0f * NOISES[0] : 0.0f);
         }
         memcpy(&sample, values, sizeof sample);
         begin = TIMER[2];
