@@ -14,7 +14,7 @@ from gtmbench.detectors.statistics.statistic import ordinary_powers
 from gtmbench.export.board import DERIVED, Board, BoardResidual
 from gtmbench.values.channels import CHANNELS
 
-RECENT, LATE, GROUPS = 52, 28, 12  # blocks of the noise's memory; old ones in groups of 34
+RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in groups of 34
 _FIRST = 14
 _ROWS_A_CALL = (0, 100, 15, 60, 15, 15, 15, 3)  # of each pass over rows that wait while the noise is learnt
 _ROWS_COMPACT = (0, 100, 25, 100, 25, 25, 25, 4)  # there is no room for more that wait

@@ -289,10 +289,7 @@ static void add_recent(const gtm_monitor_blocks *blocks, unsigned newer, unsigne
     }
 }
 
-static unsigned old_blocks(const gtm_monitor_blocks *blocks)
-{
-    return blocks->group_count == 0u ? 0u : (blocks->group_count - 1u) * GROUP + blocks->group_blocks;
-}
+static unsigned old_blocks(const gtm_monitor_blocks *blocks) { return blocks->group_count * GROUP + blocks->group_blocks; }
 
 /* Sums over the blocks that tell of steadiness; the last is the sum of blocks' sums times their places about the middle. */
 static unsigned add_remembered(const gtm_monitor_blocks *blocks, unsigned to_come, float *sums)
@@ -304,19 +301,16 @@ static unsigned add_remembered(const gtm_monitor_blocks *blocks, unsigned to_com
     unsigned count = old + own;
     float middle = 0.5f * ((float)count - 1.0f);
     for (unsigned i = 0u; i < ALL_OLD; i++) {
-        sums[i] = 0.0f;
+        sums[i] = blocks->open_group[i];
     }
+    sums[OLD_MOMENT] += sums[OLD_SUM] * ((float)(blocks->group_count * GROUP) - middle);
     for (unsigned g = 0u; g < blocks->group_count; g++) {
         unsigned at = (blocks->group_next + 2u * GTM_MONITOR_GROUPS - blocks->group_count + g) % GTM_MONITOR_GROUPS;
         const uint16_t *row = blocks->groups[at];
-        float values[ALL_OLD];
         for (unsigned i = 0u; i < ALL_OLD; i++) {
-            values[i] = unpacked(row[i]);
+            sums[i] += unpacked(row[i]);
         }
-        values[OLD_MOMENT] += values[OLD_SUM] * ((float)(g * GROUP) - middle);
-        for (unsigned i = 0u; i < ALL_OLD; i++) {
-            sums[i] += values[i];
-        }
+        sums[OLD_MOMENT] += unpacked(row[OLD_SUM]) * ((float)(g * GROUP) - middle);
     }
     for (unsigned k = 0u; k < own; k++) {
         unsigned back = blocks->late_count - k; /* the oldest first */
@@ -335,29 +329,26 @@ static unsigned add_remembered(const gtm_monitor_blocks *blocks, unsigned to_com
 /* Room for one more late block: the oldest one goes into the sums of a group. */
 static void make_old(gtm_monitor_blocks *blocks)
 {
-    if (blocks->group_count == 0u || blocks->group_blocks == GROUP) {
-        if (blocks->group_count == GTM_MONITOR_GROUPS) {
-            blocks->group_count--; /* the oldest is forgotten */
-        }
-        uint16_t *row = blocks->groups[blocks->group_next];
-        for (unsigned i = 0u; i < ALL_OLD; i++) {
-            row[i] = packed(0.0f);
-        }
-        blocks->group_next = next_of(blocks->group_next, GTM_MONITOR_GROUPS);
-        blocks->group_count++;
-        blocks->group_blocks = 0u;
-    }
-    uint16_t *group = blocks->groups[(blocks->group_next + GTM_MONITOR_GROUPS - 1u) % GTM_MONITOR_GROUPS];
+    float *group = blocks->open_group;
     unsigned back = blocks->late_count;
     const uint16_t *row = blocks->late[(blocks->late_next + 2u * GTM_MONITOR_LATE - back) % GTM_MONITOR_LATE];
     float sum = unpacked(blocks->recent[(blocks->recent_next + 2u * GTM_MONITOR_RECENT - back) % GTM_MONITOR_RECENT][SUM]);
     for (unsigned i = 0u; i < ALL_LATE; i++) {
-        group[i] = packed(unpacked(group[i]) + unpacked(row[i]));
+        group[i] += unpacked(row[i]);
     }
-    group[OLD_SUM] = packed(unpacked(group[OLD_SUM]) + sum);
-    group[OLD_MOMENT] = packed(unpacked(group[OLD_MOMENT]) + sum * (float)blocks->group_blocks);
-    blocks->group_blocks++;
+    group[OLD_SUM] += sum;
+    group[OLD_MOMENT] += sum * (float)blocks->group_blocks;
     blocks->late_count--;
+    blocks->group_blocks++;
+    if (blocks->group_blocks == GROUP) { /* the oldest group is forgotten */
+        for (unsigned i = 0u; i < ALL_OLD; i++) {
+            blocks->groups[blocks->group_next][i] = packed(group[i]);
+            group[i] = 0.0f;
+        }
+        blocks->group_next = next_of(blocks->group_next, GTM_MONITOR_GROUPS);
+        blocks->group_count = (uint16_t)(blocks->group_count < GTM_MONITOR_GROUPS ? blocks->group_count + 1u : GTM_MONITOR_GROUPS);
+        blocks->group_blocks = 0u;
+    }
 }
 
 static void remember(gtm_monitor_blocks *blocks, const float *recent, const float *late)
