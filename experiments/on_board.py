@@ -76,7 +76,9 @@ def compare(monitor: BankMonitor, compiled: dict[str, Compiled], flights: int) -
         python = first_alarm(monitor, record)
         if number >= 0.9 * flights:
             told = next((alarm for alarm in monitor.watch(record).alarms if alarm.test != "missing"), None)
-            same = None if told is None else (round((told.time_s - record.start_s) / record.sample_period_s), told.source)
+            same = (
+                None if told is None else (round((told.time_s - record.start_s) / record.sample_period_s), told.source)
+            )
             assert same == python, (number, same, python)
         values = record.matrix(monitor.bank.channels)
         raw = bank_residuals(monitor, record).raw
@@ -122,7 +124,10 @@ def summary(rows: list[dict[str, Any]], variant: str, most: int) -> list[str]:
     """Return lines of the report about a variant."""
     own = [row for row in rows if row["variant"] == variant]
     alarmed = [row for row in own if row["python"] is not None]
-    off = [None if row["c"] is None or row["c"][1] != row["python"][1] else row["c"][0] - row["python"][0] for row in alarmed]
+    off = [
+        None if row["c"] is None or row["c"][1] != row["python"][1] else row["c"][0] - row["python"][0]
+        for row in alarmed
+    ]
     silent = [row for row in own if row["python"] is None]
     same, near = sum(each == 0 for each in off), sum(each is not None and abs(each) <= most for each in off)
     spread = Counter("other residual or none" if each is None else f"{each:+d}" for each in off if each != 0)
@@ -182,7 +187,11 @@ def main() -> int:
             Path(aside, f"{variant}.so").mkdir()
             compiled[variant] = Compiled(exported.folder, exported.board, Path(aside, f"{variant}.so"))
         text = ["# A monitor on board", "", f"Bank {monitor.name}. Export takes {max(took.values()):.1f} s.", ""]
-        text += ["## On a Cortex-M4 (qemu's mps2-an386; instructions a call, -O2)", "", *m4_lines(folders, exported.board)]
+        text += [
+            "## On a Cortex-M4 (qemu's mps2-an386; instructions a call, -O2)",
+            "",
+            *m4_lines(folders, exported.board),
+        ]
         print("\n".join(text))
         if given.check:
             return 0

@@ -43,9 +43,7 @@ class Exported:
     board: Board
 
 
-def export_c(
-    monitor: Monitor | str | Path, out: str | Path, *, compact: bool = False, force: bool = False
-) -> Exported:
+def export_c(monitor: Monitor | str | Path, out: str | Path, *, compact: bool = False, force: bool = False) -> Exported:
     """Write a calibrated bank as C for a flight controller: a folder with code, its own test and a README.
 
     On board are detection with the noise that it learns, the sensors that are possible by structure, and the predicted

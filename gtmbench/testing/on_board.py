@@ -210,5 +210,6 @@ def _run(command: list[str]) -> str:
             command, capture_output=True, text=True, check=True, timeout=_LONGEST_S, stdin=subprocess.DEVNULL
         )
     except subprocess.CalledProcessError as error:
-        raise GtmbenchError(f"{command[0]} ended with {error.returncode}: {(error.stderr or error.stdout)[:2000]}") from error
+        said = (error.stderr or error.stdout)[:2000]
+        raise GtmbenchError(f"{command[0]} ended with {error.returncode}: {said}") from error
     return ended.stdout
