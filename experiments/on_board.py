@@ -2,9 +2,10 @@
 
     python experiments/on_board.py [--flights N] [--monitor FILE] [--out DIR] [--check]
 
-Each flight lasts 150 s, half of them in turbulence with doublets; a fifth is healthy, the others have one of eight kinds
-of faults on a random gyro at a random time. Their seeds were looked at once: the code was written with others. Of the
-last tenth of the flights all judgements of the Python stream are made, to see that its first alarm is that of the scores.
+Each flight lasts 150 s, half of them with doublets; a fifth is healthy, the others have one of eight kinds of faults on
+a random gyro at a random time. Of the last tenth of
+the flights Python makes all judgements, to see that its first alarm
+is that of the scores.
 ``--check`` does the part on the M4 alone and needs no flights: ``make export-check``. Writes DIR/report.md.
 """
 
@@ -141,23 +142,23 @@ def summary(rows: list[dict[str, Any]], variant: str, most: int) -> list[str]:
     ]
 
 
-def m4_lines(folders: dict[str, Path], compiled_board: Any) -> list[str]:
+def m4_lines(folders: dict[str, Path], board: Any) -> list[str]:
     """Return the lines of the report about the M4."""
     if missing_tools():
         return [f"{', '.join(missing_tools())}: not installed here, so nothing was measured. `{M4_INSTALL}`"]
     lines = [
-        "| variant | flash, -Os (bytes) | state (bytes) | median once the baseline is full | worst of the healthy part | "
+        "| variant | flash, -Os (bytes) | state (bytes) | median once the baseline is full | worst of the healthy part | "  # noqa: E501
         "worst of all, with fault | worst while learning | own test |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for variant, folder in folders.items():
         with tempfile.TemporaryDirectory() as aside:
-            m4 = run_on_m4(folder, compiled_board, Path(aside))
+            m4 = run_on_m4(folder, board, Path(aside))
         counts, rows = m4.instructions, len(m4.instructions)
         learnt = 2000
         lines.append(
-            f"| {variant} | {m4.flash_bytes:,} | {m4.state_bytes:,} | {np.median(counts[rows * 3 // 5 : rows * 4 // 5]):,.0f} | "
-            f"{counts[learnt : rows * 4 // 5].max():,.0f} | {counts[learnt:].max():,.0f} | {counts[:learnt].max():,.0f} | "
+            f"| {variant} | {m4.flash_bytes:,} | {m4.state_bytes:,} | {np.median(counts[rows * 3 // 5 : rows * 4 // 5]):,.0f} | "  # noqa: E501
+            f"{counts[learnt : rows * 4 // 5].max():,.0f} | {counts[learnt:].max():,.0f} | {counts[:learnt].max():,.0f} | "  # noqa: E501
             f"{m4.said} |"
         )
     return lines
@@ -198,9 +199,9 @@ def main() -> int:
         rows = compare(monitor, compiled, given.flights)
     text += ["", f"## First alarms of {given.flights} flights, and all statistics", ""]
     text += [
-        "Differences are of every statistic of every row, relative to it (to 0.1 thresholds where it is smaller), the medians "
-        "over flights; and the largest of all, in thresholds or of the statistic where that is above 1. Time is of this "
-        "machine, -O2.",
+        "Differences are of every statistic of every row, relative to it (to 0.1 thresholds where it is smaller), the "
+        "medians over flights; and the largest of all, in thresholds or of the statistic where that is above 1. "
+        "Time is of this machine, -O2.",
         "",
         "| variant | same residual, same row | near | silent where Python is | median | 99.9 % of a flight | largest | "
         "us a sample | rows off |",

@@ -132,7 +132,7 @@ class Board:
             ordinary_powers(rows, nats)
             for rows, nats in zip(self.windows, residual.energy_thresholds.tolist(), strict=True)
         ]
-        return np.array(powers) * np.array(residual.tolerance[1:])
+        return np.asarray(np.array(powers) * np.array(residual.tolerance[1:]))
 
 
 def board_of(monitor: object) -> Board:
@@ -177,8 +177,7 @@ def _check_kind(monitor: CalibratedBank) -> None:
     bank = monitor.bank
     if bank.statistic.name != "glr":
         raise InputError(
-            f"bank {bank.name} judges by '{bank.statistic.name}', and on board there are likelihood ratios ('glr') only; "
-            f"{EXPORTABLE}"
+            f"bank {bank.name} judges by '{bank.statistic.name}', and on board there is 'glr' only; {EXPORTABLE}"
         )
     if monitor.is_cautious:
         raise InputError(

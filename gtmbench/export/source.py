@@ -18,7 +18,8 @@ RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in g
 _FIRST = 14
 _ROWS_A_CALL = (0, 100, 15, 60, 15, 15, 15, 3)  # of each pass over rows that wait while the noise is learnt
 _ROWS_COMPACT = (0, 100, 25, 100, 25, 25, 25, 4)  # there is no room for more that wait
-TO_CATCH_UP = {False: 2.25, True: 1.68}  # times the rows that wait at first: with those until all have been judged
+_ALONE = 16  # rows of a block a residual, from which on a call that learns needn't judge rows that wait
+TO_CATCH_UP = {False: 2.45, True: 1.68}  # times the rows that wait at first: with those until all have been judged
 _SUSPECTED = 12.0  # nats
 MISSING_MOST_S = 0.25
 _SCALE = 320.0  # of a stored sample, as the code has it
@@ -38,7 +39,7 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     there = -(-board.suspicions[-1] // 32) * 32
     sizes: list[tuple[str, object]] = [
         ("COMPACT", int(compact)),
-        ("REPLAYS_ALONE", int(not compact)),
+        ("REPLAYS_ALONE", int(not compact and board.block >= _ALONE * len(board.residuals))),
         ("PERIOD_US", f"{round(board.period_s * 1e6)}u"),
         ("RESIDUALS", f"{len(board.residuals)}u"),
         ("CHANNELS", f"{len(board.channels)}u"),

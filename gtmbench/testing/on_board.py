@@ -24,7 +24,7 @@ M4_INSTALL = "apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-sys
 _M4 = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
 _TICKS = 25.6  # of the board's timer (25 MHz) an instruction, which takes 2**10 ns there
 _LONGEST_S = 300.0
-IntArray = np.ndarray[Any, np.dtype[Any]]
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 def compiler() -> str | None:
@@ -50,17 +50,17 @@ class Told:
     predicted, residuals, levels : shape (rows, residuals)
     """
 
-    alarms: IntArray = field(repr=False)
-    above: IntArray = field(repr=False)
-    possible: IntArray = field(repr=False)
-    involved: IntArray = field(repr=False)
-    missing: IntArray = field(repr=False)
-    flags: IntArray = field(repr=False)
-    backlog: IntArray = field(repr=False)
-    statistics: FloatArray = field(repr=False)
-    predicted: FloatArray = field(repr=False)
-    residuals: FloatArray = field(repr=False)
-    levels: FloatArray = field(repr=False)
+    alarms: Array = field(repr=False)
+    above: Array = field(repr=False)
+    possible: Array = field(repr=False)
+    involved: Array = field(repr=False)
+    missing: Array = field(repr=False)
+    flags: Array = field(repr=False)
+    backlog: Array = field(repr=False)
+    statistics: Array = field(repr=False)
+    predicted: Array = field(repr=False)
+    residuals: Array = field(repr=False)
+    levels: Array = field(repr=False)
 
 
 class Compiled:
@@ -96,7 +96,7 @@ class Compiled:
         self,
         values: FloatArray,
         *,
-        times_us: IntArray | None = None,
+        times_us: Array | None = None,
         state: ctypes.Array[ctypes.c_char] | None = None,
         statistics: bool = True,
     ) -> Told:
