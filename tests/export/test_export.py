@@ -85,6 +85,23 @@ def test_what_cannot_go_on_board_is_refused_in_a_line():
         assert "gtmbench calibrate" in str(told.value)
 
 
+def alter(document, each, place, value):
+    """Put a value where it doesn't belong."""
+    figures = document["figures"]
+    places = [
+        lambda: figures["bank"].__setitem__("title", value),
+        lambda: figures.__setitem__("name", value),
+        lambda: figures["bank"]["residuals"][0].__setitem__("output", value),
+        lambda: figures["bank"]["suspects"].__setitem__(0, value),
+        lambda: figures.__setitem__("sample_period_s", value),
+        lambda: each["whitener"].__setitem__("deviation", value),
+        lambda: each["operator"]["markov"][0][0].__setitem__(0, value),
+        lambda: each["tolerance"].__setitem__("high", value),
+        lambda: document["provenance"].__setitem__("source", value),
+    ]
+    places[place % len(places)]()
+
+
 def test_hostile_files_are_refused_or_harmless(tmp_path):
     """Names that would end a comment or a string, numbers that no float holds, sizes beyond bounds: 200 files."""
     gb.save_monitor(monitor(), tmp_path / "ready.json")
@@ -106,23 +123,12 @@ def test_hostile_files_are_refused_or_harmless(tmp_path):
         1e-300,
         10**9,
     ]
-    for i in range(200):  # ruff: noqa: B023 - each is called within its turn
+    for i in range(200):
         document = json.loads(ready)
         figures = document["figures"]
         value = nasty[int(draw.integers(len(nasty)))]
         each = figures["residuals"][str(draw.choice(["p", "q", "r"]))]
-        places = [
-            lambda: figures["bank"].__setitem__("title", value),
-            lambda: figures.__setitem__("name", value),
-            lambda: figures["bank"]["residuals"][0].__setitem__("output", value),
-            lambda: figures["bank"]["suspects"].__setitem__(0, value),
-            lambda: figures.__setitem__("sample_period_s", value),
-            lambda: each["whitener"].__setitem__("deviation", value),
-            lambda: each["operator"]["markov"][0][0].__setitem__(0, value),
-            lambda: each["tolerance"].__setitem__("high", value),
-            lambda: document["provenance"].__setitem__("source", value),
-        ]
-        places[i % len(places)]()
+        alter(document, each, i, value)
         path, out = tmp_path / "hostile.json", tmp_path / f"out_{i}"
         path.write_text(json.dumps(resealed(document)))
         try:
