@@ -35,6 +35,18 @@ class Exported:
         ``full`` or ``compact``.
     board : Board
         What is on board.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> from gtmbench.export.board import board_of
+    >>> noise = np.random.default_rng(1).standard_normal((9000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
+    >>> monitor = gb.calibrate(record, bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> gb.Exported(folder=Path("c"), digest="", variant="full", board=board_of(monitor)).board.channels
+    ('q', 'p')
     """
 
     folder: Path
