@@ -41,10 +41,14 @@ class Exported:
     >>> from pathlib import Path
     >>> import numpy as np
     >>> import gtmbench as gb
+    >>> import dataclasses
+    >>> from gtmbench.detectors.statistics.statistic import Statistic
     >>> from gtmbench.export.board import board_of
     >>> noise = np.random.default_rng(1).standard_normal((9000, 2))
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
-    >>> monitor = gb.calibrate(record, bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
+    >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
+    >>> monitor = gb.calibrate(record, bank=bank, false_alarms_per_hour=1.0)
     >>> gb.Exported(folder=Path("c"), digest="", variant="full", board=board_of(monitor)).board.channels
     ('q', 'p')
     """
@@ -80,13 +84,17 @@ def export_c(monitor: Monitor | str | Path, out: str | Path, *, compact: bool = 
 
     Examples
     --------
+    >>> import dataclasses
     >>> import tempfile
     >>> import numpy as np
+    >>> from gtmbench.detectors.statistics.statistic import Statistic
     >>> from pathlib import Path
     >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((9000, 2))
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
-    >>> monitor = gb.calibrate(record, bank=gb.bank_between(["p"], ["q"]), false_alarms_per_hour=1.0)
+    >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
+    >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
+    >>> monitor = gb.calibrate(record, bank=bank, false_alarms_per_hour=1.0)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     exported = gb.export_c(monitor, Path(folder, "board"), compact=True)
     ...     sorted(path.name for path in exported.folder.iterdir())
