@@ -48,7 +48,7 @@ class Exported:
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
     >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
     >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
-    >>> monitor = gb.calibrate(record, bank=bank, false_alarms_per_hour=1.0)
+    >>> monitor = gb.calibrate([record] * 4, bank=bank, false_alarms_per_hour=1.0, estimator=gb.LeastSquares())
     >>> gb.Exported(folder=Path("c"), digest="", variant="full", board=board_of(monitor)).board.channels
     ('q', 'p')
     """
@@ -94,7 +94,7 @@ def export_c(monitor: Monitor | str | Path, out: str | Path, *, compact: bool = 
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
     >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
     >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
-    >>> monitor = gb.calibrate(record, bank=bank, false_alarms_per_hour=1.0)
+    >>> monitor = gb.calibrate([record] * 4, bank=bank, false_alarms_per_hour=1.0, estimator=gb.LeastSquares())
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     exported = gb.export_c(monitor, Path(folder, "board"), compact=True)
     ...     sorted(path.name for path in exported.folder.iterdir())
