@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test lint docs bench experiments clean
+.PHONY: run check test lint docs bench experiments export-check clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -24,6 +24,9 @@ docs: .venv/ready ## the documentation, into out/docs (open out/docs/index.html)
 
 experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in docs/reference/dissertation.md
 	$(BIN)/python experiments
+
+export-check: .venv/ready ## an exported monitor on qemu's Cortex-M4: flash, memory, instructions a call; says what to install where a tool is missing
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python experiments/on_board.py --check
 
 bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and docs/reference/measured.md
 	$(BIN)/python -m tests.benchmarks

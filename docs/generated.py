@@ -28,6 +28,7 @@ ROOMS = {  # where a name is defined: what one does there
     "intake": "Read flight logs",
     "study": "Run studies, watch logs",
     "link": "Watch a flight while it flies",
+    "export": "Take a monitor on board",
     "report": "Recordings",
     "errors": "Errors and warnings",
 }

@@ -33,6 +33,7 @@ from gtmbench.errors import (
     RankWarning,
     TrimError,
 )
+from gtmbench.export.write import Exported, export_c
 from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
@@ -130,6 +131,7 @@ __all__ = [
     "EventKind",
     "Excitation",
     "ExcitationCount",
+    "Exported",
     "Fault",
     "FlightLog",
     "FunctionDetector",
@@ -209,6 +211,7 @@ __all__ = [
     "decimate",
     "derivable",
     "derive",
+    "export_c",
     "fault",
     "filtered_attitude",
     "find_autopilot",

@@ -29,6 +29,7 @@ from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
 from gtmbench.cli.demo import demo_command
 from gtmbench.cli.diff import diff_command
+from gtmbench.cli.export import export_command
 from gtmbench.cli.flight import fly_command, trim_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
@@ -87,6 +88,7 @@ for command in (
     check_command,
     calibrate_command,
     bank_command,
+    export_command,
     monitor_command,
     live_command,
     score_command,

@@ -146,6 +146,18 @@ def check_monitor(path: Path) -> None:
         _kept_document(document)
 
 
+def digest_in(path: Path) -> str | None:
+    """Return the digest that a monitor's file carries; None where it carries none, as older ones do."""
+    with naming(path):
+        given = _parsed(path.read_text(encoding="utf-8")).get(KEY)
+    return given if isinstance(given, str) else None
+
+
+def digest_of_monitor(monitor: Monitor) -> str:
+    """Return the digest that a monitor's file would carry."""
+    return str(_parsed(_text(monitor))[KEY])
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Kept:
     """What a monitor's file holds."""

@@ -32,6 +32,7 @@ FAILED, BAD, UNKNOWN = 1, 2, 3
 CASES = {
     "autopilot": ("autopilot", 0, "autopilot --aircraft A320"),
     "bank": ("bank", 0, "bank C"),
+    "export": ("export", 0, "export ready.json --out on_board --force"),
     "bank, of a monitor": ("bank", 0, "bank ready.json"),
     "bank, listed": ("bank-list", 0, "bank"),
     "calibrate": ("calibrate", 0, "calibrate healthy.csv --out m.json --force"),

@@ -98,6 +98,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "lost_samples",
         "yardstick",
         "attitude_origin",
+        "on_board",
         "driven_attitude",
         "__main__",
     }

@@ -113,7 +113,7 @@ class NoiseFollower:
         self._outlier = -self._apart  # row of the last gross one, about the open block's first
         self._lasting = lasting_rows(sample_period_s)
         self._loud = np.zeros(self._lasting - 1)  # sizes before the open block, as they are
-        self._windows = sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
+        self._windows = suspicion_rows(sample_period_s)
         self._typical = 0.0
         self._ring = np.zeros((0, LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
         self._held: NoiseModel | None = None
@@ -542,6 +542,15 @@ def lasting_rows(sample_period_s: float) -> int:
 def lasting(sizes: Iterable[float]) -> float:
     """Return what a row counts for at least, by the sizes of the last ones, its own among them."""
     return _OF_LASTING * statistics.median(sizes)
+
+
+def suspicion_rows(sample_period_s: float) -> list[int]:
+    """Return the lengths of the windows that suspicions are found in, in samples, the shortest first.
+
+    >>> suspicion_rows(0.01)
+    [8, 32, 128, 512]
+    """
+    return sorted({max(round(span_s / sample_period_s), 4) for span_s in _SUSPECTED_S})
 
 
 def second_order(sample_period_s: float) -> int:

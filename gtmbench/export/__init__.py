@@ -1,0 +1,1 @@
+"""A calibrated monitor as a folder of C, for a flight controller."""

@@ -1,0 +1,227 @@
+"""A board's numbers as C: sizes, tables and formulas, and the checksum by which the folder's own test knows them."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+import zlib
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from gtmbench.detectors.statistics.statistic import ordinary_powers
+from gtmbench.export.board import DERIVED, Board, BoardResidual
+from gtmbench.values.channels import CHANNELS
+
+RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in groups of 34
+_FIRST = 14
+_ROWS_A_CALL = (0, 100, 15, 60, 15, 15, 15, 3)  # of each pass over rows that wait while the noise is learnt
+_ROWS_COMPACT = (0, 100, 25, 100, 25, 25, 25, 4)  # there is no room for more that wait
+_ALONE = 16  # rows of a block a residual, from which on a call that learns needn't judge rows that wait
+TO_CATCH_UP = {False: 2.45, True: 1.68}  # times the rows that wait at first: with those until all have been judged
+_SUSPECTED = 12.0  # nats
+MISSING_MOST_S = 0.25
+_SCALE = 320.0  # of a stored sample, as the code has it
+
+
+def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
+    """Return the sizes that the header defines, by name."""
+    longest = board.windows[-1]
+    ring = max(longest if compact else longest + board.baseline, board.suspicions[-1]) + 1
+    shortest = board.windows[0]
+    means = (longest + board.baseline) // shortest + 3
+    store = (2 * ring + 2 * means * compact) // 4
+    lead = means // 2 + 1 if compact else 0
+    room = [count for count in range(_FIRST, LATE + 1) if lead + _waiting(board, count, compact=compact) <= store]
+    first_most = max(room, default=_FIRST)
+    waiting = _waiting(board, first_most, compact=compact)
+    there = -(-board.suspicions[-1] // 32) * 32
+    sizes: list[tuple[str, object]] = [
+        ("COMPACT", int(compact)),
+        ("REPLAYS_ALONE", int(not compact and board.block >= _ALONE * len(board.residuals))),
+        ("PERIOD_US", f"{round(board.period_s * 1e6)}u"),
+        ("RESIDUALS", f"{len(board.residuals)}u"),
+        ("CHANNELS", f"{len(board.channels)}u"),
+        ("DERIVED", f"{len(board.derived)}u"),
+        ("WINDOWS", f"{len(board.windows)}u"),
+        ("BASELINE", f"{board.baseline}u"),
+        ("LEAST_BASELINE", f"{board.least_baseline}u"),
+        ("RING", f"{ring}u"),
+        ("INPUTS_MOST", f"{max(len(each.inputs) for each in board.residuals)}u"),
+        ("TAPS_MOST", f"{max(each.markov.shape[1] for each in board.residuals)}u"),
+        ("READS_MOST", f"{max(_reads(board, each) for each in board.residuals)}u"),
+        ("WHITE_MOST", f"{max(len(each.whitener) for each in board.residuals)}u"),
+        ("ORDER", f"{board.order}u"),
+        ("BLOCK", f"{board.block}u"),
+        ("LASTING", f"{board.lasting}u"),
+        ("ECHO", f"{board.echo}u"),
+        ("APART", f"{board.apart}u"),
+        ("RECENT", f"{RECENT - 8 * compact}u"),
+        ("LATE", f"{LATE}u"),
+        ("GROUPS", f"{GROUPS}u"),
+        ("SUSPICIONS", f"{len(board.suspicions)}u"),
+        ("THERE", f"{there}u"),
+        ("THERE_WORDS", f"{there // 32}u"),
+        ("WAITING", f"{waiting}u"),
+        ("WAITING_ALL", f"{lead + waiting}u"),
+        ("FIRST_MOST", f"{first_most}u"),
+        ("LOST", f"{board.lost}u"),
+        ("MISSING_MOST", f"{max(round(MISSING_MOST_S / board.period_s), 1)}u"),
+    ]
+    if compact:
+        sizes += [
+            ("SHORTEST", f"{shortest}u"),
+            ("MEANS", f"{means}u"),
+            ("BASE_BLOCKS", f"{board.baseline // shortest}u"),
+            ("PERIOD", f"{shortest * means}u"),
+        ]
+    sizes += [(f"AHEAD_{each.output.upper()}", f"{each.ahead}u") for each in board.residuals]
+    return sizes
+
+
+def _waiting(board: Board, blocks: int, *, compact: bool) -> int:
+    return math.ceil(TO_CATCH_UP[compact] * blocks * board.block) + 50
+
+
+def _reads(board: Board, residual: BoardResidual) -> int:
+    """Return how many of its output's readings a residual waits for: a derived one comes a row later."""
+    return max(residual.ahead, 1) if residual.output in board.derived else residual.ahead + 1
+
+
+def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
+    """Return the tables as C, and the CRC-32 of all their numbers, as the folder's own test works it out."""
+    own, tables = board.residuals, _Tables()
+    tables.whole("WINDOW_ROWS", board.windows)
+    tables.whole("SUSPICION_ROWS", board.suspicions)
+    nats = [_SUSPECTED - math.log(rows / board.suspicions[0]) for rows in board.suspicions]
+    ordinary = [ordinary_powers(rows, least) for rows, least in zip(board.suspicions, nats, strict=True)]
+    tables.real("SHARES", [1.0 / (rows * _SCALE) for rows in board.windows])
+    tables.real("SUSPICION_SHARES", [1.0 / (rows * _SCALE) for rows in board.suspicions])
+    tables.real("SUSPICION_NATS", nats)
+    tables.real("SUSPICION_NEAR", [2.0 * least / rows for rows, least in zip(board.suspicions, nats, strict=True)])
+    tables.real("SUSPICION_QUIET", [low for low, _ in ordinary])
+    tables.real("SUSPICION_LOUD", [high for _, high in ordinary])
+    tables.whole("ROWS_A_CALL", _ROWS_COMPACT if compact else _ROWS_A_CALL)
+    tables.whole("TAPS", [each.markov.shape[1] for each in own])
+    tables.whole("AHEAD", [each.ahead for each in own])
+    tables.whole("READS", [_reads(board, each) for each in own])
+    tables.whole("IS_LATE", [int(each.is_late) for each in own])
+    tables.whole("OUTPUTS", [board.signals.index(each.output) for each in own])
+    tables.whole("INPUT_COUNTS", [len(each.inputs) for each in own])
+    most = max(len(each.inputs) for each in own)
+    tables.wholes(
+        "INPUTS",
+        [[board.signals.index(name) for name in each.inputs] + [0] * (most - len(each.inputs)) for each in own],
+    )
+    tables.real("OFFSETS", [each.offset for each in own])
+    tables.pointed("MARKOV", [each.markov.ravel() for each in own])
+    tables.whole("WHITE_TAPS", [len(each.whitener) for each in own])
+    tables.real("WHITENER_SUMS", [float(each.whitener.sum()) for each in own])
+    tables.pointed("WHITENERS", [each.whitener for each in own])
+    tables.reals("TOLERANCES", [each.tolerance for each in own])
+    tables.reals("OF_MEAN", [1.0 / each.mean_thresholds for each in own])
+    tables.reals("OF_ENERGY", [1.0 / each.energy_thresholds for each in own])
+    tables.reals("NEAR", [board.near(each) for each in own])
+    tables.reals("QUIET", [board.ordinary(each)[:, 0] for each in own])
+    tables.reals("LOUD", [board.ordinary(each)[:, 1] for each in own])
+    tables.whole("AFFECTED_BY", [mask(board, each.suspects) for each in own], kind="uint32_t")
+    return [*tables.lines, _derive(board)], tables.checksum
+
+
+def mask(board: Board, names: Iterable[str]) -> int:
+    """Return the bits of some sensors."""
+    return sum(1 << board.sensors.index(name) for name in names)
+
+
+class _Tables:
+    """Tables as lines of C, and a checksum of what they hold."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.names: list[str] = []
+        self.checksum = 0
+
+    def whole(self, name: str, values: Sequence[int], kind: str = "uint16_t") -> None:
+        numbers = ", ".join(f"{value}u" for value in values)
+        self.lines.append(f"static const {kind} {name}[{len(values)}] = {{{numbers}}};")
+
+    def wholes(self, name: str, rows: Sequence[Sequence[int]]) -> None:
+        numbers = ", ".join("{" + ", ".join(f"{value}u" for value in row) + "}" for row in rows)
+        self.lines.append(f"static const uint16_t {name}[{len(rows)}][{len(rows[0])}] = {{{numbers}}};")
+
+    def real(self, name: str, values: Iterable[float]) -> None:
+        numbers = [float(np.float32(value)) for value in values]
+        self._sum(name, numbers)
+        self.lines.append(f"static const float {name}[{len(numbers)}] = {{{_joined(numbers)}}};")
+
+    def reals(self, name: str, rows: Iterable[Iterable[float]]) -> None:
+        numbers = [[float(np.float32(value)) for value in row] for row in rows]
+        self._sum(name, [value for row in numbers for value in row])
+        joined = ",\n    ".join("{" + _joined(row) + "}" for row in numbers)
+        self.lines.append(f"static const float {name}[{len(numbers)}][{len(numbers[0])}] = {{\n    {joined}}};")
+
+    def pointed(self, name: str, rows: Iterable[Iterable[float]]) -> None:
+        given = [list(row) for row in rows]
+        for j, row in enumerate(given):
+            self.real(f"{name}_{j}", row)
+        pointers = ", ".join(f"{name}_{j}" for j in range(len(given)))
+        self.lines.append(f"static const float *const {name}[{len(given)}] = {{{pointers}}};")
+
+    def _sum(self, name: str, numbers: Sequence[float]) -> None:
+        self.names.append(name)
+        self.checksum = zlib.crc32(struct.pack(f"<{len(numbers)}f", *numbers), self.checksum)
+
+
+def summed_tables(board: Board, *, compact: bool) -> list[str]:
+    """Return the names of the tables that the checksum is of, in its order.
+
+    The test passes over their bytes, so it has to know which they are.
+    """
+    lines, _ = tables_of(board, compact=compact)
+    found = (re.match(r"static const float (\w+)\[", line) for line in lines)
+    return [match[1] for match in found if match]
+
+
+def _joined(values: Iterable[float]) -> str:
+    return ", ".join(number(value) for value in values)
+
+
+def number(value: float) -> str:
+    """Return a float as C writes it, exactly.
+
+    >>> number(0.1), number(2.0), number(math.inf), number(-1e-12)
+    ('0.100000001f', '2.0f', 'INFINITY', '-9.99999996e-13f')
+    """
+    if math.isinf(value):
+        return "INFINITY" if value > 0.0 else "-INFINITY"
+    told = f"{float(np.float32(value)):.9g}"
+    return f"{told}f" if "." in told or "e" in told else f"{told}.0f"
+
+
+def _derive(board: Board) -> str:
+    """Return the function that works out pseudo inputs at the middle one of three samples."""
+
+    def formula(name: str) -> str:
+        told = re.sub(r"S\((\w+)\)", lambda found: f"slope_of(state, {place[found[1]]}u)", DERIVED[name])
+        told = re.sub(r"A\((\w+)\)", lambda found: f"(RADIANS * state->middle[{place[found[1]]}u])", told)
+        return re.sub(r"V\((\w+)\)", lambda found: f"state->middle[{place[found[1]]}u]", told)
+
+    place = {name: i for i, name in enumerate(board.channels)}
+    body = [f"    derived[{i}] = {formula(name)}; /* {name} */" for i, name in enumerate(board.derived)]
+    lines = [
+        "static float slope_of(const gtm_monitor_state *state, unsigned channel);",
+        "",
+        "/* Pseudo inputs at the middle one of three samples, in deg/s. */",
+        "static void derive(const gtm_monitor_state *state, float *derived)",
+        "{",
+        *(body or ["    (void)state;"]),
+        "    derived[GTM_MONITOR_DERIVED] = 0.0f;",
+        "}",
+    ]
+    return "\n".join(lines)
+
+
+def fields_of(board: Board) -> list[tuple[str, str]]:
+    """Return the fields of a sample, and what each is."""
+    return [(CHANNELS[name].header, f"{CHANNELS[name].meaning}, {CHANNELS[name].unit}") for name in board.channels]

@@ -1,0 +1,207 @@
+"""The folder of C: written whole or not at all, the same bytes for the same monitor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.bank.calibrated import CalibratedBank
+from gtmbench.detectors.monitor_file import digest_in, digest_of_monitor, load_monitor
+from gtmbench.detectors.protocol import Monitor
+from gtmbench.export.board import Board, BoardResidual, board_of
+from gtmbench.export.source import TO_CATCH_UP, fields_of, number, sizes_of, summed_tables, tables_of
+from gtmbench.export.vectors import vectors_of
+from gtmbench.files.folders import atomic_folder, check_folder
+from gtmbench.version import __version__
+
+FILES = ("gtm_monitor.h", "gtm_monitor.c", "test_gtm_monitor.c", "CMakeLists.txt", "README.md")
+_FIRST = 14  # blocks that the noise is learnt on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exported:
+    """A folder of C that was written.
+
+    Attributes
+    ----------
+    folder : Path
+    digest : str
+        Of the monitor that it came from.
+    variant : str
+        ``full`` or ``compact``.
+    board : Board
+        What is on board.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> import dataclasses
+    >>> from gtmbench.detectors.statistics.statistic import Statistic
+    >>> from gtmbench.export.board import board_of
+    >>> noise = np.random.default_rng(1).standard_normal((9000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
+    >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
+    >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
+    >>> monitor = gb.calibrate([record] * 4, bank=bank, false_alarms_per_hour=1.0, estimator=gb.LeastSquares())
+    >>> gb.Exported(folder=Path("c"), digest="", variant="full", board=board_of(monitor)).board.channels
+    ('q', 'p')
+    """
+
+    folder: Path
+    digest: str
+    variant: str
+    board: Board
+
+
+def export_c(monitor: Monitor | str | Path, out: str | Path, *, compact: bool = False, force: bool = False) -> Exported:
+    """Write a calibrated bank as C for a flight controller: a folder with code, its own test and a README.
+
+    On board are detection with the noise that it learns, the sensors that are possible by structure, and the predicted
+    reading of each watched sensor. Diagnosis, which names the sensor, the kind and the size, stays in Python.
+
+    Parameters
+    ----------
+    monitor : Monitor, str or Path
+        A calibrated bank, or the file that ``gtmbench calibrate`` wrote.
+    out : str or Path
+        The folder.
+    compact : bool
+        Whether the minute before a window is kept as means of a few samples: half of the memory, and alarms may come
+        a few samples sooner or later.
+    force : bool
+        Whether files of the same names may be replaced.
+
+    Raises
+    ------
+    InputError
+        Where the monitor can't be exported (why, and which can), or the folder can't be written.
+
+    Examples
+    --------
+    >>> import dataclasses
+    >>> import tempfile
+    >>> import numpy as np
+    >>> from gtmbench.detectors.statistics.statistic import Statistic
+    >>> from pathlib import Path
+    >>> import gtmbench as gb
+    >>> noise = np.random.default_rng(1).standard_normal((9000, 2))
+    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.02)
+    >>> test = Statistic(windows_s=(0.2, 1.0), baseline_s=10.0)
+    >>> bank = dataclasses.replace(gb.bank_between(["p"], ["q"]), statistic=test)
+    >>> monitor = gb.calibrate([record] * 4, bank=bank, false_alarms_per_hour=1.0, estimator=gb.LeastSquares())
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     exported = gb.export_c(monitor, Path(folder, "board"), compact=True)
+    ...     sorted(path.name for path in exported.folder.iterdir())
+    ['CMakeLists.txt', 'README.md', 'SHA256SUMS', 'gtm_monitor.c', 'gtm_monitor.h', 'test_gtm_monitor.c']
+    """
+    out = Path(out)
+    check_folder(out, force=force)
+    if isinstance(monitor, str | Path):
+        path = Path(monitor)
+        calibrated: Monitor = load_monitor(path)
+        digest = digest_in(path) or digest_of_monitor(calibrated)
+    else:
+        calibrated, digest = monitor, digest_of_monitor(monitor)
+    board = board_of(calibrated)
+    assert isinstance(calibrated, CalibratedBank)
+    texts = rendered(calibrated, board, digest, compact=compact)
+    with atomic_folder(out) as aside:
+        for name, text in texts.items():
+            (aside / name).write_text(text, encoding="utf-8", newline="\n")
+    return Exported(folder=out, digest=digest, variant=_variant(compact=compact), board=board)
+
+
+def rendered(monitor: CalibratedBank, board: Board, digest: str, *, compact: bool) -> dict[str, str]:
+    """Return the texts of the folder's files by their names."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(  # C and Markdown: of a monitor's own texts none gets in, but names that `board` knows
+        loader=PackageLoader("gtmbench.export", "c"),
+        autoescape=False,  # noqa: S701
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    said = {**_common(board, digest, compact=compact), **_readme(board, compact=compact)}
+    said |= _test(monitor, board, compact=compact)
+    return {name: environment.get_template(f"{name}.jinja").render(said) for name in FILES}
+
+
+def _variant(*, compact: bool) -> str:
+    return "compact" if compact else "full"
+
+
+def _common(board: Board, digest: str, *, compact: bool) -> dict[str, Any]:
+    tables, checksum = tables_of(board, compact=compact)
+    return {
+        "title": "A monitor of aircraft sensors.",
+        "version": __version__,
+        "digest": digest,
+        "variant": _variant(compact=compact),
+        "compact": compact,
+        "sizes": sizes_of(board, compact=compact),
+        "residual_bits": [(each.output.upper(), 1 << j) for j, each in enumerate(board.residuals)],
+        "sensor_bits": [(name.upper(), 1 << j) for j, name in enumerate(board.sensors)],
+        "fields": fields_of(board),
+        "lost_type": "uint8_t" if len(board.channels) <= 8 else "uint16_t",
+        "tables": tables,
+        "period_s": number(board.period_s),
+        "checksum": f"{checksum:08X}",
+        "summed": summed_tables(board, compact=compact),
+    }
+
+
+def _readme(board: Board, *, compact: bool) -> dict[str, Any]:
+    sizes = dict(sizes_of(board, compact=compact))
+    learn_s = _FIRST * board.block * board.period_s
+    return {
+        "bank": "of gyros" if not board.name.isidentifier() else board.name,
+        "rate": f"{1.0 / board.period_s:g}",
+        "period_us": round(board.period_s * 1e6),
+        "missing_most": str(sizes["MISSING_MOST"]).rstrip("u"),
+        "residual_rows": [_residual_row(each, board) for each in board.residuals],
+        "learn_s": f"{learn_s:g}",
+        "caught_s": f"{TO_CATCH_UP[compact] * learn_s:.3g}",
+        "baseline_s": f"{board.baseline * board.period_s:g}",
+        "shortest": board.windows[0],
+    }
+
+
+def _residual_row(residual: BoardResidual, board: Board) -> str:
+    known_s = residual.ahead * board.period_s
+    cells = (residual.output, " ".join(residual.inputs), f"{known_s:g} s", " ".join(residual.suspects))
+    return " | ".join(f"`{cell}`" if i in (0, 1, 3) else cell for i, cell in enumerate(cells))
+
+
+def _test(monitor: CalibratedBank, board: Board, *, compact: bool) -> dict[str, Any]:
+    vectors = vectors_of(monitor, board)
+    statistics = (", ".join(_pairs(rows) for rows in check) for check in vectors.statistics)
+    return {
+        "rows": f"{len(vectors.readings)}u",
+        "checks": f"{len(vectors.rows)}u",
+        "steps": _floats(vectors.steps),
+        "readings": [", ".join(map(str, row)) for row in vectors.readings.tolist()],
+        "check_rows": ", ".join(map(str, vectors.rows.tolist())),
+        "alarms": ", ".join(map(str, vectors.alarms.tolist())),
+        "residuals": [_floats(row) for row in vectors.residuals],
+        "statistics": list(statistics),
+        "residual_off": number(2e-3 * max(float(np.nanstd(vectors.residuals)), 1e-3)),
+        "statistic_relative": number(0.1 if compact else 0.02),
+        "statistic_off": number(0.05 if compact else 0.01),
+        "alarm_rows": 5 if compact else 1,
+    }
+
+
+def _pairs(rows: Any) -> str:
+    return "{" + ", ".join("{" + _floats(pair) + "}" for pair in rows) + "}"
+
+
+def _floats(values: Iterable[float]) -> str:
+    return ", ".join("NAN" if np.isnan(value) else number(value) for value in values)
