@@ -98,13 +98,13 @@ class HeadingWitness:
     --------
     >>> import gtmbench as gb
     >>> from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
-    >>> truth = gb.fly(duration_s=120.0, seed=1)
+    >>> truth = gb.fly(duration_s=125.0, seed=1)
     >>> flight = with_magnetometer(gb.measure(truth, noise="t2"), truth, Magnetometer())
-    >>> broken = gb.inject(flight, gb.Bias(channel="r", onset_s=85.0, size=5.0))
-    >>> witness = HeadingWitness(healthy=(flight.between(0.0, 80.0),))
-    >>> witness.judge(broken, 85.0, 115.0, error_deg_s=2.5).sensor  # a driven heading follows the gyro by half
+    >>> broken = gb.inject(flight, gb.Bias(channel="r", onset_s=90.0, size=5.0))
+    >>> witness = HeadingWitness(healthy=(flight.between(0.0, 85.0),))
+    >>> witness.judge(broken, 90.0, 120.0, error_deg_s=2.5).sensor  # a driven heading follows the gyro by half
     'r'
-    >>> witness.judge(flight, 85.0, 115.0, error_deg_s=3.0).sensor  # the heading turns, and the gyro doesn't
+    >>> witness.judge(flight, 90.0, 120.0, error_deg_s=3.0).sensor  # the heading turns, and the gyro doesn't
     'psi'
     """
 
@@ -208,7 +208,7 @@ def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -
 def _fit(stretch: Record, usual_share: float) -> _Fit | None:
     """Return how errors of each gyro explain a stretch; None where too much is missing."""
     rates, field = np.deg2rad(stretch.matrix(GYROS)), stretch.matrix(MAGNETOMETER)
-    read: BoolArray = np.isfinite(field).all(axis=1)
+    read: BoolArray = np.asarray(np.isfinite(field).all(axis=1), dtype=np.bool_)
     if not np.isfinite(rates).all() or np.count_nonzero(read) < max(_PRESENT * usual_share * len(read), 20.0):
         return None
     field, time_s = field[read], stretch.time_s[read] - stretch.time_s[0]
