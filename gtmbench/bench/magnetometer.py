@@ -49,7 +49,8 @@ class Magnetometer:
 
     Examples
     --------
-    >>> Magnetometer(inclination_deg=60.0).north_east_down_ut().round(1).tolist()
+    >>> import gtmbench as gb
+    >>> gb.Magnetometer(inclination_deg=60.0).north_east_down_ut().round(1).tolist()
     [25.0, 0.0, 43.3]
     """
 
@@ -118,8 +119,8 @@ def with_magnetometer(
     --------
     >>> import gtmbench as gb
     >>> truth = gb.Record([[0.0, 0.0, 90.0]] * 4, channels=["phi", "theta", "psi"], sample_period_s=0.01)
-    >>> perfect = Magnetometer(inclination_deg=0.0, soft_iron=0.0, noise=0.0)  # north is left of a nose to the east
-    >>> with_magnetometer(truth, truth, perfect)["mag_y"].round(6).tolist()
+    >>> perfect = gb.Magnetometer(inclination_deg=0.0, soft_iron=0.0, noise=0.0)  # north is left of a nose to the east
+    >>> gb.with_magnetometer(truth, truth, perfect)["mag_y"].round(6).tolist()
     [-50.0, nan, -50.0, nan]
     """
     check_record(readings)

@@ -48,6 +48,12 @@ class FieldOpinion:
         What r reads more than the field turns, as a mean over the stretch; NaN where it isn't known.
     bound_deg_s : float
         What healthy stretches of that length don't exceed; NaN where it isn't known.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.FieldOpinion(sensor=None, reason="gyros or magnetometer have gaps there").error_deg_s
+    nan
     """
 
     sensor: str | None
@@ -97,11 +103,10 @@ class HeadingWitness:
     Examples
     --------
     >>> import gtmbench as gb
-    >>> from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
     >>> truth = gb.fly(duration_s=125.0, seed=1)
-    >>> flight = with_magnetometer(gb.measure(truth, noise="t2"), truth, Magnetometer())
+    >>> flight = gb.with_magnetometer(gb.measure(truth, noise="t2"), truth, gb.Magnetometer())
     >>> broken = gb.inject(flight, gb.Bias(channel="r", onset_s=90.0, size=5.0))
-    >>> witness = HeadingWitness(healthy=(flight.between(0.0, 85.0),))
+    >>> witness = gb.HeadingWitness(healthy=(flight.between(0.0, 85.0),))
     >>> witness.judge(broken, 90.0, 120.0, error_deg_s=2.5).sensor  # a driven heading follows the gyro by half
     'r'
     >>> witness.judge(flight, 90.0, 120.0, error_deg_s=3.0).sensor  # the heading turns, and the gyro doesn't
