@@ -88,7 +88,7 @@ class HeadingWitness:
     A disturbance of the magnetometer may look like a turn, and a heading that relies on that magnetometer turns with
     it. On a straight way a disturbance that turns the field by an angle A about the yaw axis weakens it across that
     axis to cos(A/2) in between. So r is accused only where A is so large that the fit would have left that. A
-    disturbance that moves along a circle about the yaw axis can't be told from an error of r.
+    disturbance that moves along a circle about the yaw axis looks the same as an error of r.
 
     Attributes
     ----------
