@@ -8,6 +8,7 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
 from gtmbench.bench.modes import Mode, modes
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
@@ -70,6 +71,7 @@ from gtmbench.method.estimators.instruments import InstrumentalVariables
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.estimators.prediction_error import PredictionError
 from gtmbench.method.estimators.total_least_squares import TotalLeastSquares
+from gtmbench.method.heading_witness import FieldOpinion, HeadingWitness
 from gtmbench.method.identify import identify
 from gtmbench.method.online import RecursiveIdentification
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, PseudoInput, derivable, derive
@@ -133,11 +135,13 @@ __all__ = [
     "ExcitationCount",
     "Exported",
     "Fault",
+    "FieldOpinion",
     "FlightLog",
     "FunctionDetector",
     "GSensitivity",
     "GtmbenchError",
     "Hardover",
+    "HeadingWitness",
     "Hysteresis",
     "Imperfections",
     "Imu",
@@ -157,6 +161,7 @@ __all__ = [
     "LogColumn",
     "LoopEvent",
     "LoopFlight",
+    "Magnetometer",
     "Misalignment",
     "Mode",
     "Monitor",
@@ -259,5 +264,6 @@ __all__ = [
     "watch_live",
     "watch_log",
     "windowed_norm",
+    "with_magnetometer",
     "write_log",
 ]

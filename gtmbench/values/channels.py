@@ -112,6 +112,7 @@ SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSO
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
 GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")  # about, along x, y, z
+MAGNETOMETER = ("mag_x", "mag_y", "mag_z")  # the field in microtesla: forward, right, down
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}

@@ -95,6 +95,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "real_logs",
         "log_samples",
         "several_imus",
+        "heading_witness",
         "lost_samples",
         "yardstick",
         "attitude_origin",
@@ -190,6 +191,13 @@ def test_of_several_imus_none_is_named_wrong(tmp_path):
     done = run("several_imus", "--quick", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 3 +\| 3 +\| 0 ", done.stdout)
+
+
+def test_a_magnetometer_never_accuses_a_healthy_gyro(tmp_path):
+    done = run("heading_witness", "--seeds", "1:2", "--out", "there", cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"\| bias of r +\| 5 deg/s +\| 2 +\| 0 ", done.stdout)
+    assert "Healthy gyros accused: 0 of" in (tmp_path / "there/report.md").read_text()
 
 
 def alarm(sensor, *candidates, doubt=""):

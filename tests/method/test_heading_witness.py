@@ -1,0 +1,135 @@
+"""The magnetometer between r and psi: it measures a gyro's error, exonerates it, and is a suspect itself."""
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
+from gtmbench.errors import InputError
+from gtmbench.method.heading_witness import HeadingWitness
+from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
+from gtmbench.values.record import Record
+
+START_S, STOP_S = 90.0, 120.0
+
+
+@pytest.fixture(scope="module")
+def flight():
+    truth = gb.fly("gtm", "multisine+turbulence", 125, seed=7)
+    readings = gb.measure(truth, noise="t2", seed=7)
+    return with_magnetometer(readings, truth, Magnetometer(), seed=7)
+
+
+@pytest.fixture(scope="module")
+def witness(flight):
+    return HeadingWitness(healthy=(flight.between(0.0, 85.0),))
+
+
+def disturbed(flight, per_second):
+    """Return a flight whose magnetometer is disturbed more and more since `START_S`, in microtesla."""
+    grown = np.maximum(flight.time_s - START_S, 0.0)
+    for name, each in zip(MAGNETOMETER, per_second, strict=True):
+        flight = flight.replace(name, flight[name] + each * grown)
+    return flight
+
+
+@pytest.mark.parametrize("size", [-8.0, -5.0, 5.0, 8.0])
+def test_a_wrong_yaw_gyro_is_measured_and_named(flight, witness, size):
+    broken = gb.inject(flight, gb.Bias(channel="r", onset_s=START_S, size=size))
+    opinion = witness.judge(broken, START_S, STOP_S, error_deg_s=size / 2.0)  # the driven heading shows half of it
+    assert opinion.sensor == "r"
+    assert opinion.error_deg_s == pytest.approx(size, abs=opinion.bound_deg_s)
+    assert opinion.bound_deg_s < 1.0
+
+
+def test_a_gyro_that_turns_as_the_field_does_is_exonerated(flight, witness):
+    opinion = witness.judge(flight, START_S, STOP_S, error_deg_s=2.0)
+    assert (opinion.sensor, abs(opinion.error_deg_s) < opinion.bound_deg_s) == ("psi", True)
+
+
+def test_a_small_error_is_measured_but_not_accused(flight, witness):
+    broken = gb.inject(flight, gb.Bias(channel="r", onset_s=START_S, size=1.0))
+    opinion = witness.judge(broken, START_S, STOP_S, error_deg_s=1.0)
+    assert opinion.sensor is None
+    assert opinion.error_deg_s == pytest.approx(1.0, abs=opinion.bound_deg_s)
+
+
+def test_a_claim_that_the_field_contradicts_accuses_nobody(flight, witness):
+    broken = gb.inject(flight, gb.Bias(channel="r", onset_s=START_S, size=5.0))
+    for claimed in (-5.0, 20.0):
+        assert witness.judge(broken, START_S, STOP_S, error_deg_s=claimed).sensor is None
+
+
+@pytest.mark.parametrize("gyro", ["p", "q"])
+@pytest.mark.parametrize("size", [-3.0, 10.0])
+def test_an_error_of_another_gyro_is_never_laid_on_r(flight, witness, gyro, size):
+    broken = gb.inject(flight, gb.Bias(channel=gyro, onset_s=START_S, size=size))
+    for claimed in (-3.0, 3.0):
+        assert witness.judge(broken, START_S, STOP_S, error_deg_s=claimed).sensor is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_disturbed_magnetometer_accuses_no_gyro(flight, witness, seed):
+    drawn = np.random.default_rng(seed)
+    direction = drawn.standard_normal(3)
+    record = disturbed(flight, drawn.uniform(0.1, 4.0) * direction / np.linalg.norm(direction))
+    for claimed in (-4.0, -1.0, 1.0, 4.0):
+        assert witness.judge(record, START_S, STOP_S, error_deg_s=claimed).sensor != "r"
+
+
+def test_a_strong_disturbance_is_named(flight, witness):
+    opinion = witness.judge(disturbed(flight, (0.0, 1.0, 1.0)), START_S, STOP_S, error_deg_s=1.0)
+    assert opinion.sensor == "magnetometer"
+    assert "strength" in opinion.reason
+
+
+def turning(bank_deg, seed, size=0.0):
+    """Return a turn of 40 s at a bank, with iron that was never calibrated and an error of r."""
+    time_s = np.arange(4001) * 0.01
+    rate = np.rad2deg(9.80665 * np.tan(np.deg2rad(bank_deg)) / 40.0)
+    angles = np.column_stack([np.full(4001, bank_deg), np.zeros(4001), rate * time_s])
+    bank = np.deg2rad(bank_deg)
+    gyros = np.tile([0.0, rate * np.sin(bank), rate * np.cos(bank) + size], (4001, 1))
+    truth = Record(np.hstack([gyros, angles]), channels=[*GYROS, *ATTITUDE], sample_period_s=0.01)
+    iron = Magnetometer(hard_iron_ut=(4.0, -3.0, 2.0), soft_iron=0.05)
+    return with_magnetometer(truth, truth, iron, seed=seed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("size", [0.0, 4.0, -4.0])
+def test_iron_that_shows_only_in_a_turn_is_not_taken_for_a_disturbance(seed, size):
+    healthy = tuple(turning(bank, seed) for bank in (0.0, 0.5, 0.0))
+    taught = HeadingWitness(healthy=healthy)
+    assert taught.judge(turning(35.0, seed, size), 5.0, 25.0, error_deg_s=3.0).sensor is None
+
+
+def test_the_field_that_true_gyros_carry_back_stays():
+    record = turning(30.0, 1)
+    opinion = HeadingWitness(healthy=(record, record)).judge(record, 0.0, 20.0, error_deg_s=9.0)
+    assert opinion.sensor == "psi"
+    assert abs(opinion.error_deg_s) < opinion.bound_deg_s
+
+
+def test_gaps_and_too_little_say_so(flight, witness):
+    missing = flight.replace("r", np.where(np.abs(flight.time_s - 100.0) < 1.0, np.nan, flight["r"]))
+    silent = flight.replace("mag_x", np.where(flight.time_s > 95.0, np.nan, flight["mag_x"]))
+    for record, stop_s, word in [
+        (missing, STOP_S, "gaps"),
+        (silent, STOP_S, "gaps"),
+        (flight, START_S + 5.0, "too short"),
+    ]:
+        opinion = witness.judge(record, START_S, stop_s, error_deg_s=3.0)
+        assert (opinion.sensor, word in opinion.reason) == (None, True)
+    short = HeadingWitness(healthy=(flight.between(0.0, 40.0),))
+    assert "healthy stretches" in short.judge(flight, START_S, STOP_S, error_deg_s=3.0).reason
+
+
+def test_records_that_cannot_be_judged_are_refused(flight, witness):
+    with pytest.raises(InputError, match="no healthy record"):
+        HeadingWitness(healthy=())
+    with pytest.raises(InputError, match="mag_x"):
+        HeadingWitness(healthy=(flight.select(GYROS),))
+    with pytest.raises(InputError):
+        witness.judge(flight.select(GYROS), START_S, STOP_S, error_deg_s=1.0)
+    with pytest.raises(InputError):
+        witness.judge(gb.decimate(flight, 2), START_S, STOP_S, error_deg_s=1.0)
