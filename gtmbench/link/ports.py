@@ -159,7 +159,9 @@ class SerialSource(HeldUp):
             self._serial = serial.Serial(device, baud, timeout=0.0, write_timeout=1.0)
         except (OSError, ValueError) as error:  # its own errors are among them
             told = getattr(error, "strerror", None) or str(error)
-            raise InputError(f"can't open serial:{device}:{baud}: {told}; is it plugged in, and yours to read?") from error
+            raise InputError(
+                f"can't open serial:{device}:{baud}: {told}; is it plugged in, and yours to read?"
+            ) from error
 
     def send(self, data: bytes) -> None:
         """Send bytes to the other end."""
