@@ -79,9 +79,9 @@ def live_command(
     """Watch a flight while it flies: one line for each event, and the verdict at the end.
 
     SOURCE is udp:HOST:PORT (MAVLink, as a ground station gets it), tcp:HOST:PORT (connects to a simulator),
-    serial:DEVICE:BAUD (a radio), a telemetry log (FILE.tlog), follow:FILE.csv (lines of a file that grows), or - for lines
-    of CSV on standard input: header first, names and units as in logs. Try it with `gtmbench fly --live
-    udp:127.0.0.1:14550` in another terminal.
+    serial:DEVICE:BAUD (a radio), a telemetry log (FILE.tlog), follow:FILE.csv (lines of a file that grows), or -
+    for lines of CSV on standard input: header first, names and units as in logs. Try it with
+    `gtmbench fly --live udp:127.0.0.1:14550` in another terminal.
 
     The monitor is the one of `gtmbench monitor`, and reads the samples as they come. With --json each event is one line
     of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 0 nothing found, 3 can't

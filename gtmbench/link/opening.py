@@ -56,7 +56,7 @@ def _saved(path: Path, speed: float | None) -> SavedSource:
         raise InputError(f"{path} is a pipe; send it to standard input: gtmbench live - < {path}")
     if path.is_file() and path.suffix.lower() != ".tlog":
         raise InputError(
-            f"{path} isn't a telemetry log (.tlog); a recorded flight is watched by: gtmbench monitor {path}, and lines "
-            f"that are still being written by: gtmbench live follow:{path}"
+            f"{path} isn't a telemetry log (.tlog); a recorded flight is watched by: gtmbench monitor {path}, "
+            f"and lines that are still being written by: gtmbench live follow:{path}"
         )
     return SavedSource(path, speed)

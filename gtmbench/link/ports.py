@@ -1,9 +1,9 @@
 """Ports that a link comes in at: UDP, TCP, a serial line.
 
 What comes faster than it is watched is held up by TCP and a serial line's driver. UDP has nobody to hold up: the kernel
-keeps a little, and while the watch is busy a thread takes that over, so that only what is more than `_MOST` datagrams is
-dropped, and counted. While the watch is idle it receives by itself: a word that is handed from thread to thread comes
-later and costs more.
+keeps a little, and while the watch is busy a thread takes that over, so that only what is more than `_MOST` datagrams
+is dropped, and counted. While the watch is idle it receives by itself: a word that is handed from thread to thread
+comes later and costs more.
 """
 
 from __future__ import annotations

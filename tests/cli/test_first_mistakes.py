@@ -150,10 +150,13 @@ MISTAKES = [
     ("live", "Missing argument 'SOURCE'; gtmbench live --help says what there is"),
     (
         "live flight.csv",
-        "flight.csv isn't a telemetry log (.tlog); a recorded flight is ... gtmbench monitor flight.csv",
+        "flight.csv isn't a telemetry log (.tlog); a recorded flight is ...: gtmbench monitor flight.csv, and lines ... gtmbench live follow:flight.csv",
     ),
-    ("live udp:14550:127.0.0.1", "the source is 'udp:14550:127.0.0.1'; give udp:HOST:PORT, tcp:HOST:PORT, - or a ..."),
-    ("live udp:127.0.0.1:99999", "the source is 'udp:127.0.0.1:99999', and there is no port 99999; ports are 1 to ..."),
+    (
+        "live udp:14550:127.0.0.1",
+        "the source is 'udp:14550:127.0.0.1'; give udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, ...",
+    ),
+    ("live udp:127.0.0.1:99999", "'udp:127.0.0.1:99999' names port 99999, which doesn't exist; ports are 1 to 65535"),
     ("live nowhere.tlog", "nowhere.tlog: no such file..."),
     (
         "live udp:127.0.0.1:14550 --detector C",
@@ -162,7 +165,7 @@ MISTAKES = [
     ("live udp:127.0.0.1:14550 --learn 1", "--learn is 1; it must be a finite number, 10 or more, at most 3600"),
     (
         "live udp:127.0.0.1:14550 --map p=x:rad/s",
-        "--map is for lines of CSV (-); a MAVLink message states what it holds",
+        "--map is for lines of CSV (- and follow:); a MAVLink message states what it holds",
     ),
     ("live udp:127.0.0.1:14550 --save flight.csv", "--save is 'flight.csv'; ... whose name ends in .tlog"),
     (
@@ -173,7 +176,7 @@ MISTAKES = [
         "live udp:127.0.0.1:14550 --key-file nowhere",
         "--key-file nowhere: No such file ...; give the file that holds ...",
     ),
-    ("live - --say", "--say is for udp: and tcp:, which can be answered"),
+    ("live - --say", "--say is for udp:, tcp: and serial:, which can be answered"),
     # names
     ("monitor flight.csv --detector c", "no detector is called 'c'; there are ...; did you mean 'C'?"),
     (
