@@ -10,7 +10,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import claim_file, common_options, echo, map_option
+from gtmbench.cli.output import check_screen, claim_file, common_options, echo, map_option
 from gtmbench.errors import InputError
 from gtmbench.files.plain import dumps
 from gtmbench.report.tables.envelope import envelope
@@ -29,6 +29,8 @@ _INTERRUPTED = 130
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
 @click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
 @click.option("--save", type=click.Path(path_type=Path), help="Write every packet to this telemetry log (.tlog).")
+@click.option("--record", type=click.Path(path_type=Path), help="Record it (.rrd) for `gtmbench view`.")
+@click.option("--view", is_flag=True, help="Show readings, predictions and test statistics in the rerun viewer.")
 @click.option("--say", is_flag=True, help="Send STATUSTEXT and a heartbeat back, so that ground stations show events.")
 @click.option(
     "--request-rates",
@@ -66,6 +68,8 @@ def live_command(
     calibrated: Path | None,
     learn: float,
     save: Path | None,
+    record: Path | None,
+    view: bool,
     say: bool,
     request: float | None,
     key_file: Path | None,
@@ -88,12 +92,9 @@ def live_command(
     tell, 2 bad input, 130 Ctrl-C (after the verdict so far).
     """
     _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
-    if save is not None:
-        if save.suffix.lower() != ".tlog":
-            raise InputError(f"--save is '{save}'; what arrives is saved as a telemetry log, whose name ends in .tlog")
-        if save.exists() and Path(source).exists() and save.samefile(source):
-            raise InputError("--save is the source itself; give another name")
-        claim_file(save, force=force, option="--save")
+    _claim(source, save, record, force=force)
+    if view:
+        check_screen("--record live.rrd, and afterwards: gtmbench view live.rrd --web")
     if speed is not None:
         number("--speed", speed, 0.0, 1e6, above=True)
     from gtmbench.detectors.registry import find_detector
@@ -112,6 +113,8 @@ def live_command(
         mapping=mapping,
         key=key,
         save=save,
+        record=record,
+        view=view,
         say=say,
         request_hz=request,
         only_from=only,
@@ -167,6 +170,20 @@ def _check(
             raise InputError(f"{option} is {told.get(option, 'for udp:, tcp: and serial:, which can be answered')}")
 
 
+def _claim(source: str, save: Path | None, record: Path | None, *, force: bool) -> None:
+    """Claim the files that are written."""
+    if save is not None:
+        if save.suffix.lower() != ".tlog":
+            raise InputError(f"--save is '{save}'; what arrives is saved as a telemetry log, whose name ends in .tlog")
+        if save.exists() and Path(source).exists() and save.samefile(source):
+            raise InputError("--save is the source itself; give another name")
+        claim_file(save, force=force, option="--save")
+    if record is not None:
+        if record.suffix.lower() != ".rrd":
+            raise InputError(f"--record is '{record}'; a recording's name ends in .rrd")
+        claim_file(record, force=force, option="--record")
+
+
 def _print_event(event: LiveEvent, link: Live, *, as_json: bool) -> None:
     if as_json:
         own = {key: value for key, value in event.table.items() if key != "text"}
@@ -185,6 +202,17 @@ def _print_end(link: Live, source: str, save: Path | None, code: int, *, as_json
         echo(f"link: {link.counts}")
         if save is not None:
             echo(f"saved: {save}    watch it again: gtmbench live {save}")
+        _print_drawn(link)
+
+
+def _print_drawn(link: Live) -> None:
+    for drawn in link.drawn:
+        for path in drawn.paths:
+            echo(f"recorded: {path}    look at it: gtmbench view {path}")
+        if drawn.left_out:
+            echo(f"note: the picture lacks {drawn.left_out} rows, which came faster than they were drawn", err=True)
+        if drawn.failure:
+            echo(f"note: {drawn.failure}", err=True)
 
 
 def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
@@ -194,8 +222,13 @@ def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
         "monitor": None if link.monitor is None else link.monitor.name,
         "watched_s": link.watched_s,
         "saved": None if save is None else str(save),
+        "recorded": [str(path) for path in _recorded(link)],
         "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
     }
+
+
+def _recorded(link: Live) -> list[Path]:
+    return [path for drawn in link.drawn for path in drawn.paths]
 
 
 def _found(link: Live) -> list[dict[str, object]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import shlex
 import shutil
 import sys
@@ -64,6 +65,12 @@ def _claim(target: Path, check: Callable[[], None]) -> None:
     lock = lock_beside(target.resolve())
     click.get_current_context().with_resource(alone(lock, f"another command writes {target}"))
     check()
+
+
+def check_screen(instead: str) -> None:
+    """Refuse to open a window where there is no screen; `instead` says what to use."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError(f"there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use {instead}")
 
 
 def typed(message: str, context: click.Context) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,7 +15,7 @@ import click
 from gtmbench.cli.aircraft import aircraft_file
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.faults import chosen_faults, is_typed
-from gtmbench.cli.output import claim_file, claim_folder, common_options, echo, print_json, print_table
+from gtmbench.cli.output import check_screen, claim_file, claim_folder, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
 from gtmbench.files.folders import atomic_folder
@@ -244,8 +243,8 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
 
     recording = recording_in(recording)
     check_recording(recording)
-    if not web and sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise InputError("there is no screen here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --web")
+    if not web:
+        check_screen("--web")
     options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
     verdict = f"Showing {recording} in the rerun viewer."
     if not (as_json or quiet):

@@ -22,6 +22,7 @@ from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
+from gtmbench.link.showing import Drawn, Pictures
 from gtmbench.link.source import Delivery, Source
 from gtmbench.link.story import UNSURE
 from gtmbench.link.table import Table
@@ -47,6 +48,8 @@ class LinkOptions:
     mapping: Sequence[str] = ()
     key: bytes | None = field(default=None, repr=False)
     save: Path | None = None
+    record: Path | None = None
+    view: bool = False
     say: bool = False
     request_hz: float | None = None
     end_after_s: float | None = None
@@ -88,12 +91,13 @@ class Live:
             self._reader = self._reader_of(monitor)
             self._session: Session | None = None
             self._learn: Lesson | None = None
+            self._pictures = Pictures(options.record, views=options.view)
             if monitor is None:
                 self._learn = Lesson(
                     options.learn_s, is_table=source.is_table, mapping=options.mapping, system=options.system
                 )
             else:
-                self._session = Session(monitor, self._reader)
+                self._session = self._session_of(monitor)
             self._saving: SavedLink | None = None
             self._saying: Saying | None = None
             self._said = ""
@@ -105,6 +109,9 @@ class Live:
                 self._saving = stack.enter_context(SavedLink(options.save))
             self._stack = stack.pop_all()
         self._events = self._watched()
+
+    def _session_of(self, monitor: Monitor) -> Session:
+        return Session(monitor, self._reader, self._pictures.rows)
 
     def _reader_of(self, monitor: Monitor | None) -> Telemetry | Table:
         if not self._source.is_table:
@@ -132,9 +139,15 @@ class Live:
         self.close()
 
     def close(self) -> None:
-        """Stop listening, and finish the file that is saved."""
+        """Stop listening, and finish what is saved and recorded."""
         self._events.close()
         self._stack.close()
+        self._pictures.end({"verdict": self.verdict, "outcome": self.outcome.name.lower()})
+
+    @property
+    def drawn(self) -> tuple[Drawn, ...]:
+        """What became of the recording and the view, once it is closed."""
+        return self._pictures.drawn
 
     @property
     def counts(self) -> LinkCounts:
@@ -179,10 +192,15 @@ class Live:
         return f"Can't tell: only {watched} of {heard} could be watched, or not by every test."
 
     def _watched(self) -> Generator[LiveEvent, None, None]:
+        for event in self._heard():
+            self._pictures.event(event)
+            yield event
+
+    def _heard(self) -> Iterator[LiveEvent]:
         if self.monitor is None:
             yield self._event(LiveKind.LEARNING, f"learning from {self._options.learn_s:g} s of this link")
         else:
-            self._warm(self.monitor)
+            self._begin(self.monitor)
         for delivery in self._source.deliveries():
             now_s = time.time() if delivery is None else delivery.arrived_s
             events = self._tick(now_s) if delivery is None else self._take(delivery)
@@ -202,7 +220,8 @@ class Live:
         if self._source.ended:
             yield self._event(LiveKind.NOTE, self._source.ended)
 
-    def _warm(self, monitor: Monitor) -> None:
+    def _begin(self, monitor: Monitor) -> None:
+        self._pictures.begin(monitor, waits=not self._source.is_live)
         if self._source.is_live:
             self._at_once = warm(monitor)
 
@@ -268,13 +287,13 @@ class Live:
         later = "`gtmbench monitor` may choose otherwise afterwards, knowing the whole flight"
         text = f"{why}: {title_text(monitor)}; {later}"
         yield self._event(LiveKind.LEARNING, text)
-        self._warm(monitor)
+        self._begin(monitor)
         if isinstance(reader, Table):
             kept = reader.channels
             missing = [name for name in monitor.channels if name not in kept]
             if missing:
                 raise InputError(f"the table's first lines hold no {', '.join(missing)}, and the monitor reads them")
-        self._learn, self._session = None, Session(monitor, reader)
+        self._learn, self._session = None, self._session_of(monitor)
 
     def _once(self, text: str) -> Iterator[LiveEvent]:
         if text != self._said:
@@ -296,6 +315,8 @@ def live(
     mapping: Sequence[str] = (),
     key: bytes | None = None,
     save: str | Path | None = None,
+    record: str | Path | None = None,
+    view: bool = False,
     say: bool = False,
     request_hz: float | None = None,
     only_from: str = "",
@@ -321,6 +342,11 @@ def live(
         The 32 bytes of a signing key; MAVLink that isn't signed by it is refused.
     save : str or Path, optional
         Write every packet to this telemetry log, in order of arrival.
+    record : str or Path, optional
+        Record readings, predictions, test statistics and events into this file (.rrd) while it flies, by a process of
+        its own; a script needs its ``if __name__ == "__main__":`` then, as for `view`.
+    view : bool
+        Show them in the rerun viewer as they come.
     say : bool
         Send STATUSTEXT and a heartbeat back, for the ground station.
     request_hz : float, optional
@@ -365,6 +391,8 @@ def live(
         mapping=tuple(mapping),
         key=key,
         save=None if save is None else Path(save),
+        record=None if record is None else Path(record),
+        view=view,
         say=say,
         request_hz=None if request_hz is None else number("request_hz", request_hz, 0.1, 1000.0),
         end_after_s=None if end_after_s is None else number("end_after_s", end_after_s, 0.0, 86400.0, above=True),

@@ -7,7 +7,7 @@ file that was saved of it, give the same alarms.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gtmbench.detectors.alarm import Alarm
@@ -21,6 +21,7 @@ from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
 from gtmbench.study.log.watched import Outcome
+from gtmbench.values.record import Record
 
 SILENT_S = 3.0
 """Without a message for so long, the link is lost."""
@@ -84,12 +85,16 @@ class Session:
     ----------
     monitor : Monitor
     reader : Telemetry or Table
+    shows : callable, optional
+        Given the rows that are judged.
     """
 
-    def __init__(self, monitor: Monitor, reader: Telemetry | Table) -> None:
-        self._monitor, self._reader = monitor, reader
+    def __init__(
+        self, monitor: Monitor, reader: Telemetry | Table, shows: Callable[[Record], object] | None = None
+    ) -> None:
+        self._monitor, self._reader, self._shows = monitor, reader, shows
         self._clock, self._guard = SenderClock(), SenderClock()
-        self._watcher = Watcher(monitor, reader)
+        self._watcher = Watcher(monitor, reader, shows=shows)
         self._story = Story()
         self._strays: list[Message] = []
         self._arrived_s = 0.0
@@ -316,7 +321,7 @@ class Session:
         self._past = self.counts
         self._watched += self._watcher.watched
         self._heard += self._watcher.heard
-        self._watcher = Watcher(self._monitor, self._reader, self._watcher.learner if keep else None)
+        self._watcher = Watcher(self._monitor, self._reader, self._watcher.learner if keep else None, self._shows)
         self._story.begin()
         self._looked, self._sparse, self._state, self._ever = (0.0, 0, 0), False, "", set()
         yield self._event(LiveKind.NOTE, text)

@@ -7,7 +7,7 @@ corrected as a log's is, and the monitor's own stream reads them. Nothing here d
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from gtmbench.detectors.alarm import Alarm
@@ -60,6 +60,8 @@ class Watcher:
     reader : Reader
     learner : Learner, optional
         What is known of the installation, from before a silence.
+    shows : callable, optional
+        Given the rows that are judged.
 
     Raises
     ------
@@ -67,11 +69,17 @@ class Watcher:
         If the monitor has no rate, or no channels, of its own.
     """
 
-    def __init__(self, monitor: Monitor, reader: Reader, learner: Learner | None = None) -> None:
+    def __init__(
+        self,
+        monitor: Monitor,
+        reader: Reader,
+        learner: Learner | None = None,
+        shows: Callable[[Record], object] | None = None,
+    ) -> None:
         if monitor.sample_period_s is None or not monitor.channels:
             raise InputError(f"{monitor.name} has no rate, or no channels, of its own; calibrate it on flights first")
         self._monitor = monitor
-        self._reader, self._period_s = reader, monitor.sample_period_s
+        self._reader, self._period_s, self._shows = reader, monitor.sample_period_s, shows
         self._needs, self._wants = monitor.channels, wants_of(monitor)
         if learner is None and has_motion(monitor):
             learner = Learner(self._period_s, expected_of(monitor))
@@ -219,6 +227,8 @@ class Watcher:
     def _push(self, pieces: Sequence[Record]) -> tuple[Alarm, ...]:
         told: list[Alarm] = []
         for piece in pieces:
+            if self._shows is not None:
+                self._shows(piece)
             for part in [piece] if self.watched else self._seconds(piece):
                 told += self._stream.push(part)
                 self.heard += len(part)

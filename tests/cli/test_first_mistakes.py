@@ -150,7 +150,7 @@ MISTAKES = [
     ("live", "Missing argument 'SOURCE'; gtmbench live --help says what there is"),
     (
         "live flight.csv",
-        "flight.csv isn't a telemetry log (.tlog); a recorded flight is ...: gtmbench monitor flight.csv, and lines ... gtmbench live follow:flight.csv",
+        "flight.csv isn't a telemetry log (.tlog); ... monitor flight.csv, and ...: gtmbench live follow:flight.csv",
     ),
     (
         "live udp:14550:127.0.0.1",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import cycle, groupby
+from typing import Literal
 
 import rerun as rr
 import rerun.blueprint as rrb
@@ -28,19 +29,20 @@ _MOST_SIGNALS = 6  # of a log on a page
 _EYE = (-1.1, 0.7, -0.6)  # of who looks at the aircraft, in its lengths: behind, to the right, above
 _LEGEND = 0.3  # of a plot's span, before its beginning
 
+Playing = Literal["paused", "following"]
 Page = Sequence[tuple[Trial, str]]  # trials of a scenario, each with its entity
 
 
 # what every recording opens with
 
 
-def opened(*tabs: rrb.Container) -> rrb.Blueprint:
-    """Return a blueprint of tabs, the first in front, panels closed, playback at rest."""
+def opened(*tabs: rrb.Container, playing: Playing = "paused") -> rrb.Blueprint:
+    """Return a blueprint of tabs, the first in front, panels closed, playback at rest or ``following`` what comes."""
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state=playing),
         auto_views=False,
         auto_layout=False,
     )
@@ -49,28 +51,32 @@ def opened(*tabs: rrb.Container) -> rrb.Blueprint:
 def plot(
     name: str,
     entities: Sequence[str],
-    shown_s: Span,
+    shown_s: Span | rrb.TimeAxis,
     *,
     top: float | None = None,
     legend: bool = True,
     told_apart: Sequence[str] = (),
 ) -> rrb.TimeSeriesView:
-    """Return a plot over a span in seconds; with `top`, its axis runs from 0 to it. A legend has room of its own.
+    """Return a plot over a span in seconds, or as an axis moves; with `top`, its values run from 0 to it.
+
+    A span's legend has room of its own.
 
     Entities that are `told_apart` have a colour each in this plot, whatever theirs is elsewhere.
     """
-    start_s, end_s = shown_s
-    if legend:
-        start_s -= _LEGEND * (end_s - start_s)
+    axis = shown_s if isinstance(shown_s, rrb.TimeAxis) else _time_axis(_with_room(shown_s) if legend else shown_s)
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
         contents=shown(entities),
         overrides={path: rr.SeriesLines(colors=rgb(tint)) for path, tint in zip(told_apart, cycle(HUES), strict=False)},
-        axis_x=_time_axis((start_s, end_s)),  # without it a plot shows a minute around the cursor
+        axis_x=axis,  # without it a plot shows a minute around the cursor
         axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
     )
+
+
+def _with_room(shown_s: Span) -> Span:
+    return shown_s[0] - _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]
 
 
 def shown(entities: Sequence[str]) -> list[str]:
@@ -102,16 +108,17 @@ def beside(plots: rrb.Container, words: rrb.Container | rrb.View, name: str) -> 
     return rrb.Horizontal(plots, words, column_shares=[5, 2], name=name)
 
 
-def _in_pairs(plots: Sequence[rrb.View], name: str) -> rrb.Container:
+def in_pairs(plots: Sequence[rrb.View], name: str) -> rrb.Container:
+    """Return a tab of plots, two beside each other."""
     return rrb.Grid(*plots, grid_columns=2, name=name)
 
 
-def _judged(
+def judged_plots(
     roots: Mapping[str, Sequence[str]],
     residuals: Collection[str],
     scores: Collection[str],
     threshold: str,
-    shown_s: Span,
+    shown_s: Span | rrb.TimeAxis,
 ) -> list[rrb.View]:
     """Return a plot of every residual and one of every score, each below its roots."""
     plots: list[rrb.View] = []
@@ -233,10 +240,10 @@ def _study_residuals(placed: Placed) -> list[rrb.Container]:
         name: [f"{root}/healthy", *(path for trial, path in placed.trials if name in placed.entered(trial))]
         for name in dict.fromkeys([*watch.scores, *watch.residuals])
     }
-    plots = _judged(roots, watch.residuals, watch.scores, f"{root}/threshold", whole(placed.baseline.flight))
+    plots = judged_plots(roots, watch.residuals, watch.scores, f"{root}/threshold", whole(placed.baseline.flight))
     if not plots:
         return []
-    grid = _in_pairs(plots, "Residuals")
+    grid = in_pairs(plots, "Residuals")
     return [beside(grid, event_log(f"{root}/events"), "Residuals") if watch.alarms else grid]
 
 
@@ -247,7 +254,7 @@ def _flight_sensors(placed: Placed) -> rrb.Container:
     surfaces = plot("surface commands", ["/surfaces"], shown_s)
     measured = [f"{path}/measured" for _, path in placed.trials]
     broken = plot("broken channels, one trial each", measured, shown_s, told_apart=measured)
-    return _in_pairs([*plots, surfaces, broken], "Sensors")
+    return in_pairs([*plots, surfaces, broken], "Sensors")
 
 
 def _path() -> rrb.Container:
@@ -267,15 +274,15 @@ def _attitude(angles: Sequence[str], heading: Sequence[str]) -> rrb.Container:
         eye_controls=rrb.EyeControls3D(position=_EYE, look_target=(0.0, 0.0, 0.0), eye_up=(0.0, 0.0, -1.0)),
     )
     plots = [
-        rrb.TimeSeriesView(name=in_unit(name, "phi"), origin="/", contents=shown(entities), axis_x=_about_cursor())
+        rrb.TimeSeriesView(name=in_unit(name, "phi"), origin="/", contents=shown(entities), axis_x=about_cursor())
         for name, entities in (("attitude", angles), ("heading", heading))
     ]
     return rrb.Vertical(turned, *plots, row_shares=[4, 1, 1], name="Attitude")
 
 
-def _about_cursor() -> rrb.TimeAxis:
-    sides = (rr.TimeRangeBoundary.cursor_relative(seconds=time_s) for time_s in (-10.0, 10.0))
-    start, end = sides
+def about_cursor(before_s: float = 10.0, after_s: float = 10.0) -> rrb.TimeAxis:
+    """Return an axis that goes along with the time that is shown."""
+    start, end = (rr.TimeRangeBoundary.cursor_relative(seconds=time_s) for time_s in (-before_s, after_s))
     return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
@@ -292,9 +299,9 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     pages.append(_log_page(watched, "Whole log", span, signals))
     residuals, scores = residuals_of(watched), scores_of(watched)
     roots = {name: [""] for name in [*scores, *residuals]}
-    plots = _judged(roots, residuals, scores, "/threshold", span)
+    plots = judged_plots(roots, residuals, scores, "/threshold", span)
     turned = [_log_attitude()] if set(ATTITUDE) <= set(watched.log.channels) else []
-    return opened(*pages, *([_in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span), *turned)
+    return opened(*pages, *([in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span), *turned)
 
 
 def _log_attitude() -> rrb.Container:
@@ -333,7 +340,7 @@ def _log_sensors(watched: WatchedLog, span: Span) -> rrb.Container:
     known = {name for members in GROUPS.values() for name in members}
     plots = [plot(group, [f"/sensors/{group}/**"], span) for group in groups]
     plots += [plot(name, [sensor_entity(name)], span) for name in channels if name not in known]
-    return _in_pairs(plots, "Sensors")
+    return in_pairs(plots, "Sensors")
 
 
 # an assertion that failed
@@ -366,7 +373,7 @@ def _failure(plots: Sequence[rrb.View], name: str) -> rrb.Container:
 
 
 def _channels(record: Record, channels: Sequence[str]) -> rrb.Container:
-    return _in_pairs([_channel(name, whole(record)) for name in channels], "Sensors")
+    return in_pairs([_channel(name, whole(record)) for name in channels], "Sensors")
 
 
 def _channel(name: str, span: Span) -> rrb.TimeSeriesView:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -38,6 +39,7 @@ GROUPS = {
 }
 ONSET = "#d0d0d0"  # a mark's colour that is seen on light and on dark
 SHAPES = rr.components.MarkerShape
+MEASURED, VIRTUAL = 2.5, 1.0  # widths of lines that lie on each other: both are to be seen
 _MARKS = {
     "onset": (ONSET, SHAPES.Up),
     "began": (ONSET, SHAPES.Up),
@@ -152,15 +154,36 @@ def log_lines(
     Rows that are missing stay out; one without values stands for those between others, and breaks the line there.
     `names` are what the viewer shows; `channels`, where the lines are channels, what `read_recording` calls them.
     """
-    table = values.reshape(len(time_s), -1)
-    there = np.asarray(np.isfinite(table).all(axis=1))
-    sent = _sent(there)
+    style_lines(recording, entity, names, tints, channels=channels, width=width)
+    send_lines(recording, entity, time_s, values)
+
+
+def style_lines(
+    recording: rr.RecordingStream,
+    entity: str,
+    names: list[str],
+    tints: list[str],
+    *,
+    channels: Sequence[str] = (),
+    width: float = 1.5,
+) -> None:
+    """Send how lines are called and look, without their values."""
     style = rr.SeriesLines(names=names, colors=[rgb(tint) for tint in tints], widths=width, aggregation_policy="MinMax")
     recording.log(entity, style, static=True)
     if channels:
         recording.log(entity, rr.DynamicArchetype("Lines", components={"channels": pa.array(channels)}), static=True)
+
+
+def send_lines(
+    recording: rr.RecordingStream, entity: str, time_s: FloatArray, values: FloatArray, *, goes_on: bool = False
+) -> int:
+    """Send the values of lines, and return how many rows; those that go on from values sent before break as others."""
+    table = values.reshape(len(time_s), -1)
+    there = np.asarray(np.isfinite(table).all(axis=1))
+    sent = _sent(np.append(True, there))[1:] if goes_on else _sent(there)
     columns = rr.Scalars.columns(scalars=table[there].ravel()).partition(table.shape[1] * there[sent])
     recording.send_columns(entity, indexes=[times(time_s[sent])], columns=columns)
+    return int(sent.sum())
 
 
 def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -213,17 +236,35 @@ def log_judged(
     span: Span = (-np.inf, np.inf),
 ) -> None:
     """Log ``residuals/OUTPUT`` and ``levels/SCORE``, as far as they have a colour, of one stretch or several."""
+    for line in judged_lines(watches, tints, suffix, span):
+        log_line(recording, f"{root}{line.entity}", line.signal, line.name, line.tint, channel=line.channel)
+
+
+class Line(NamedTuple):
+    """A line of a recording: its entity, times and values, how it is called and looks."""
+
+    entity: str
+    signal: Signal
+    name: str
+    tint: str
+    channel: str
+    width: float = 1.5
+
+
+def judged_lines(
+    watches: Sequence[Watch], tints: Mapping[str, str], suffix: str = "", span: Span = (-np.inf, np.inf)
+) -> Iterator[Line]:
+    """Give the lines of `log_judged`."""
     period_s = watches[0].record.sample_period_s
     for name, tint in tints.items():
         if name in watches[0].residuals:
             parts = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
             label = in_unit(f"residual of {name}{suffix}", name)
-            log_line(recording, entity(f"{root}/residuals", name), joined(parts, period_s), label, tint, channel=name)
+            yield Line(entity("/residuals", name), joined(parts, period_s), label, tint, name)
         if name in watches[0].scores:
             scores = [watch.scores[name] for watch in watches]
             parts = [part(score.known_s, level(score), span) for score in scores]
-            label = f"level of {name}{suffix}"
-            log_line(recording, entity(f"{root}/levels", name), joined(parts, period_s), label, tint, channel=name)
+            yield Line(entity("/levels", name), joined(parts, period_s), f"level of {name}{suffix}", tint, name)
 
 
 def log_mark(

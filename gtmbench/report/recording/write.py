@@ -91,7 +91,9 @@ from gtmbench.report.recording.blueprint import (
     study_blueprint,
 )
 from gtmbench.report.recording.entities import (
+    MEASURED,
     SHAPES,
+    VIRTUAL,
     Signal,
     entity,
     in_unit,
@@ -131,7 +133,6 @@ from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import Span
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
-_MEASURED, _VIRTUAL = 2.5, 1.0  # of lines that lie on each other: both are to be seen
 _MOST_ONSETS = 3  # on the way flown
 _OUTCOME = (
     "outcome",
@@ -268,7 +269,7 @@ def _log_measured(
     recording: rr.RecordingStream, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
     measured = part(trial.record.time_s, trial.record[trial.channel], span)
-    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel, width=_MEASURED)
+    log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
 
 
 def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
@@ -282,7 +283,7 @@ def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span
 def _log_virtual(recording: rr.RecordingStream, entity: str, virtual: Signal, name: str, channel: str) -> None:
     """Log what a channel should have read, where that is known of any sample."""
     if np.isfinite(virtual[1]).any():
-        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel, width=_VIRTUAL)
+        log_line(recording, entity, virtual, name, COLOURS["virtual"], channel=channel, width=VIRTUAL)
 
 
 def _log_residual(recording: rr.RecordingStream, root: str, label: str, tint: str, watch: Watch) -> None:
@@ -331,7 +332,7 @@ def _log_segments(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     for name in log.channels:
         measured = joined([(segment.time_s, segment[name]) for segment in log.segments], log.sample_period_s)
         label = in_unit(f"{name} measured", name)
-        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name, width=_MEASURED)
+        log_line(recording, sensor_entity(name), measured, label, colours[name], channel=name, width=MEASURED)
 
 
 def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> None:

@@ -1,0 +1,269 @@
+"""A live recording in a process of its own: rerun may block, or die, and the watch goes on without it.
+
+The watch hands rows and events to a queue; a thread carries them through a pipe; the process draws. What a live link
+brings while the queue is full is left out of the picture, and counted; a saved link waits instead.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import queue
+import signal
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Monitor
+from gtmbench.link.events import LiveEvent, LiveKind
+from gtmbench.values.record import Record
+
+_TOGETHER_S = 0.2  # of rows that are handed over at once
+_WAITING = 2000  # hand-overs that wait
+_TAKEN = 500  # of them that are drawn at once
+_FILE_S, _VIEW_S = 5.0, 0.5  # between two drawings
+_REST = 3.0  # of what a drawing took, until the next
+_LONGEST_S = 60.0  # of rows that wait to be drawn
+_CHECKED_BYTES = 300_000_000  # up to this size a file is read once more: rerun tells of no full disk
+_END_S = 30.0  # for what is left at the end
+_MEMORY = "25%"  # of the viewer: the oldest is dropped
+_STUCK = "the recording couldn't be finished: rerun takes no more; is the disk full?"
+_DIED = 'the process that records ended too early; a script needs its `if __name__ == "__main__":`'
+_SEVERITY = {
+    LiveKind.ALARM: "ERROR",
+    LiveKind.NAMED: "CRITICAL",
+    LiveKind.CANNOT_TELL: "WARN",
+    LiveKind.LINK_LOST: "WARN",
+}
+
+
+class Told(NamedTuple):
+    """What is drawn of an event."""
+
+    time_s: float
+    severity: str
+    text: str
+    alarm: Alarm | None
+
+
+class Drawn(NamedTuple):
+    """What became of a recording: the files, one for each clock; rows left out; what went wrong."""
+
+    paths: tuple[Path, ...] = ()
+    left_out: int = 0
+    failure: str = ""
+
+
+class Pictures:
+    """What is drawn of a watch: a file, the viewer, both or nothing.
+
+    Parameters
+    ----------
+    path : Path or None
+        The file to record into.
+    views : bool
+        Whether the viewer is opened.
+    """
+
+    def __init__(self, path: Path | None = None, *, views: bool = False) -> None:
+        self._targets = [*([] if path is None else [path]), *([None] if views else [])]
+        self._showings: list[Showing] = []
+        self._before: list[LiveEvent] = []  # before anything is watched
+        self.drawn: tuple[Drawn, ...] = ()
+        """What became of each, at the end."""
+
+    def begin(self, monitor: Monitor, *, waits: bool) -> None:
+        """Draw from now on what a monitor reads."""
+        self._showings = [Showing(monitor, target, waits=waits) for target in self._targets]
+        for event in self._before:
+            self.event(event)
+        self._before = []
+
+    @property
+    def rows(self) -> Callable[[Record], None] | None:
+        """What takes the rows that are judged; None where nothing is drawn."""
+        return self._rows if self._targets else None
+
+    def _rows(self, rows: Record) -> None:
+        for showing in self._showings:
+            showing.rows(rows)
+
+    def event(self, event: LiveEvent) -> None:
+        """Draw an event."""
+        if self._targets and not self._showings:
+            self._before.append(event)
+        for showing in self._showings:
+            showing.event(event)
+
+    def end(self, verdict: Mapping[str, object]) -> None:
+        """Wait until all is drawn."""
+        showings, self._showings = self._showings, []
+        self.drawn += tuple(showing.end(verdict) for showing in showings)
+
+
+class Showing:
+    """Hands what a watch reads and says to a process that draws it.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    path : Path or None
+        The file; None for the viewer.
+    waits : bool
+        Whether rows wait for room, as those of a saved link may.
+    """
+
+    def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:
+        self.path, self._waits = path, waits
+        self._left_out = 0  # rows
+        self._rows: list[Record] = []
+        self._queue: queue.Queue[Any] = queue.Queue(_WAITING)
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
+        self._process = context.Process(target=draw, args=(theirs, monitor, path), daemon=True)
+        self._process.start()
+        theirs.close()
+        self._carrier = threading.Thread(target=self._carry, daemon=True)
+        self._carrier.start()
+
+    def rows(self, rows: Record) -> None:
+        """Hand over some rows."""
+        self._rows.append(rows)
+        if rows.end_s - self._rows[0].start_s >= _TOGETHER_S or rows.end_s < self._rows[0].start_s:
+            self._flush()
+
+    def event(self, event: LiveEvent) -> None:
+        """Hand over an event, behind the rows before it."""
+        self._flush()
+        if event.time_s is not None:
+            self._put(Told(event.time_s, _SEVERITY.get(event.kind, "INFO"), f"{event.kind}: {event.text}", event.alarm))
+
+    def end(self, verdict: Mapping[str, object]) -> Drawn:
+        """Hand over the verdict, and wait until all is drawn."""
+        self._flush()
+        with suppress(queue.Full):
+            self._queue.put(dict(verdict), timeout=_END_S)
+        with suppress(queue.Full):
+            self._queue.put(None, timeout=_END_S)
+        self._carrier.join(_END_S)
+        drawn = Drawn(failure=_STUCK)
+        try:
+            if not self._carrier.is_alive() and self._pipe.poll(_END_S):
+                drawn = self._pipe.recv()
+        except (EOFError, OSError):
+            drawn = Drawn(failure=_DIED)
+        self._process.join(1.0)
+        if self._process.is_alive():
+            self._process.terminate()
+        self._pipe.close()
+        return drawn._replace(left_out=self._left_out)
+
+    def _flush(self) -> None:
+        rows, self._rows = self._rows, []
+        if rows and not self._put(rows):
+            self._left_out += sum(map(len, rows))
+
+    def _put(self, frame: object) -> bool:
+        """Put something into the queue, and tell whether there was room."""
+        try:
+            self._queue.put(frame, block=self._waits and self._carrier.is_alive(), timeout=_END_S)
+        except queue.Full:
+            return False
+        return True
+
+    def _carry(self) -> None:
+        with suppress(OSError):  # the process ended: nobody takes anything any more
+            while (frame := self._queue.get()) is not None:
+                self._pipe.send(frame)
+            self._pipe.send(None)
+
+
+def draw(pipe: Connection, monitor: Monitor, path: Path | None) -> None:
+    """Draw what comes through a pipe until it ends; the work of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the watch, and that ends the pipe
+    with suppress(OSError, AttributeError):
+        os.nice(10)
+    try:
+        drawn = Drawn(_Drawing(monitor, path).run(pipe))
+    except Exception as error:  # whatever it is, the watch goes on, and says it at the end
+        drawn = Drawn(failure=f"the recording ended: {error}")
+    with suppress(OSError):
+        pipe.send(drawn)
+
+
+class _Drawing:
+    """Recordings that are drawn: one for each clock of the sender."""
+
+    def __init__(self, monitor: Monitor, path: Path | None) -> None:
+        import rerun as rr
+
+        rr.set_strict_mode(True)
+        self._monitor, self._path = monitor, path
+        self._every_s = _VIEW_S if path is None else _FILE_S
+        self._paths: list[Path] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        import rerun as rr
+
+        from gtmbench.report.recording.live import LiveRecording
+
+        self._stream = rr.RecordingStream("gtmbench")
+        if self._path is None:
+            self._stream.spawn(memory_limit=_MEMORY, hide_welcome_screen=True)
+        else:
+            number = len(self._paths) + 1
+            path = self._path if number == 1 else self._path.with_stem(f"{self._path.stem}-{number}")
+            self._stream.save(path)
+            self._paths.append(path)
+        self._drawn = LiveRecording(self._monitor, self._stream)
+
+    def run(self, pipe: Connection) -> tuple[Path, ...]:
+        """Draw until the pipe ends, and return the files."""
+        is_open, due_s = True, 0.0
+        verdict: Mapping[str, object] = {}
+        while is_open:
+            frames = 0
+            while is_open and frames < _TAKEN and pipe.poll(0.05):
+                try:
+                    frame = pipe.recv()
+                except EOFError:
+                    frame = None
+                frames += 1
+                if frame is None:
+                    is_open = False
+                elif isinstance(frame, dict):
+                    verdict = frame
+                else:
+                    self._take(frame)
+            began_s = time.monotonic()
+            if began_s >= due_s or self._drawn.waiting_s > _LONGEST_S:
+                self._drawn.draw()
+                due_s = time.monotonic() + max(self._every_s, _REST * (time.monotonic() - began_s))
+        self._finish(verdict)
+        return tuple(self._paths)
+
+    def _take(self, frame: Told | list[Record]) -> None:
+        if isinstance(frame, Told):
+            self._drawn.tell(*frame)
+            return
+        for rows in frame:
+            end_s = self._drawn.end_s
+            if end_s is not None and rows.start_s < end_s:  # the sender's clock began anew
+                self._finish({})
+                self._begin()
+            self._drawn.take(rows)
+
+    def _finish(self, verdict: Mapping[str, object]) -> None:
+        self._drawn.end(verdict)
+        self._stream.flush(timeout_sec=_END_S)
+        self._stream.disconnect()
+        if self._paths and self._paths[-1].stat().st_size < _CHECKED_BYTES:
+            from gtmbench.report.recording.read import check_recording
+
+            check_recording(self._paths[-1])

@@ -1,0 +1,168 @@
+"""A recording that grows while a flight is watched: readings, predictions, residuals, levels and what was said.
+
+Its entities are those of a watched log (`write`). Test statistics are those of `monitor.watch` of the last `SPAN_S`: a
+bank looks back no farther, so before a first alarm the newest rows have the values that the watch itself judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Monitor, Watch
+from gtmbench.report.recording.blueprint import (
+    Playing,
+    about_cursor,
+    beside,
+    event_log,
+    in_pairs,
+    judged_plots,
+    opened,
+    plot,
+)
+from gtmbench.report.recording.entities import (
+    MEASURED,
+    VIRTUAL,
+    Line,
+    entity,
+    in_unit,
+    judged_lines,
+    log_marks,
+    log_text,
+    log_verdict,
+    send_lines,
+    sensor_entity,
+    style_lines,
+)
+from gtmbench.report.score_units import SHOWN_LEVELS, tints
+from gtmbench.report.style import COLOURS, colours
+from gtmbench.report.words.monitor import title_text
+from gtmbench.values.record import Record, Span, joined
+
+SPAN_S = 180.0
+"""A bank looks back less far: 20.5 s, and two stretches of a minute before that its noise is learnt from."""
+_SHOWN_S = 60.0  # in the viewer while it flies
+_MOST_SIGNALS = 6
+
+
+class LiveRecording:
+    """A recording of one sender's clock.
+
+    Parameters
+    ----------
+    monitor : Monitor
+    recording : RecordingStream
+        With a place to go to.
+    """
+
+    def __init__(self, monitor: Monitor, recording: rr.RecordingStream) -> None:
+        self._monitor, self._recording = monitor, recording
+        self._window: Record | None = None
+        self._fresh: list[Record] = []
+        self._sent: dict[str, float] = {}  # entity -> time of the last value that is there
+        self._watch: Watch | None = None
+        self._start_s = 0.0
+        recording.send_recording_name(f"live: {title_text(monitor)}")
+
+    @property
+    def end_s(self) -> float | None:
+        """When the last row was; None before the first."""
+        last = self._fresh[-1] if self._fresh else self._window
+        return None if last is None else last.end_s
+
+    @property
+    def waiting_s(self) -> float:
+        """How long the rows are that aren't drawn yet."""
+        return sum(map(len, self._fresh)) * self._fresh[0].sample_period_s if self._fresh else 0.0
+
+    def take(self, rows: Record) -> None:
+        """Keep some rows until `draw`; where they don't go on, the window begins anew."""
+        end_s = self.end_s
+        if end_s is None:
+            self._start_s = rows.start_s
+        elif abs(rows.start_s - end_s - rows.sample_period_s) > 0.5 * rows.sample_period_s or not self._goes_on(rows):
+            self.draw()
+            self._window = None
+        self._fresh.append(rows)
+
+    def _goes_on(self, rows: Record) -> bool:
+        last = self._fresh[-1] if self._fresh else self._window
+        return last is None or last.channels == rows.channels
+
+    def draw(self) -> None:
+        """Judge the rows that were taken, and log what is new."""
+        if not self._fresh:
+            return
+        parts = [*([] if self._window is None else [self._window]), *self._fresh]
+        self._fresh = []
+        record = joined(parts)
+        watch = self._monitor.watch(record)
+        self._window = record.part(range(max(len(record) - round(SPAN_S / record.sample_period_s), 0), len(record)))
+        is_first, self._watch = self._watch is None, watch
+        if is_first:
+            self._recording.send_blueprint(_blueprint(watch, about_cursor(_SHOWN_S, 2.0), playing="following"))
+        for line in _lines(watch):
+            self._log(line)
+
+    def _log(self, line: Line) -> None:
+        """Log what is new of a line: what is known of it later than what was sent before."""
+        time_s, values = line.signal
+        last_s = self._sent.get(line.entity)
+        is_new = time_s > (-np.inf if last_s is None else last_s + 1e-9)
+        known = is_new & np.isfinite(values)
+        if not known.any():
+            return
+        if last_s is None:
+            channels = [line.channel] if line.channel else ()
+            style_lines(self._recording, line.entity, [line.name], [line.tint], channels=channels, width=line.width)
+        send_lines(self._recording, line.entity, time_s[is_new], values[is_new], goes_on=last_s is not None)
+        self._sent[line.entity] = float(time_s[known][-1])
+
+    def tell(self, time_s: float, severity: str, text: str, alarm: Alarm | None) -> None:
+        """Log what was said; of an alarm also when it was raised and named."""
+        log_text(self._recording, "/events", time_s, severity, f"{time_s:.2f} s  {text}")
+        if alarm is not None:
+            log_marks(self._recording, "", [("alarm", alarm.time_s), ("named", alarm.isolated_s)])
+
+    def end(self, verdict: Mapping[str, object]) -> None:
+        """Log what is left and the verdict, and let the recording open with the whole flight."""
+        self.draw()
+        log_verdict(self._recording, "/verdict", verdict)
+        if self._watch is not None and self.end_s is not None:
+            span = (self._start_s, max(self.end_s, self._start_s + self._watch.record.sample_period_s))
+            self._recording.send_blueprint(_blueprint(self._watch, span, playing="paused"))
+
+
+def _lines(watch: Watch) -> Iterator[Line]:
+    """Give everything that is drawn of a watch."""
+    record, look = watch.record, colours([*tints(watch), *watch.record.channels])
+    for name in record.channels:
+        label = in_unit(f"{name} measured", name)
+        yield Line(sensor_entity(name), (record.time_s, record[name]), label, look[name], name, MEASURED)
+    for name, predicted in watch.predictions.items():
+        label = in_unit(f"{name} virtual sensor", name)
+        yield Line(entity("/virtual", name), (record.time_s, predicted), label, COLOURS["virtual"], name, VIRTUAL)
+    yield from judged_lines([watch], tints(watch))
+    ones = np.ones(len(record))
+    yield Line("/threshold", (record.time_s, ones), "threshold", COLOURS["threshold"], "")
+
+
+def _blueprint(watch: Watch, shown_s: Span | rrb.TimeAxis, *, playing: Playing) -> rrb.Blueprint:
+    """Return how it opens: levels, measured and virtual sensors and what was said; residuals; sensors."""
+    channels = watch.record.channels
+    signals = [name for name in (watch.predictions or channels) if name in channels][:_MOST_SIGNALS]
+    levels = plot("levels", ["/threshold", "/levels/**", "/alarm", "/named"], shown_s, top=SHOWN_LEVELS)
+    plots = [
+        plot(in_unit(f"{name}: measured and virtual", name), [sensor_entity(name), entity("/virtual", name)], shown_s)
+        for name in signals
+    ]
+    grid = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
+    roots = {name: [""] for name in tints(watch)}
+    judged = judged_plots(roots, watch.residuals, watch.scores, "/threshold", shown_s)
+    sensors = in_pairs([plot(in_unit(name, name), [sensor_entity(name)], shown_s) for name in channels], "Sensors")
+    first = beside(rrb.Vertical(levels, grid, row_shares=[3, 5]), event_log("/events"), "Flight")
+    return opened(first, *([in_pairs(judged, "Residuals")] if judged else []), sensors, playing=playing)
