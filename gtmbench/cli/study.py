@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
 
 
 _MOST_SEEDS = 10_000
-# `python -m rerun_cli` ends with code 0 whatever happened
-_RERUN = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
 
 
 def _seeds(_context: click.Context, _option: click.Parameter, value: str | None) -> tuple[int, ...] | None:
@@ -240,16 +237,17 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
     from gtmbench.report.recording.read import check_recording, recording_in
+    from gtmbench.report.viewer import viewer_command
 
     recording = recording_in(recording)
     check_recording(recording)
     if not web:
         check_screen("--web")
-    options = ["--bind", "127.0.0.1", *(["--web-viewer"] if web else [])]  # rerun would listen on every interface
+    command = viewer_command([str(recording), *(["--web-viewer"] if web else [])])
     verdict = f"Showing {recording} in the rerun viewer."
     if not (as_json or quiet):
         echo(verdict)
-    ended = subprocess.run([*_RERUN, str(recording), *options], capture_output=as_json or quiet, check=False).returncode
+    ended = subprocess.run(command, capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:

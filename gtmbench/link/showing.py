@@ -31,7 +31,6 @@ _REST = 3.0  # of what a drawing took, until the next
 _LONGEST_S = 60.0  # of rows that wait to be drawn
 _CHECKED_BYTES = 300_000_000  # up to this size a file is read once more: rerun tells of no full disk
 _END_S = 30.0  # for what is left at the end
-_MEMORY = "25%"  # of the viewer: the oldest is dropped
 _STUCK = "the recording couldn't be finished: rerun takes no more; is the disk full?"
 _DIED = 'the process that records ended too early; a script needs its `if __name__ == "__main__":`'
 _SEVERITY = {
@@ -127,6 +126,7 @@ class Showing:
         self._pipe, theirs = context.Pipe()
         self._process = context.Process(target=draw, args=(theirs, monitor, path), daemon=True)
         self._process.start()
+        self.pid = self._process.pid
         theirs.close()
         self._carrier = threading.Thread(target=self._carry, daemon=True)
         self._carrier.start()
@@ -188,10 +188,13 @@ def draw(pipe: Connection, monitor: Monitor, path: Path | None) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the watch, and that ends the pipe
     with suppress(OSError, AttributeError):
         os.nice(10)
+    with suppress(OSError), Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)  # rerun's own complaints; what matters of them is said at the end
     try:
         drawn = Drawn(_Drawing(monitor, path).run(pipe))
     except Exception as error:  # whatever it is, the watch goes on, and says it at the end
-        drawn = Drawn(failure=f"the recording ended: {error}")
+        what = "the rerun viewer ended before the flight" if path is None else "the recording ended"
+        drawn = Drawn(failure=f"{what}: {error}")
     with suppress(OSError):
         pipe.send(drawn)
 
@@ -212,10 +215,11 @@ class _Drawing:
         import rerun as rr
 
         from gtmbench.report.recording.live import LiveRecording
+        from gtmbench.report.viewer import opened_viewer
 
         self._stream = rr.RecordingStream("gtmbench")
         if self._path is None:
-            self._stream.spawn(memory_limit=_MEMORY, hide_welcome_screen=True)
+            self._stream.connect_grpc(opened_viewer())
         else:
             number = len(self._paths) + 1
             path = self._path if number == 1 else self._path.with_stem(f"{self._path.stem}-{number}")

@@ -167,6 +167,7 @@ MISTAKES = [
         "live udp:127.0.0.1:14550 --map p=x:rad/s",
         "--map is for lines of CSV (- and follow:); a MAVLink message states what it holds",
     ),
+    ("live udp:127.0.0.1:14550 --record live.txt", "--record is 'live.txt'; a recording's name ends in .rrd"),
     ("live udp:127.0.0.1:14550 --save flight.csv", "--save is 'flight.csv'; ... whose name ends in .tlog"),
     (
         "live udp:127.0.0.1:14550 --speed 2",

@@ -155,7 +155,7 @@ def printed(folder, cli, monkeypatch, request):
         monkeypatch.setattr(demo, "COMMANDS", shorter)
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
         monkeypatch.setattr("gtmbench.check.reference_run.run_reference", lambda *_, **__: groups())
-        monkeypatch.setattr("gtmbench.cli.study._RERUN", ("true",))
+        monkeypatch.setattr("gtmbench.report.viewer.viewer_command", lambda _: ["true"])
         monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)
         kept = {place: [] for place in WORKED_OUT}
         for place in WORKED_OUT:
