@@ -16,7 +16,7 @@ from typing import Any
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
 from gtmbench.intake.formats.limits import quiet
-from gtmbench.intake.formats.tlog import packet_at
+from gtmbench.intake.formats.tlog import SYSTEM_TIME, packet_at
 from gtmbench.link.readings import TOPICS
 
 _LONGEST = 280  # bytes of a packet: header, 255 of its content, checksum, signature
@@ -99,7 +99,7 @@ class Packets:
         self._mavlink = dialect()
         self._decoder = self._mavlink.MAVLink(None)
         self._decoder.signing.secret_key = key
-        used = {*TOPICS, HEARTBEAT}
+        used = {*TOPICS, HEARTBEAT, SYSTEM_TIME}
         self._used = {kind.id: kind.msgname for kind in self._mavlink.mavlink_map.values() if kind.msgname in used}
         self._rest = b""
         self.broken = 0

@@ -94,11 +94,11 @@ def channels_of(topic: str, autopilot: int | None) -> tuple[str, ...]:
     return () if topic == "RAW_IMU" and autopilot != _ARDUPILOT else tuple(_GETTERS[topic])
 
 
-def sample_of(topic: str, channels: Sequence[str], message: Any) -> Sample:
-    """Return what a message reads of some channels."""
+def sample_of(topic: str, time_s: float, channels: Sequence[str], message: Any) -> Sample:
+    """Return what a message of a time reads of some channels."""
     getters = _GETTERS[topic]
     values = tuple(getters[name](message) for name in channels)
-    return Sample(topic=topic, time_s=stamp_s(topic, message), values=values)
+    return Sample(topic=topic, time_s=time_s, values=values)
 
 
 def chosen(rates_hz: dict[str, float], needs: Iterable[str], autopilot: int | None, least_hz: float) -> dict[str, str]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from gtmbench.checks import listed
+from gtmbench.intake.formats.tlog import SINCE_1970_S, SYSTEM_TIME, boot_s
 from gtmbench.link.packets import HEARTBEAT, Packet, Packets
 from gtmbench.link.readings import MOTION, Sample, channels_of, chosen, is_finite, sample_of, stamp_s
 from gtmbench.link.senders import Numbering
 
 _NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
+_HELD_S = 0.5  # of messages that count since 1970, until all are taken to do so
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -40,6 +42,10 @@ class Telemetry:
         self._by_peer: dict[object, Packets] = {}
         self._numbers: dict[int, Numbering] = {}
         self._flying: set[int] = set()
+        self._boot_s: float | None = None  # when the sender was switched on, in seconds since 1970, as it told
+        self._counts = ""  # from when the sender's messages count their time; "" until that is known
+        self._held: list[Message] = []  # those that count since 1970, until it is known whether others don't
+        self._unplaced: set[str] = set()  # the names of those that can't be put beside the others
         self.system = system
         self.answered = system
         """The system that is answered: one with an autopilot, which may send nothing else until it is asked."""
@@ -56,7 +62,7 @@ class Telemetry:
             packets = self._by_peer[peer] = Packets(self._key)
         found = packets.push(data, is_whole=is_whole)
         self.taken = [packet.content for packet in found]
-        return [message for packet in found if (message := self._message(packet)) is not None]
+        return [message for packet in found for message in self._placed(self._message(packet))]
 
     def _message(self, packet: Packet) -> Message | None:
         if packet.topic in MOTION:
@@ -72,7 +78,31 @@ class Telemetry:
             if packet.message.autopilot != _NO_AUTOPILOT:
                 self.autopilot = packet.message.autopilot
             return None
+        if packet.topic == SYSTEM_TIME:
+            if self._boot_s is None:
+                self._boot_s = boot_s(packet.message.time_unix_usec, packet.message.time_boot_ms)
+            return None
         return Message(topic=packet.topic, time_s=stamp_s(packet.topic, packet.message), content=packet.message)
+
+    def _placed(self, message: Message | None) -> list[Message]:
+        """Return the messages that another one lets be put on one clock: some count since boot, some since 1970."""
+        if message is None:
+            return []
+        if message.time_s < SINCE_1970_S:
+            held, self._held, self._counts = self._held, [], "since boot"
+            return [*(placed for each in held for placed in self._placed(each)), message]
+        if self._counts == "since 1970":
+            return [message]
+        if self._counts and self._boot_s is not None:
+            return [replace(message, time_s=message.time_s - self._boot_s)]
+        if self._counts:
+            self._unplaced.add(message.topic)
+            return []
+        self._held.append(message)
+        if message.time_s - self._held[0].time_s < _HELD_S:
+            return []
+        held, self._held, self._counts = self._held, [], "since 1970"
+        return held
 
     @property
     def broken(self) -> int:
@@ -108,10 +138,13 @@ class Telemetry:
 
     def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
         """Return what a message reads of some channels; None where its stamp is no time."""
-        sample = sample_of(message.topic, channels, message.content)
+        sample = sample_of(message.topic, message.time_s, channels, message.content)
         return sample if is_finite(sample) else None
 
     def told(self) -> str:
-        """Say what tells of motion on this link."""
+        """Say what tells of motion on this link, or why a message of it can't be read."""
+        if self._unplaced:
+            names, count = listed(sorted(self._unplaced)), "counts" if len(self._unplaced) == 1 else "count"
+            return f"{names} {count} time since 1970 and others since boot, and no SYSTEM_TIME tells when that was"
         topics = {topic for topic in MOTION if channels_of(topic, self.autopilot)}
         return f"messages that do are {listed(sorted(topics))}"

@@ -481,6 +481,50 @@ def test_without_the_library_nobody_waits(monkeypatch):
         gb.live("udp:127.0.0.1:0")
 
 
+def since_1970(arrived, *, tells=True):
+    """Return packets whose IMU counts its time since 1970; the autopilot tells when it was switched on, or not."""
+    mavlink, packets, boot_us = dialect(), Packets(), 1_700_000_000_000_000
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    changed = []
+
+    def pack(at, message):
+        changed.append((at, bytes(message.pack(sender))))
+        sender.seq = (sender.seq + 1) % 256
+
+    for k, (at, packet) in enumerate(arrived):
+        message = (packets.push(packet, is_whole=True) or [None])[0]
+        if message is None:
+            continue
+        own = message.message
+        if tells and k % 100 == 0:
+            since_ms = round(1e3 * (at - arrived[0][0])) + 1
+            pack(at, mavlink.MAVLink_system_time_message(boot_us + 1000 * since_ms, since_ms))
+        if message.topic == "HIGHRES_IMU":
+            own.time_usec += boot_us
+        pack(at, own)
+    return changed
+
+
+def test_a_clock_since_1970_beside_one_since_boot(tmp_path):
+    """An IMU may be stamped by either; SYSTEM_TIME tells how they go together, and without it that is said."""
+    (events, _), arrived = plain(), sent()
+    told, link = watch(since_1970(arrived))
+    assert links.told(told) == links.told(events) != []
+    log = gb.open_log(links.saved(tmp_path / "told.tlog", since_1970(arrived)))
+    np.testing.assert_allclose(
+        log.segments[0]["q"], gb.open_log(links.saved(tmp_path / "t.tlog", arrived)).segments[0]["q"]
+    )
+    untold, _ = watch(since_1970(arrived, tells=False))
+    assert {event.alarm.sensor for event in untold if event.kind == "named"} == {"q"}  # by ATTITUDE's rates
+    assert not any("HIGHRES_IMU" in event.text for event in untold)
+    reader = Telemetry()
+    for _, packet in since_1970(arrived, tells=False)[:200]:
+        reader.read(packet, is_whole=True)
+    assert "HIGHRES_IMU counts time since 1970" in reader.told()
+    saved = links.saved(tmp_path / "untold.tlog", since_1970(arrived, tells=False))
+    assert any("SYSTEM_TIME" in note for note in gb.open_log(saved).method)
+
+
 def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
     """With the exit code of an interruption; what was saved is a whole log."""
     gb.save_monitor(monitors.monitor(), tmp_path / "monitor.json")

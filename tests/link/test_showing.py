@@ -72,7 +72,7 @@ def test_a_watch_goes_on_where_nobody_draws(flight, tmp_path):
     showing = Showing(monitors.monitor(), tmp_path / "live.rrd", waits=False)
     os.kill(showing.pid, signal.SIGSTOP)
     longest_s = 0.0
-    for n in range(30):
+    for _ in range(30):
         for k in range(0, 14_000, 10):
             began_s = time.perf_counter()
             showing.rows(flight.part(range(k, k + 10)))

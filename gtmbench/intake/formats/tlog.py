@@ -35,7 +35,19 @@ _SIGNED, _SIGNATURE_BYTES = 0x01, 13
 _RECEIVED = "received"
 _CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}
 _ARDUPILOT = 3  # MAV_AUTOPILOT
-_OTHERS = ("HEARTBEAT", "SCALED_IMU2", "SCALED_IMU3", "AHRS2", "SERVO_OUTPUT_RAW", "RC_CHANNELS", "SCALED_PRESSURE")
+SYSTEM_TIME = "SYSTEM_TIME"
+SINCE_1970_S = 1e9
+"""A stamp above counts since 1970: nothing has been switched on for 30 years."""
+_OTHERS = (
+    "HEARTBEAT",
+    SYSTEM_TIME,
+    "SCALED_IMU2",
+    "SCALED_IMU3",
+    "AHRS2",
+    "SERVO_OUTPUT_RAW",
+    "RC_CHANNELS",
+    "SCALED_PRESSURE",
+)
 _USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}  # of the hundreds of messages: what tells of motion
 
 
@@ -54,6 +66,7 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
         number = _system(systems, part)
     topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][_RECEIVED])))  # the fastest first
     autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
+    unplaced = _on_one_clock(topics)
     clocks = _clocks(topics)
     scaled = _ARDUPILOT in autopilot
     series = [
@@ -75,11 +88,44 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
         notes=(
             "units and axes are those of MAVLink's messages; times: the sender's, since it was switched on",
             *([f"system {number}; not read: system {others}"] if others else []),
+            *(
+                [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME tells of boot"]
+                if unplaced
+                else []
+            ),
             *([f"{broken} packets are broken and were passed over"] if broken else []),
         ),
         by_name=False,
         attitude_from_gyros=True,
     )
+
+
+def boot_s(since_1970_us: float, since_boot_ms: float) -> float | None:
+    """Return when a sender was switched on, in seconds since 1970, by what its SYSTEM_TIME says; None where it doesn't.
+
+    >>> boot_s(1_700_000_000_000_000, 5000), boot_s(0, 5000)
+    (1699999995.0, None)
+    """
+    if since_1970_us / 1e6 < SINCE_1970_S or since_boot_ms <= 0.0:
+        return None
+    return since_1970_us / 1e6 - since_boot_ms / 1e3
+
+
+def _on_one_clock(topics: Messages) -> list[str]:
+    """Put messages that count since 1970 beside those that count since boot; take those out that can't be, by name."""
+    told = topics.pop(SYSTEM_TIME, {})
+    stamps = {name: columns["time_usec"] for name, columns in topics.items() if "time_usec" in columns}
+    late = [name for name, at in stamps.items() if at[0] / 1e6 > SINCE_1970_S]
+    if len(late) == sum(bool({*_CLOCKS} & {*columns}) for columns in topics.values()):
+        return []
+    pairs = zip(told.get("time_unix_usec", ()), told.get("time_boot_ms", ()), strict=True)
+    known = [began_s for pair in pairs if (began_s := boot_s(*pair)) is not None]
+    for name in late:
+        if known:
+            topics[name]["time_usec"] = array("d", [at - 1e6 * known[0] for at in stamps[name]])
+        else:
+            topics.pop(name)
+    return [] if known else late
 
 
 def _clocks(topics: Messages) -> dict[str, FloatArray]:
