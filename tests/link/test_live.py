@@ -508,7 +508,7 @@ def since_1970(arrived, *, tells=True):
 def test_a_clock_since_1970_beside_one_since_boot(tmp_path):
     """An IMU may be stamped by either; SYSTEM_TIME tells how they go together, and without it that is said."""
     (events, _), arrived = plain(), sent()
-    told, link = watch(since_1970(arrived))
+    told, _ = watch(since_1970(arrived))
     assert links.told(told) == links.told(events) != []
     log = gb.open_log(links.saved(tmp_path / "told.tlog", since_1970(arrived)))
     np.testing.assert_allclose(
