@@ -121,8 +121,8 @@ def lines(_folder):
 
     threading.Thread(target=write).start()
     link = gb.live(InputSource(reading), MONITOR)
-    link._warm(link.monitor)
-    link._warm = lambda _monitor: None
+    link._begin(link.monitor)
+    link._begin = lambda _monitor: None
     begun_s, cpu_s = time.perf_counter(), time.process_time()
     links.said(link)
     wall_s, cpu_s = time.perf_counter() - begun_s, time.process_time() - cpu_s
@@ -166,7 +166,7 @@ def slow(folder):
         yield {"rate_hz": rate_hz, "by_a_monitor_for_it": link.verdict}
 
 
-def day(_folder, hours=1.0, speed=30.0):
+def day(_folder, hours, speed=30.0):
     """Watch one long flight, faster than it flies."""
     source = UdpSource("127.0.0.1", 0)
     link = gb.live(source, MONITOR, end_after_s=60.0)
@@ -201,7 +201,8 @@ def day(_folder, hours=1.0, speed=30.0):
 def _long(port, hours, speed):
     from gtmbench.link.sending import _packets
 
-    record, random = flight(35, 3600.0 * hours), np.random.default_rng(1)
+    looped = gb.fly_in_loop("gtm", "multisine+turbulence", 3600.0 * hours, 35)  # without its autopilot it lands
+    record, random = looped.sensed.select(CHANNELS), np.random.default_rng(1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         begun_s = time.perf_counter()
         for at, packet in _packets(record):
@@ -221,9 +222,11 @@ PARTS = {"latency": latency, "lines": lines, "flights": flights, "slow": slow, "
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", choices=PARTS, default=list(PARTS))
+    parser.add_argument("--hours", type=float, default=1.0, help="of the flight of a day")
+    options = parser.parse_args()
     with TemporaryDirectory() as folder:
-        for name in parser.parse_args().only:
-            for row in PARTS[name](Path(folder)):
+        for name in options.only:
+            for row in day(folder, options.hours) if name == "day" else PARTS[name](Path(folder)):
                 print(json.dumps({"part": name, **row}), flush=True)
 
 

@@ -10,7 +10,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import check_screen, claim_file, common_options, echo, map_option
+from gtmbench.cli.output import attitude_option, check_screen, claim_file, common_options, echo, map_option
 from gtmbench.errors import InputError
 from gtmbench.files.plain import dumps
 from gtmbench.report.tables.envelope import envelope
@@ -25,6 +25,7 @@ _INTERRUPTED = 130
 @click.command("live")
 @click.argument("source", metavar="SOURCE")
 @map_option
+@attitude_option
 @click.option("--system", type=int, help="The MAVLink system to watch, if several fly on one link.")
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
 @click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
@@ -63,6 +64,7 @@ _INTERRUPTED = 130
 def live_command(
     source: str,
     mapping: tuple[str, ...],
+    attitude: str,
     system: int | None,
     detector: str | None,
     calibrated: Path | None,
@@ -111,6 +113,7 @@ def live_command(
         learn_s=number("--learn", learn, 10.0, 3600.0),
         system=system,
         mapping=mapping,
+        attitude=attitude,
         key=key,
         save=save,
         record=record,

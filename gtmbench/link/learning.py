@@ -39,13 +39,21 @@ class Lesson:
         Of a table.
     system : int, optional
         The watched system.
+    attitude : str
+        As `live` takes it.
     """
 
     def __init__(
-        self, learn_s: float, *, is_table: bool, mapping: Sequence[str] = (), system: int | None = None
+        self,
+        learn_s: float,
+        *,
+        is_table: bool,
+        mapping: Sequence[str] = (),
+        system: int | None = None,
+        attitude: str = FROM_LOG,
     ) -> None:
         self._learn_s, self._is_table, self._mapping = learn_s, is_table, tuple(mapping)
-        self.system = system
+        self.system, self._attitude = system, attitude
         self._header = b""
         self._parts: deque[tuple[float, bytes]] = deque(maxlen=_MOST)
         self._first_s: float | None = None
@@ -83,7 +91,7 @@ class Lesson:
                     mapping=self._mapping,
                     rate_hz=None,
                     false_alarms_per_hour=None,
-                    attitude=FROM_LOG,
+                    attitude=self._attitude,
                 )
                 taught = learnt(chosen(opened(question)), silent)
             except InputError as error:

@@ -32,7 +32,9 @@ from gtmbench.link.watcher import wants_of
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, duration_text
+from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.study.log.watched import Outcome
+from gtmbench.values.attitude import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 _LEARNT = (*GYROS, *ATTITUDE)  # what a table has to hold to be learnt from
@@ -46,6 +48,7 @@ class LinkOptions:
     learn_s: float = 60.0
     system: int | None = None
     mapping: Sequence[str] = ()
+    attitude: str = FROM_LOG
     key: bytes | None = field(default=None, repr=False)
     save: Path | None = None
     record: Path | None = None
@@ -94,7 +97,11 @@ class Live:
             self._pictures = Pictures(options.record, views=options.view)
             if monitor is None:
                 self._learn = Lesson(
-                    options.learn_s, is_table=source.is_table, mapping=options.mapping, system=options.system
+                    options.learn_s,
+                    is_table=source.is_table,
+                    mapping=options.mapping,
+                    system=options.system,
+                    attitude=options.attitude,
                 )
             else:
                 self._session = self._session_of(monitor)
@@ -111,7 +118,8 @@ class Live:
         self._events = self._watched()
 
     def _session_of(self, monitor: Monitor) -> Session:
-        return Session(monitor, self._reader, self._pictures.rows)
+        is_own = self._options.attitude == OWN
+        return Session(monitor, self._reader, self._pictures.rows, is_own=is_own)
 
     def _reader_of(self, monitor: Monitor | None) -> Telemetry | Table:
         if not self._source.is_table:
@@ -313,6 +321,7 @@ def live(
     learn_s: float = 60.0,
     system: int | None = None,
     mapping: Sequence[str] = (),
+    attitude: str = "auto",
     key: bytes | None = None,
     save: str | Path | None = None,
     record: str | Path | None = None,
@@ -338,6 +347,9 @@ def live(
         The MAVLink system that is watched, if several fly on one link.
     mapping : sequence of str
         For lines: as `open_log` takes it.
+    attitude : str
+        "own" where no estimator makes it of the gyros, as in a simulation; else it is taken for an estimator's
+        ("driven"), and a monitor that was calibrated for one of its own is believed a first fault only.
     key : bytes, optional
         The 32 bytes of a signing key; MAVLink that isn't signed by it is refused.
     save : str or Path, optional
@@ -389,6 +401,7 @@ def live(
         learn_s=number("learn_s", learn_s, 10.0, 3600.0),
         system=None if system is None else whole("system", system, 1, 255),
         mapping=tuple(mapping),
+        attitude=check_attitude(attitude),
         key=key,
         save=None if save is None else Path(save),
         record=None if record is None else Path(record),

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.order import LONGEST_S
@@ -87,15 +88,23 @@ class Session:
     reader : Telemetry or Table
     shows : callable, optional
         Given the rows that are judged.
+    is_own : bool
+        Whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
     """
 
     def __init__(
-        self, monitor: Monitor, reader: Telemetry | Table, shows: Callable[[Record], object] | None = None
+        self,
+        monitor: Monitor,
+        reader: Telemetry | Table,
+        shows: Callable[[Record], object] | None = None,
+        *,
+        is_own: bool = False,
     ) -> None:
         self._monitor, self._reader, self._shows = monitor, reader, shows
         self._clock, self._guard = SenderClock(), SenderClock()
         self._watcher = Watcher(monitor, reader, shows=shows)
-        self._story = Story()
+        self._bends = basis_of(monitor).attitude_from_gyros is False and not is_own
+        self._story = Story(bends=self._bends)
         self._strays: list[Message] = []
         self._arrived_s = 0.0
         self._lost_since_s: float | None = None
@@ -269,7 +278,8 @@ class Session:
         read = "; ".join(f"{', '.join(own)} of {topic}" for topic, own in watcher.routes.items() if topic)
         said = () if watcher.learner is None else watcher.learner.installation.said
         installed = f"; taken for how the sensors are installed: {', '.join(said)}" if said else ""
-        return f"{title_text(self._monitor)} watches at {rate_hz:.4g} Hz{f': {read}' if read else ''}{installed}"
+        bends = "; after a first fault nothing is believed that a bent attitude may raise" if self._bends else ""
+        return f"{title_text(self._monitor)} watches at {rate_hz:.4g} Hz{f': {read}' if read else ''}{installed}{bends}"
 
     def _is_sparse(self) -> bool:
         """Tell whether too much is missing, by the last few seconds; as before until these are over."""

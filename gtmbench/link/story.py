@@ -10,6 +10,7 @@ from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
 from gtmbench.link.events import LiveKind
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.verdict import sensor_text
+from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.watched import Outcome
 
 MOST_LINES = 12
@@ -34,6 +35,11 @@ class _Fault:
 class Story:
     """What has been said of every fault so far, and what is new in what a monitor tells.
 
+    Parameters
+    ----------
+    bends : bool
+        Whether a gyro's fault bends the attitude unknown to the monitor: then `are_bent` tells what is doubted.
+
     Examples
     --------
     >>> alarm = Alarm(number=0, time_s=12.4, onset_s=12.0, source="p")
@@ -42,7 +48,8 @@ class Story:
     ['p rose above its threshold; the change began at about 12.00 s']
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, bends: bool = False) -> None:
+        self._bends = bends
         self._faults: dict[tuple[int, int], _Fault] = {}
         self._stretch = self._count = 0
 
@@ -66,15 +73,16 @@ class Story:
                     fault.alarm = alarm
         return sorted(lines, key=lambda line: line[1])
 
-    def _of(self, alarm: Alarm) -> Iterator[Line]:
-        key = self._stretch, alarm.number
+    def _of(self, raw: Alarm) -> Iterator[Line]:
+        key = self._stretch, raw.number
         fault = self._faults.get(key)
+        alarm = self._believed([*(of.alarm for at, of in self._faults.items() if at != key), raw])[-1]
         if fault is None:
             if len(self._faults) >= _MOST_FAULTS:
                 self._faults.pop(next(iter(self._faults)))
             at_once = sum(judged.time_s <= alarm.time_s for judged in alarm.judgements)
             first = _until(alarm, at_once)
-            fault = self._faults[key] = _Fault(number=self._count, alarm=alarm)
+            fault = self._faults[key] = _Fault(number=self._count, alarm=raw)
             self._count += 1
             yield _raised(first)
             if _is_at_once(first):  # which sensors it may be, and no more: the next judgement says more
@@ -86,7 +94,7 @@ class Story:
                 fault.named = named
                 fault.lines += 1
                 yield _named(now)
-        fault.alarm, fault.judged = alarm, max(fault.judged, len(alarm.judgements))
+        fault.alarm, fault.judged = raw, max(fault.judged, len(alarm.judgements))
         if alarm.ended_s is not None and alarm.end_known_s is not None and not fault.has_ended:
             fault.has_ended = True
             what = "calm again" if alarm.doubt or alarm.test == OUTSIDE else "the fault has gone"
@@ -95,13 +103,33 @@ class Story:
     @property
     def left(self) -> list[Alarm]:
         """The faults that something is left of to explain, in time."""
-        return [fault.alarm for fault in self._faults.values() if fault.alarm.is_first and not fault.alarm.has_passed]
+        told = self._believed([fault.alarm for fault in self._faults.values()])
+        return [alarm for alarm in told if alarm.is_first and not alarm.has_passed]
+
+    def _believed(self, told: list[Alarm]) -> list[Alarm]:
+        """Return alarms as they can be believed, those so far together."""
+        if not self._bends:
+            return told
+        first = [alarm for alarm in told if alarm.is_first]
+        bent = {id(alarm) for alarm, is_bent in zip(first, are_bent(first), strict=True) if is_bent}
+        return [_doubted(alarm) if id(alarm) in bent else alarm for alarm in told]
 
     def outcome(self, *, could_tell: bool) -> Outcome:
         """Return what it comes to: failed if a fault is left to explain that may be no doubt's."""
         if any(not alarm.doubt and alarm.test != OUTSIDE for alarm in self.left):
             return Outcome.FAILED
         return Outcome.HEALTHY if could_tell and not self.left else Outcome.UNKNOWN
+
+
+def _doubted(alarm: Alarm) -> Alarm:
+    """Return an alarm that accuses nobody: the attitude that it rests on may be bent."""
+    judged = tuple(
+        replace(each, sensor=None, partner=None, doubt=BENT, reason=f"{each.verdict} by its own residual")
+        if each.candidates and not each.doubt
+        else each
+        for each in alarm.judgements
+    )
+    return replace(alarm, judgements=judged)
 
 
 def _until(alarm: Alarm, count: int) -> Alarm:
@@ -132,6 +160,8 @@ def _name(alarm: Alarm) -> object | None:
     judged = alarm.last
     if judged is None or alarm.test in (MISSING, OUTSIDE):
         return None
+    if judged.doubt == BENT:
+        return BENT  # once, whatever it would say of its own
     among = judged.sensor or tuple(sorted(judged.candidates))
     return among, judged.kind if judged.sensor is not None else None, judged.partner, judged.doubt
 

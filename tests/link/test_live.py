@@ -8,11 +8,13 @@ import sys
 import threading
 import time
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.link.packets import Packets, dialect, key_of
 from gtmbench.link.ports import UdpSource
 from gtmbench.link.source import Delivery, Source
@@ -479,6 +481,36 @@ def test_without_the_library_nobody_waits(monkeypatch):
         gb.live("udp:127.0.0.1:0", monitors.monitor())
     with pytest.raises(gb.InputError, match="needs the package pymavlink"):
         gb.live("udp:127.0.0.1:0")
+
+
+@pytest.mark.parametrize(
+    ("fault", "attitude"),
+    [
+        (gb.Bias(channel="q", onset_s=80.0, size=3.0), "filter 5 s"),
+        (gb.Drift(channel="p", onset_s=80.0, slope=0.2), "filter 20 s"),
+    ],
+    ids=["bias of q", "drift of p"],
+)
+def test_a_gyro_that_bends_the_attitude_has_no_other_accused(fault, attitude, tmp_path):
+    """Autopilots send an estimator's attitude; a monitor that was calibrated for another names the others after it."""
+    truth = gb.fly("gtm", "multisine+turbulence", 160, seed=61)
+    broken = gb.inject(gb.measure(truth, noise="t2", seed=61), fault)
+    gb.send_live(estimated_attitude(broken, truth, attitude, 61), tmp_path / "bent.tlog")
+    monitor = gb.load_monitor(Path(gb.__file__).parent / "baselines" / "bank-C.json")
+
+    def named(**options):
+        told, link = links.said(gb.live(str(tmp_path / "bent.tlog"), monitor, **options))
+        assert link.outcome == Outcome.FAILED
+        return {event.alarm.sensor for event in told if event.kind == "named"}, link
+
+    names, link = named()
+    assert names == {fault.channel}
+    assert [alarm.sensor for alarm in link.alarms].count(fault.channel) == 1
+    afterwards = gb.watch_log(tmp_path / "bent.tlog", monitor)
+    certain = [(alarm.time_s, alarm.sensor) for alarm in afterwards.alarms if alarm.is_first and alarm.accuses]
+    assert certain == [(alarm.time_s, alarm.sensor) for alarm in link.alarms if alarm.accuses]
+    believed, _ = named(attitude="own")
+    assert believed > names  # as it says of an attitude of its own
 
 
 def since_1970(arrived, *, tells=True):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -22,13 +22,14 @@ from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
 from gtmbench.study.log.starts import steady
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
 
 _WIDE = 3.0  # spread of a residual beyond which little shows
@@ -170,19 +171,11 @@ def _or_small(alarm: Alarm, least_deg_s: float) -> Alarm:
 
 
 def _but_bent(watches: Sequence[Watch]) -> list[Watch]:
-    """Return watches that believe the first fault only, and of an angle none: a gyro may have bent the attitude.
-
-    An estimator turns a gyro's error into all three angles. A monitor that was calibrated for an attitude of its own
-    takes that for faults of other sensors.
-    """
+    """Return watches that doubt what a bent attitude may have raised, as `are_bent` tells."""
     told = [alarm for watch in watches for alarm in watch.faults]
-    left = [alarm for alarm in told if not alarm.has_passed and alarm.test != MISSING]
-    first_s = min((alarm.time_s for alarm in left), default=np.inf)
-    certain = [alarm for alarm in left if alarm.judgements and alarm.accuses]
-    bent = {id(each) for each in certain if each.time_s > first_s or each.sensor in ATTITUDE}
-    why = "a gyro that drives the attitude may have bent it, and the monitor was calibrated for one of its own"
+    bent = {id(alarm) for alarm, is_bent in zip(told, are_bent(told), strict=True) if is_bent and alarm.judgements}
     return [
-        replace(watch, alarms=tuple(with_doubt(each, why) if id(each) in bent else each for each in watch.alarms))
+        replace(watch, alarms=tuple(with_doubt(each, BENT) if id(each) in bent else each for each in watch.alarms))
         for watch in watches
     ]
 
