@@ -13,6 +13,7 @@ from itertools import pairwise
 
 from gtmbench.checks import listed
 from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, Record
 
 _HALF_OCTAVE = 2.0**0.5
@@ -53,6 +54,11 @@ class Origin:
     why: str
     shares: Mapping[str, float] = field(default_factory=dict)
     is_assumed: bool = False
+
+    @property
+    def may_bend(self) -> bool:
+        """Whether it is known to be driven, or what every gyro reads, noise included, stands in its rate."""
+        return self.is_driven and (not self.is_assumed or {*GYROS} <= {*self.shares})
 
 
 @dataclass(frozen=True, kw_only=True)

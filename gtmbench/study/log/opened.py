@@ -79,8 +79,8 @@ class Opened:
     findings : tuple of str
         What is worth a word.
     bends : bool
-        Whether the log shows that its gyros drive the attitude, while the monitor was calibrated for one of its own:
-        then a gyro's fault shows in other residuals, too.
+        Whether the gyros may drive the attitude, while the monitor was calibrated for one of its own: then a gyro's
+        fault shows in other residuals, too.
     unwatched : mapping of str to str
         Why gyros aren't watched that the channels give no relation.
     """
@@ -113,12 +113,12 @@ def opened(asked: Asked) -> Opened:
     asked, without = _but_heading(asked, read)
     watcher: Detector | Monitor
     attitude: Origin | None
-    shown: Origin | None = None
+    bends = False
     findings: tuple[str, ...]
     unwatched: dict[str, str] = {}
     if is_ready(asked.watcher):
         watcher, log = asked.watcher, _at_own_rate(asked, read, asked.watcher)
-        attitude, shown = _as_calibrated(asked.watcher, log)
+        attitude, shown, bends = _as_calibrated(asked.watcher, log)
         findings = () if attitude is None or shown is None else (_other_text(attitude, shown),)
     else:
         watcher, attitude, unwatched = _recipe(asked, [read, *others])
@@ -134,7 +134,7 @@ def opened(asked: Asked) -> Opened:
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         attitude=attitude,
         findings=findings,
-        bends=shown is not None and shown.is_driven,
+        bends=bends,
         unwatched=unwatched,
     )
 
@@ -189,14 +189,15 @@ def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor,
     return with_origin(watcher, origin), origin, unwatched
 
 
-def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, Origin | None]:
-    """Return whose attitude a monitor was calibrated for, and the log's, where it shows that its own is another."""
+def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, Origin | None, bool]:
+    """Return whose attitude a monitor was calibrated for; the log's, where it shows another; whether it may bend."""
     calibrated_for = basis_of(monitor).attitude_from_gyros
     if calibrated_for is None:
-        return None, None
+        return None, None, False
     seen = origin_in_log(log)
-    is_other = not seen.is_assumed and seen.is_driven != calibrated_for
-    return Origin(is_driven=calibrated_for, why="as the monitor was calibrated"), seen if is_other else None
+    is_other = seen.is_driven != calibrated_for
+    told = Origin(is_driven=calibrated_for, why="as the monitor was calibrated")
+    return told, seen if is_other and not seen.is_assumed else None, is_other and seen.may_bend
 
 
 def _other_text(told: Origin, seen: Origin) -> str:

@@ -1,12 +1,16 @@
 """A monitor calibrated for an attitude of its own, on a log whose attitude the gyros drive: one name at most."""
 
+from pathlib import Path
+
 import pytest
 
 import gtmbench as gb
+from gtmbench.bench.attitude_filter import estimated_attitude
 from tests.helpers import monitors
 from tests.helpers.autopilot_logs import px4
 
 ONSET_S = 60.0
+BANK_C = Path(gb.__file__).parent / "baselines" / "bank-C.json"
 
 
 @pytest.mark.parametrize("channel", ["p", "q", "r"])
@@ -21,3 +25,22 @@ def test_no_other_sensor_is_accused_for_what_a_gyro_did_to_the_attitude(tmp_path
     assert accused in ([channel], [])
     assert watched.alarms  # that something is wrong is said, whoever it is
     assert all(alarm.time_s > ONSET_S for alarm in watched.alarms)
+
+
+@pytest.mark.parametrize("channel", ["p", "q", "r"])
+def test_nor_where_the_log_documents_nothing(tmp_path, channel):
+    """Of lines of CSV, samples tell that what each gyro reads stands in the attitude's rate."""
+    broken = gb.inject(monitors.record(6000, seed=4), gb.Bias(channel=channel, onset_s=ONSET_S, size=4.0))
+    driven = estimated_attitude(broken, monitors.truth(6000, seed=4), "filter 5 s", 4)
+    gb.write_log(driven, tmp_path / "flight.csv")
+    watched = gb.watch_log(tmp_path / "flight.csv", monitors.monitor("C"))
+    assert watched.alarms
+    assert {alarm.sensor for alarm in watched.alarms if alarm.accuses and alarm.sensor} <= {channel}
+
+
+def test_of_an_attitude_of_its_own_two_faults_are_named(tmp_path):
+    flight = gb.measure(gb.fly("gtm", "multisine+turbulence", 150, seed=62), noise="t2", seed=62)
+    faults = [gb.Bias(channel="q", onset_s=80.0, size=4.0), gb.Bias(channel="p", onset_s=115.0, size=5.0)]
+    gb.write_log(gb.inject(flight, faults), tmp_path / "flight.csv")
+    watched = gb.watch_log(tmp_path / "flight.csv", gb.load_monitor(BANK_C))
+    assert {alarm.sensor for alarm in watched.alarms if alarm.accuses} == {"p", "q"}
