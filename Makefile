@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test lint docs bench experiments export-check clean
+.PHONY: run check test lint docs bench experiments export-check release clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -28,6 +28,9 @@ experiments: .venv/ready ## every printed result and figure of the dissertation;
 export-check: .venv/ready ## an exported monitor on qemu's Cortex-M4: flash, memory, instructions a call; says what to install where a tool is missing
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python experiments/on_board.py --check
 
+release: .venv/release ## the files of a release into dist/, tried as strangers will: three Pythons, lowest and newest dependencies (20 minutes)
+	$(BIN)/python -m tests.release
+
 bench: .venv/bench ## ratios, measured in one process on one thread; into bench.json and docs/reference/measured.md
 	$(BIN)/python -m tests.benchmarks
 
@@ -35,6 +38,10 @@ bench: .venv/bench ## ratios, measured in one process on one thread; into bench.
 	@$(PYTHON) -c 'import sys; sys.exit("gtmbench needs Python >= 3.11; try: make PYTHON=python3.12 run" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	touch $@
+
+.venv/release: .venv/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[release]'
 	touch $@
 
 .venv/bench: .venv/ready
