@@ -25,7 +25,7 @@ def main() -> None:
     assert_type(readings, gb.Record)
     broken = gb.inject(readings, gb.Bias(channel="q", onset_s=40.0, size=5.0))
     assert_type(broken, gb.Record)
-    monitor = gb.load_monitor(Path(gb.__file__).parent / "baselines" / "bank-C.json")
+    monitor = gb.load_monitor(Path(str(gb.__file__)).parent / "baselines" / "bank-C.json")
     watch = monitor.watch(broken)
     assert_type(watch, gb.Watch)
     for alarm in watch.alarms:
@@ -37,10 +37,10 @@ def main() -> None:
     assert_type(mine.watch(broken).alarms, tuple[gb.Alarm, ...])
     stream = monitor.stream()
     assert_type(stream.push(broken), tuple[gb.Alarm, ...])
-    study = gb.run_scenario(gb.load_scenario("drift"))
-    for trial in study.trials:
+    trials = gb.run(gb.load_scenario("faults/drift.toml"))
+    for trial in trials:
         assert_type(trial.detected, bool)
-        assert_type(trial.delay_s, float | None)
+        assert_type(trial.alarm_time_s, float | None)
 
 
 if __name__ == "__main__":
