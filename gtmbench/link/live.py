@@ -154,7 +154,7 @@ class Live:
 
     @property
     def drawn(self) -> tuple[Drawn, ...]:
-        """What became of the recording and the view, once it is closed."""
+        """The recordings, once it is closed: their files, and what they lack."""
         return self._pictures.drawn
 
     @property
