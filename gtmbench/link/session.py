@@ -289,7 +289,8 @@ class Session:
             rows = watcher.heard - heard
             self._looked = (newest_s, watcher.heard, watcher.left_out)
             self._excused = max(self._excused - 1, 0)
-            self._sparse = rows > 0 and watcher.left_out - left_out > _MUCH * rows and not self._excused
+            least = _MUCH * (0.5 if self._sparse else 1.0)  # so that what is said doesn't go to and fro
+            self._sparse = rows > 0 and watcher.left_out - left_out > least * rows and not self._excused
         return self._sparse
 
     def _is_mixed(self, messages: list[Message]) -> bool:

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+import numpy as np
+
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.installing import Corrector, Learner, expected_of, has_motion
@@ -97,7 +99,7 @@ class Watcher:
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
         self.problem = ""
-        """Why these messages can't be watched by this monitor; "" where they can."""
+        """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -126,11 +128,11 @@ class Watcher:
 
     def push(self, messages: Sequence[Message], at_once: int = 1) -> tuple[Alarm, ...]:
         """Return the alarms that some messages raise or tell more of, where they complete enough rows."""
-        if self.problem:
-            return ()
         if self._rows is None:
             self._probed += messages
             messages = self._begun()
+        elif self.problem:
+            return ()
         self.pending += self._samples(messages)
         if not self.pending:
             return ()
@@ -168,10 +170,11 @@ class Watcher:
         slow = [topic for topic in dict.fromkeys(read.values()) if is_too_seldom(periods_s[topic], self._period_s)]
         if (lacking or slow) and span_s < _PATIENCE_S and len(self._probed) < _MOST:
             return []
-        if lacking or slow:
-            self.problem = self._problem(lacking, slow, periods_s)
+        if lacking or slow:  # as it is now: what follows is looked at anew
+            self.problem = self.problem or self._problem(lacking, slow, periods_s)
             self._probed = []
             return []
+        self.problem = ""
         for name, topic in read.items():
             if name in self._needs or self._is_told(name, topic):
                 self._channels[topic] = (*self._channels.get(topic, ()), name)
@@ -233,8 +236,14 @@ class Watcher:
                 told += self._stream.push(part)
                 self.heard += len(part)
                 if any(self._stream.armed.values()):
-                    self.watched += len(part)
+                    self.watched += len(part) - self._missing(part)
         return tuple(told)
+
+    def _missing(self, part: Record) -> int:
+        """Return how many rows of a part lack a sample that the monitor needs."""
+        if not self.left_out:
+            return 0
+        return int(np.isnan(part.matrix(self._needs)).any(axis=1).sum())
 
     def _seconds(self, piece: Record) -> list[Record]:
         """Return a piece second by second: until something is armed, nothing of it counts as watched."""

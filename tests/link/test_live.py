@@ -513,6 +513,27 @@ def test_a_gyro_that_bends_the_attitude_has_no_other_accused(fault, attitude, tm
     assert believed > names  # as it says of an attitude of its own
 
 
+def test_a_link_that_gets_better_is_watched_from_then_on():
+    """As when an autopilot begins to send what it was asked for, or the computer was busy at the start."""
+    (_, plain_link), arrived = plain(), sent()
+    slow = [each for k, each in enumerate(arrived) if k > 1500 or k % 20 < 2]
+    told, link = watch(slow)
+    kinds = [event.kind for event in told]
+    assert kinds[:2] == ["cannot tell", "watching"]
+    assert "too seldom" in told[0].text
+    assert [alarm.sensor for alarm in link.alarms] == [alarm.sensor for alarm in plain_link.alarms]
+
+
+def test_what_a_link_loses_does_not_count_as_watched():
+    """A healthy flight of which three quarters are lost from half-way on: no all-clear of the lost part."""
+    arrived = sent(is_broken=False)
+    half = len(arrived) // 2
+    random = np.random.default_rng(3)
+    told, link = watch([each for k, each in enumerate(arrived) if k < half or random.random() < 0.25])
+    assert not [event for event in told if event.kind in ("alarm", "named")]
+    assert link.watched_s < 0.65 * len(arrived) / 2 * 0.02
+
+
 def since_1970(arrived, *, tells=True):
     """Return packets whose IMU counts its time since 1970; the autopilot tells when it was switched on, or not."""
     mavlink, packets, boot_us = dialect(), Packets(), 1_700_000_000_000_000
