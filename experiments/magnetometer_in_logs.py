@@ -1,4 +1,4 @@
-"""Recorded flights with a magnetometer: is r named where it is broken, and never where it isn't?
+"""Recorded flights with a magnetometer: r is named where it is broken, or isn't, and who is named beside.
 
     python experiments/magnetometer_in_logs.py FOLDER ... [--out DIR]
 
@@ -24,7 +24,7 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.intake.magnetometers import FieldReadings, magnetometers_of
+from gtmbench.intake.magnetometers import magnetometers_of
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples, log_samples
 from gtmbench.jobs.progress import silent
@@ -46,9 +46,9 @@ SHARE = 0.25  # of what is left after identification goes by before a fault
 AS_IT_IS, HEADING, COMPASS = "nothing", "psi alone", "magnetometer"
 INTRODUCTION = """Each log is watched as it is and with one fault at a time. *put*: cases. *right*: the broken sensor is
 named, or "r or psi" has become the right one. *can't tell*: no sensor is named, whatever is doubted. *nothing*: no alarm
-is left. *wrong*: a healthy sensor is named. *without*: the same before any magnetometer was asked. A magnetometer that
-is disturbed is right where nobody is named. Of logs as they are, everything but *nothing* and *can't tell* is wrong.
-"""
+is left. *wrong*: a healthy sensor is named. *without*: the same before any magnetometer was asked. For a disturbed
+magnetometer every name is wrong. Of logs as they are, everything but *nothing* and *can't tell* is wrong.
+"""  # noqa: E501
 Values = Mapping[str, np.ndarray]
 
 
@@ -58,7 +58,7 @@ def broken(read: ReadLog, values: Values, samples: Mapping[str, Samples]) -> Rea
     for name, new in values.items():
         cells = samples[name].cells(new)
         column = cells.column.values()
-        column[cells.rows] = cells.values
+        column[cells.rows] = cells.values  # noqa: PD011
         changed[cells.column.name] = column
     return _with_columns(read, changed)
 
@@ -93,10 +93,10 @@ def faults() -> Iterator[tuple[str, str, gb.Fault, float]]:
 def cases(read: ReadLog, onset_s: float) -> Iterator[tuple[str, str, str, ReadLog]]:
     """Give what is wrong, how, through which estimator, and the log."""
     samples = log_samples(read, [*GYROS, *ATTITUDE])
-    healthy = {name: each.values for name, each in samples.items()}
+    healthy = {name: each.values for name, each in samples.items()}  # noqa: PD011
     for sensor, what, fault, tau_s in faults():
         own = samples[sensor]
-        put = replace(fault, onset_s=onset_s).broken(own.values[:, np.newaxis], own.time_s, own.sample_period_s)
+        put = replace(fault, onset_s=onset_s).broken(own.values[:, np.newaxis], own.time_s, own.sample_period_s)  # noqa: PD011
         gyros = {name: healthy[name] for name in GYROS} | {sensor: put}
         with contextlib.suppress(SteepError):
             bent = bent_samples(AttitudeEstimator(time_constant_s=tau_s), samples, gyros)
@@ -119,12 +119,10 @@ def _disturbed(read: ReadLog, samples: Mapping[str, Samples], onset_s: float, sh
     direction = (0.6, -0.64, 0.48)
     field = {name: by_name[name] + part * grown for name, part in zip(first.columns, direction, strict=True)}
     at_s = samples["psi"].time_s
-    both = [
-        np.column_stack([np.interp(at_s, time_s, own[name]) for name in first.columns]) for own in (by_name, field)
-    ]
+    both = [np.column_stack([np.interp(at_s, time_s, own[name]) for name in first.columns]) for own in (by_name, field)]
     tilt = [np.deg2rad(np.interp(at_s, samples[name].time_s, samples[name].values)) for name in ("phi", "theta")]
     turned = np.unwrap(_azimuth(both[1], *tilt) - _azimuth(both[0], *tilt))
-    heading = samples["psi"].values - np.rad2deg(turned)
+    heading = samples["psi"].values - np.rad2deg(turned)  # noqa: PD011
     return broken(_with_columns(read, field), {"psi": heading}, samples)
 
 
@@ -169,7 +167,7 @@ def asked(path: Path) -> Iterator[dict[str, object]]:
         clean = watched_log(read)
     except InputError:
         return
-    bounds = [round(each.bound_deg_s(), 2) for each in clean.witnesses]
+    bounds = [round(each.bound_deg_s, 2) for each in clean.witnesses]
     yield _row(path, AS_IT_IS, "", "", clean) | {"bounds_deg_s": bounds}
     if clean.check.stops or not clean.witnesses:
         return

@@ -41,7 +41,7 @@ class Judgement:
     imu : str
         The IMU of `sensor`, if a log has several.
     witness : str
-        Which other sensor decided between the candidates, and what it tells; empty if none was asked.
+        Which other sensor was asked to decide between the candidates, and what it tells; empty if none was.
 
     Examples
     --------

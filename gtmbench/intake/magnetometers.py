@@ -1,7 +1,7 @@
 """The magnetometers of a log: the field about three axes, with stamps of its own, beside any record of the log.
 
-No channel of a bank is made of them. They are asked which is wrong, the yaw gyro or the heading, and whoever asks learns
-their scale, their iron and their axes on what is healthy: so their unit doesn't matter.
+No channel of a bank is made of them. They are asked which is wrong, the yaw gyro or the heading, and whoever asks
+learns their scale, their iron and their axes on what is healthy: so their unit doesn't matter.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.mapping import mapped_column, split_mapping
+from gtmbench.intake.mapping import NONE, mapped_column, split_mapping
 from gtmbench.intake.names import stated_unit
-from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
 from gtmbench.values.channels import MAGNETOMETER
@@ -109,7 +109,7 @@ def magnetometers_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[FieldRe
     log : ReadLog
     mapping : sequence of str
         As `open_log` takes it: ``mag_x=COLUMN``, ``mag_y=...`` and ``mag_z=...`` state which columns are one, in any
-        unit; then no other is taken.
+        unit; then no other is taken. ``mag_x=none``: the log counts as without.
 
     Raises
     ------
@@ -120,6 +120,7 @@ def magnetometers_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[FieldRe
     --------
     >>> import tempfile
     >>> from pathlib import Path
+    >>> from gtmbench.intake.read import read_log
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "log.csv")
     ...     rows = (f"{0.1 * k:.1f},{k % 7},{k % 5},1.0" for k in range(40))
@@ -142,6 +143,8 @@ _Triple = tuple[str, Sequence[RawSeries], Sequence[float]]  # a name, columns al
 def _triples(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Triple]:
     """Give the columns of each magnetometer."""
     told = [name for name in MAGNETOMETER if name in mapped]
+    if NONE in (mapped[name] for name in told):
+        return
     if told:
         if len(told) < len(MAGNETOMETER):
             lacking = next(name for name in MAGNETOMETER if name not in mapped)

@@ -157,7 +157,9 @@ class HeadingWitness:
             return _open("gyros or magnetometer have gaps there")
         usual, is_as_long = self._usual(length_s)
         if len(usual) < _FEWEST:
-            return _open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more, and there are {len(usual)}")
+            return _open(
+                f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more, and there are {len(usual)}"
+            )
         opinion = _judged(fit, usual, claimed, length_s)
         if opinion.sensor == MAGNETOMETER_ITSELF and not is_as_long:
             return replace(opinion, sensor=None)

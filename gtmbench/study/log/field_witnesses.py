@@ -1,14 +1,17 @@
 """Which is wrong, the yaw gyro or the heading, by the magnetometers of a log.
 
 An estimator's heading follows its yaw gyro, so what they differ by tells no side. A magnetometer that is read raw is
-driven by no gyro. It is asked after the fact, about all of the time in which they differ, and only about that: it raises
-no alarm, and withdraws no name.
+driven by no gyro. It is asked after the fact, about all of the time in which they differ, and only about that: it
+raises no alarm, and withdraws no name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -34,17 +37,21 @@ class FieldWitness:
     ----------
     name : str
         As the log calls it.
+    columns : tuple of str
+        The log's, along x, y and z.
     records : tuple of Record
         The log's segments with mag_x, mag_y and mag_z.
     learnt : HeadingWitness
     """
 
     name: str
+    columns: tuple[str, str, str]
     records: tuple[Record, ...] = field(repr=False)
     learnt: HeadingWitness = field(repr=False)
 
+    @cached_property
     def bound_deg_s(self) -> float:
-        """Return how well it knows r over `BOUND_S`, in deg/s; NaN where too little is healthy."""
+        """How well it knows r over `BOUND_S`, in deg/s; NaN where too little is healthy."""
         return self.learnt.bound_deg_s(BOUND_S)
 
 
@@ -65,6 +72,7 @@ def field_witnesses(
     return tuple(
         FieldWitness(
             name=each.name,
+            columns=each.columns,
             records=tuple(map(each.beside, segments)),
             learnt=HeadingWitness(healthy=tuple(map(each.beside, taught))),
         )
@@ -75,8 +83,8 @@ def field_witnesses(
 def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | None) -> Alarm:
     """Return an alarm that leaves r or psi open with what magnetometers say of it; any other as it is.
 
-    All of them are asked about each part of the time. r is named where one accuses it and none contradicts. psi is named
-    where it was either of the two; where that is in doubt, the doubt stays and says that the heading wanders.
+    All of them are asked about each part of the time. r is named where one accuses it and none contradicts. psi is
+    named where it was either of the two; where that is in doubt, the doubt stays and says that the heading wanders.
 
     Parameters
     ----------
@@ -92,17 +100,17 @@ def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | 
     if not said:
         return _open(alarm, asked)
     if len(said) > 1:
-        return _with(alarm, asked[-1][2], doubt=f"{_text(asked)}, which contradict each other")
+        return _with(alarm, asked[-1][2], _text(asked), doubt="what magnetometers tell of r is contradictory")
     name, opinion, until_s = next(each for each in asked if each[1].sensor is not None)
     witness = f"{name}: {opinion.reason}"
     if opinion.sensor == R and abs(opinion.error_deg_s) >= _LEAST_DEG_S:
-        return _with(alarm, until_s, sensor=R, candidates=(R,), witness=witness, doubt="", reason="")
+        return _with(alarm, until_s, witness, sensor=R, candidates=(R,), doubt="", reason="")
     if opinion.sensor == PSI and not alarm.doubt:
-        return _with(alarm, until_s, sensor=PSI, candidates=(PSI,), witness=witness, doubt="", reason="")
+        return _with(alarm, until_s, witness, sensor=PSI, candidates=(PSI,), doubt="", reason="")
     if opinion.sensor == PSI:
-        return _with(alarm, until_s, candidates=(PSI,), witness=witness, doubt=f"the heading wanders; by {witness}")
+        return _with(alarm, until_s, witness, candidates=(PSI,), doubt="the heading wanders")
     if opinion.sensor == MAGNETOMETER_ITSELF:
-        return _with(alarm, until_s, doubt=f"{name} is disturbed, so it can't tell r from psi: {opinion.reason}")
+        return _with(alarm, until_s, witness, doubt=f"{name} is disturbed, which may turn the heading")
     return _open(alarm, asked)
 
 
@@ -125,10 +133,10 @@ def _opinions(alarm: Alarm, witness: FieldWitness, means: SlowMeans) -> Iterator
         if stop_s - start_s < SHORTEST_S + record.sample_period_s:
             continue
         edges = np.linspace(start_s, stop_s, int(np.ceil((stop_s - start_s) / _LONGEST_S)) + 1)
-        for first_s, last_s in zip(edges[:-1], edges[1:], strict=True):
-            claimed = _claimed(means, (float(first_s), float(last_s)))
+        for first_s, last_s in pairwise(edges.tolist()):
+            claimed = _claimed(means, (first_s, last_s))
             if np.isfinite(claimed):
-                yield witness.name, witness.learnt.judge(record, first_s, last_s, error_deg_s=claimed), float(last_s)
+                yield witness.name, witness.learnt.judge(record, first_s, last_s, error_deg_s=claimed), last_s
 
 
 def _claimed(means: SlowMeans, span: Span) -> float:
@@ -141,11 +149,7 @@ def _claimed(means: SlowMeans, span: Span) -> float:
 
 def _open(alarm: Alarm, asked: Sequence[_Said]) -> Alarm:
     """Return an alarm that stays open, with why the magnetometers can't tell."""
-    if not asked:
-        return alarm
-    last = alarm.judgements[-1]
-    reason = f"{last.reason}; {_text(asked[:1])}" if last.reason else _text(asked[:1])
-    return _with(alarm, asked[0][2], reason=reason)
+    return _with(alarm, asked[-1][2], _text(asked)) if asked else alarm
 
 
 def _text(asked: Sequence[_Said]) -> str:
@@ -153,8 +157,8 @@ def _text(asked: Sequence[_Said]) -> str:
     return "; ".join(dict.fromkeys(f"{name}: {opinion.reason}" for name, opinion, _ in asked if opinion.reason))
 
 
-def _with(alarm: Alarm, known_s: float, **changed: object) -> Alarm:
-    """Return an alarm with one judgement more, as the last but for some of its fields."""
+def _with(alarm: Alarm, known_s: float, witness: str, **changed: Any) -> Alarm:
+    """Return an alarm with one judgement more: as the last, but for what a witness changes."""
     last = alarm.judgements[-1]
-    judged: Judgement = replace(last, time_s=max(last.time_s, known_s), **changed)  # type: ignore[arg-type]
+    judged: Judgement = replace(last, time_s=max(last.time_s, known_s), witness=witness, **changed)
     return replace(alarm, judgements=(*alarm.judgements, judged))
