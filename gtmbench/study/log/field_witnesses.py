@@ -83,8 +83,9 @@ def field_witnesses(
 def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | None) -> Alarm:
     """Return an alarm that leaves r or psi open with what magnetometers say of it; any other as it is.
 
-    All of them are asked about each part of the time. r is named where one accuses it and none contradicts. psi is
-    named where it was either of the two; where that is in doubt, the doubt stays and says that the heading wanders.
+    All of them are asked about each part of the time. r is named where one accuses it and none measures another error
+    of it, even one that itself can't tell. psi is named where it was either of the two; where that is in doubt, the
+    doubt stays and says that the heading wanders.
 
     Parameters
     ----------
@@ -99,9 +100,10 @@ def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | 
     said = {opinion.sensor for _, opinion, _ in asked} - {None}
     if not said:
         return _open(alarm, asked)
-    if len(said) > 1:
-        return _with(alarm, asked[-1][2], _text(asked), doubt="what magnetometers tell of r is contradictory")
-    name, opinion, until_s = next(each for each in asked if each[1].sensor is not None)
+    first = next(each for each in asked if each[1].sensor is not None)
+    if len(said) > 1 or any(_contradict(first, other) for other in asked):
+        return _with(alarm, asked[-1][2], _text(asked), doubt="magnetometers contradict each other about r")
+    name, opinion, until_s = first
     witness = f"{name}: {opinion.reason}"
     if opinion.sensor == R and abs(opinion.error_deg_s) >= _LEAST_DEG_S:
         return _with(alarm, until_s, witness, sensor=R, candidates=(R,), doubt="", reason="")
@@ -145,6 +147,14 @@ def _claimed(means: SlowMeans, span: Span) -> float:
     part = means.error[max(first, 0) : stop, 2]
     known = part[np.isfinite(part)]
     return float(known.mean()) if len(known) > _KNOWN * max(len(part), 1) else np.nan
+
+
+def _contradict(one: _Said, other: _Said) -> bool:
+    """Tell whether two measure different errors of r in the same time, also where one of them accuses nobody."""
+    if one[2] != other[2]:
+        return False
+    apart = abs(one[1].error_deg_s - other[1].error_deg_s)
+    return bool(apart > one[1].bound_deg_s + other[1].bound_deg_s)  # not where one doesn't know
 
 
 def _open(alarm: Alarm, asked: Sequence[_Said]) -> Alarm:
