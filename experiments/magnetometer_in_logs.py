@@ -1,13 +1,14 @@
 """Recorded flights with a magnetometer: r is named where it is broken, or isn't, and who is named beside.
 
-    python experiments/magnetometer_in_logs.py FOLDER ... [--out DIR]
+    python experiments/magnetometer_in_logs.py [FOLDER ...] [--synthetic FIRST:LAST] [--out DIR]
 
 Watches every log below the folders that holds p, q, r, phi, theta, psi and a magnetometer by `gtmbench monitor`'s
 detector auto, as it is and broken: the yaw gyro, with an attitude that an estimator of 5 s or of 20 s makes of it;
 the heading alone; the magnetometer with a heading that follows it. A fault begins a quarter of the way
 from the end of what was identified on to the end of the flight, and lasts. *Without* is what was said before any
 magnetometer was asked. Prints tables, writes report.md and cases.csv into DIR, and ends with code 1 where a sensor is
-named that is healthy. No log is kept.
+named that is healthy. No log is kept. With --synthetic the same of flights of the GTM, by their seeds, written as
+tables at 10 Hz, whose attitude a filter of 20 s makes of the gyros.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
+import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -39,9 +41,10 @@ from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.attitude import AttitudeEstimator, SteepError
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 
 LEFT_S = 25.0  # at least, from a fault's onset to the flight's end
+FLOWN_S, RATE_HZ = 240.0, 10.0  # of synthetic flights
 SHARE = 0.25  # of what is left after identification goes by before a fault
 COMPASS_SHARE = 1.0  # of the field, by which a magnetometer is disturbed at last
 AS_IT_IS, HEADING, COMPASS = "nothing", "psi alone", "magnetometer"
@@ -70,6 +73,22 @@ def _with_columns(read: ReadLog, changed: Values) -> ReadLog:
         for each in read.raw.series
     ]
     return ReadLog(path=read.path, raw=replace(read.raw, series=tuple(series)))
+
+
+def synthetic(folder: Path, seeds: range) -> None:
+    """Write healthy flights as tables: T2's noise, a driven attitude, a magnetometer with soft iron of 3 %."""
+    for seed in seeds:
+        dip_deg = np.random.default_rng(seed).uniform(40.0, 75.0)
+        truth = gb.fly("gtm", "multisine+turbulence", FLOWN_S, seed=seed)
+        magnetometer = gb.Magnetometer(inclination_deg=dip_deg, rate_hz=RATE_HZ)
+        sensed = gb.with_magnetometer(gb.measure(truth, noise="t2", seed=seed), truth, magnetometer, seed=seed)
+        for name in ATTITUDE:
+            sensed = sensed.replace(name, truth[name])
+        driven = gb.filtered_attitude(sensed, time_constant_s=20.0, seed=seed)
+        every = round(1.0 / (RATE_HZ * driven.sample_period_s))
+        channels = (*GYROS, *ATTITUDE, *MAGNETOMETER)
+        rows = driven.matrix(channels)[::every]
+        gb.write_log(gb.Record(rows, channels=channels, sample_period_s=1.0 / RATE_HZ), folder / f"gtm_{seed}.csv")
 
 
 def watched_log(read: ReadLog) -> WatchedLog:
@@ -203,29 +222,43 @@ def summed(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def studied(folder: Path, out: Path) -> pd.DataFrame:
+    """Return what is said of all logs of a folder; kept log by log."""
+    found: list[dict[str, object]] = []
+    for path in sorted(each for each in folder.rglob("*") if each.is_file()):
+        found += asked(path)
+        print(path.name, len(found), flush=True)
+        pd.DataFrame(found).to_csv(out / f"{folder.name}.csv", index=False)
+    if not found:
+        raise SystemExit(f"{folder}: no log of it has gyros, an attitude and a magnetometer")
+    return pd.DataFrame(found)
+
+
 def main() -> int:
     """Watch, sum up, write."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="+", type=Path)
+    parser.add_argument("folders", nargs="*", type=Path)
+    parser.add_argument("--synthetic", default="")
     parser.add_argument("--out", type=Path, default=Path("experiments/reports/magnetometer_in_logs"))
     given = parser.parse_args()
-    lines, wrong = ["# Recorded flights with a magnetometer", INTRODUCTION], 0
     given.out.mkdir(parents=True, exist_ok=True)
-    for folder in given.folders:
-        found: list[dict[str, object]] = []
-        for path in sorted(each for each in folder.rglob("*") if each.is_file()):
-            found += asked(path)
-            print(path.name, len(found), flush=True)
-            pd.DataFrame(found).to_csv(given.out / f"{folder.name}.csv", index=False)
-        if not found:
-            raise SystemExit(f"{folder}: no log of it has gyros, an attitude and a magnetometer")
-        rows = pd.DataFrame(found)
-        wrong += int((rows["with"] == "wrong").sum())
-        lines += [f"## {folder.name}: {rows['log'].nunique()} logs", markdown(summed(rows))]
+    groups = {folder.name: studied(folder, given.out) for folder in given.folders}
+    if given.synthetic:
+        first, last = (int(each) for each in given.synthetic.split(":"))
+        with tempfile.TemporaryDirectory() as above:
+            folder = Path(above, "synthetic")
+            folder.mkdir()
+            synthetic(folder, range(first, last))
+            groups[f"synthetic, seeds {first} to {last - 1}"] = studied(folder, given.out)
+    if not groups:
+        parser.error("neither a folder nor --synthetic is given; give folders of logs, --synthetic FIRST:LAST, or both")
+    lines = ["# Recorded flights with a magnetometer", INTRODUCTION]
+    for name, rows in groups.items():
+        lines += [f"## {name}: {rows['log'].nunique()} logs", markdown(summed(rows))]
     text = "\n\n".join(lines)
     (given.out / "report.md").write_text(text + "\n", encoding="utf-8")
     print(text)
-    return int(wrong > 0)
+    return int(any((rows["with"] == "wrong").any() for rows in groups.values()))
 
 
 if __name__ == "__main__":
