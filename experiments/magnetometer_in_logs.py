@@ -29,6 +29,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.magnetometers import magnetometers_of
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import Samples, log_samples
+from gtmbench.intake.times import with_time
 from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.asked import asked as ask
@@ -129,7 +130,7 @@ def _disturbed(read: ReadLog, samples: Mapping[str, Samples], onset_s: float, sh
     first = magnetometers_of(read)[0]
     by_name = {series.name: series.values() for series in read.raw.series if series.name in first.columns}
     topic = next(series.clock for series in read.raw.series if series.name == first.columns[0])
-    time_s = read.raw.clocks[topic]
+    time_s = with_time(read.raw, None).clocks[topic]  # of a table, too
     strength = float(np.nanmedian(np.linalg.norm(first.field, axis=1)))
     grown = np.clip((time_s - onset_s) / (time_s[-1] - onset_s), 0.0, 1.0) * share * strength
     direction = (0.6, -0.64, 0.48)
