@@ -5,7 +5,7 @@
 Watches every log below the folders that holds p, q, r, phi, theta, psi and a magnetometer by `gtmbench monitor`'s
 detector auto, as it is and broken: the yaw gyro, with an attitude that an estimator of 5 s or of 20 s makes of it;
 the heading alone; the magnetometer with a heading that follows it. A fault begins a quarter of the way
-from the end of what was identified on to the end of the flight, and lasts. *Without* is what was said before any
+from the end of what was identified on to the end of the flight, and lasts. *Without* is the verdict before any
 magnetometer was asked. Prints tables, writes report.md and cases.csv into DIR, and ends with code 1 where a sensor is
 named that is healthy. No log is kept. With --synthetic the same of flights of the GTM, by their seeds, written as
 tables at 10 Hz, whose attitude a filter of 20 s makes of the gyros.
@@ -211,7 +211,7 @@ def _row(path: Path, sensor: str, what: str, tau: str, watched: WatchedLog) -> d
 
 
 def summed(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return how often what was said, a row a fault."""
+    """Return how often each verdict came, a row a fault."""
     lines = []
     for (sensor, how, through), part in rows.groupby(["broken", "how", "through"], sort=False):
         line = {"broken": sensor, "how": how, "through": through, "put": len(part)}

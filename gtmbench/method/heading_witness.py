@@ -88,7 +88,7 @@ class HeadingWitness:
     For each gyro alone d = a + b t is found by least squares. All errors of calibration and of motion are in what
     healthy stretches of the same length show: their median, which is a constant error of the gyro, is taken off, and
     twice the largest that is left is a bound. Of a stretch too long to find so many of, it is what the longest show
-    of which there are enough; then nothing is said of the magnetometer, whose field may change more in a longer time.
+    of which there are enough; then no disturbance is named, for the field may change more in a longer time.
 
     A disturbance of the magnetometer may look like a turn, and a heading that relies on that magnetometer turns with
     it. On a straight way a disturbance that turns the field by an angle A about the yaw axis weakens it across that
