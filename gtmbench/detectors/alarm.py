@@ -40,6 +40,8 @@ class Judgement:
         What may have raised the alarm although no sensor failed; empty if a sensor must have failed.
     imu : str
         The IMU of `sensor`, if a log has several.
+    witness : str
+        Which other sensor was asked to decide between the candidates, and what it tells; empty if none was.
 
     Examples
     --------
@@ -61,6 +63,7 @@ class Judgement:
     reason: str = ""
     doubt: str = ""
     imu: str = ""
+    witness: str = ""
 
     @property
     def swapped(self) -> bool:

@@ -7,7 +7,7 @@ stays where it was; a gyro's error turns it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,9 +19,11 @@ from gtmbench.errors import InputError
 from gtmbench.values.channels import GYROS, MAGNETOMETER
 from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
 
+MAGNETOMETER_ITSELF = "magnetometer"
 SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
 _STEP = 0.25  # of a stretch, from one healthy stretch to the next
 _FEWEST = 8  # healthy stretches of that length, before they bound anything
+_SHORTER = 0.8  # times the length, where there are too few
 _OF_HEALTHY = 2.0  # times the largest of healthy stretches is still healthy
 _PRESENT = 0.8  # of the magnetometer's usual readings have to be there
 _SURE = 2.0  # times the bound: an error that is neither healthy nor hidden by what is
@@ -45,7 +47,8 @@ class FieldOpinion:
     reason : str
         Why.
     error_deg_s : float
-        What r reads more than the field turns, as a mean over the stretch; NaN where it isn't known.
+        What r reads more than the field turns, and more than where healthy, as a mean over the stretch; NaN where it
+        isn't known.
     bound_deg_s : float
         What healthy stretches of that length don't exceed; NaN where it isn't known.
 
@@ -83,7 +86,9 @@ class HeadingWitness:
         n(k) = C(k) m(k),   dn/dt = C (d x m),   so   n(k) = n(0) + sum_i integral of d_i C (e_i x m) dt.
 
     For each gyro alone d = a + b t is found by least squares. All errors of calibration and of motion are in what
-    healthy stretches of the same length show: twice the largest of them is a bound.
+    healthy stretches of the same length show: their median, which is a constant error of the gyro, is taken off, and
+    twice the largest that is left is a bound. Of a stretch too long to find so many of, it is what the longest show
+    of which there are enough; then no disturbance is named, for the field may change more in a longer time.
 
     A disturbance of the magnetometer may look like a turn, and a heading that relies on that magnetometer turns with
     it. On a straight way a disturbance that turns the field by an angle A about the yaw axis weakens it across that
@@ -132,7 +137,7 @@ class HeadingWitness:
         start_s, end_s : float
             Since when and until when r and the heading's rate differ.
         error_deg_s : float
-            What r reads more than the heading turns, as a mean over that stretch.
+            What r reads more than the heading turns, and more than where healthy, as a mean over that stretch.
 
         Raises
         ------
@@ -150,10 +155,23 @@ class HeadingWitness:
         fit = _fit(stretch, self._usual_share)
         if fit is None:
             return _open("gyros or magnetometer have gaps there")
-        usual = self._usual(length_s)
+        usual, is_as_long = self._usual(length_s)
         if len(usual) < _FEWEST:
-            return _open(f"only {len(usual)} healthy stretches of {length_s:.3g} s; it needs {_FEWEST}")
-        return _judged(fit, usual, claimed, length_s)
+            return _open(
+                f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more, and there are {len(usual)}"
+            )
+        opinion = _judged(fit, usual, claimed, length_s)
+        if opinion.sensor == MAGNETOMETER_ITSELF and not is_as_long:
+            return replace(opinion, sensor=None)
+        return opinion
+
+    def bound_deg_s(self, length_s: float) -> float:
+        """Return how well a stretch of some length tells r's error, in deg/s; NaN where too little is healthy.
+
+        A yaw gyro is accused only where it is off by twice that, at least.
+        """
+        usual, _ = self._usual(number("length_s", length_s, SHORTEST_S))
+        return _middle_and_bound(usual)[1] if len(usual) >= _FEWEST else np.nan
 
     @cached_property
     def _usual_share(self) -> float:
@@ -161,8 +179,15 @@ class HeadingWitness:
         rows = np.concatenate([np.isfinite(record.matrix(MAGNETOMETER)).all(axis=1) for record in self.healthy])
         return float(rows.mean())
 
-    def _usual(self, length_s: float) -> list[_Fit]:
-        fits = []
+    def _usual(self, length_s: float) -> tuple[list[_Fit], bool]:
+        """Return healthy stretches, and whether they are of that length, or shorter for want of enough."""
+        lasts_s = length_s
+        while len(fits := self._stretches(lasts_s)) < _FEWEST and lasts_s > SHORTEST_S:
+            lasts_s = max(_SHORTER * lasts_s, SHORTEST_S)
+        return fits, lasts_s == length_s
+
+    def _stretches(self, length_s: float) -> list[_Fit]:
+        fits: list[_Fit] = []
         for record in self.healthy:
             rows = round(length_s / record.sample_period_s)
             step = max(int(_STEP * rows), 1)
@@ -180,8 +205,8 @@ def _open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpi
 
 def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -> FieldOpinion:
     """Return the opinion about a stretch, given how healthy ones of the same length are."""
-    error = float(fit.errors_deg_s[_YAW])
-    bound = _OF_HEALTHY * max(abs(float(each.errors_deg_s[_YAW])) for each in usual)
+    middle, bound = _middle_and_bound(usual)
+    error = float(fit.errors_deg_s[_YAW]) - middle
     left = _OF_HEALTHY * max(float(each.left.max()) for each in usual)
     strength = _OF_HEALTHY * max(each.strength for each in usual)
     turn_deg = max(each.turn_deg for each in usual)
@@ -190,7 +215,7 @@ def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -
         return _open(why, error, bound)
     if fit.strength > strength:
         why = f"the field's strength changes by {100.0 * fit.strength:.2g} %, healthy at most {100.0 * strength:.2g} %"
-        return FieldOpinion(sensor="magnetometer", reason=why, error_deg_s=error, bound_deg_s=bound)
+        return FieldOpinion(sensor=MAGNETOMETER_ITSELF, reason=why, error_deg_s=error, bound_deg_s=bound)
     if abs(claimed) < _SURE * bound:
         return _open(f"the magnetometer knows r to {bound:.2g} deg/s only", error, bound)
     if fit.left[_YAW] > left:
@@ -208,6 +233,13 @@ def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -
         return _open(f"a disturbance of the magnetometer may turn the field by {angle:.0f} deg, too", error, bound)
     why = f"r reads {error:+.2g} deg/s more than the field turns"
     return FieldOpinion(sensor="r", reason=why, error_deg_s=error, bound_deg_s=bound)
+
+
+def _middle_and_bound(usual: Sequence[_Fit]) -> tuple[float, float]:
+    """Return r's usual error on healthy stretches, and by how much more than that an error isn't healthy."""
+    errors = np.array([each.errors_deg_s[_YAW] for each in usual])
+    middle = float(np.median(errors))
+    return middle, float(_OF_HEALTHY * np.abs(errors - middle).max())
 
 
 def _fit(stretch: Record, usual_share: float) -> _Fit | None:

@@ -96,6 +96,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "log_samples",
         "several_imus",
         "heading_witness",
+        "magnetometer_in_logs",
         "lost_samples",
         "yardstick",
         "attitude_origin",

@@ -120,7 +120,7 @@ def test_gaps_and_too_little_say_so(flight, witness):
     ]:
         opinion = witness.judge(record, START_S, stop_s, error_deg_s=3.0)
         assert (opinion.sensor, word in opinion.reason) == (None, True)
-    short = HeadingWitness(healthy=(flight.between(0.0, 40.0),))
+    short = HeadingWitness(healthy=(flight.between(0.0, 25.0),))
     assert "healthy stretches" in short.judge(flight, START_S, STOP_S, error_deg_s=3.0).reason
 
 

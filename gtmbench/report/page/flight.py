@@ -28,7 +28,12 @@ from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
 from gtmbench.report.score_units import LOWEST, level
 from gtmbench.report.tables.results import versions
-from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
+from gtmbench.report.words.certificate import (
+    certificate_notes,
+    certificate_table,
+    certificate_title,
+    witness_lines,
+)
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.units import capitalised, duration_text
@@ -96,7 +101,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         treatment=[(state, f"{seconds:.1f}") for state, seconds in lengths_s.items() if seconds >= SHORT_S],
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
-        certificate_notes=certificate_notes(watched.certificate.rows),
+        certificate_notes=[*certificate_notes(watched.certificate.rows), *witness_lines(watched.witnesses)],
         details="\n".join(detail_lines(watched)),
         facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
         command=command,

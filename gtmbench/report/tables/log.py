@@ -25,6 +25,7 @@ from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
+from gtmbench.study.log.field_witnesses import FieldWitness
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog
 from gtmbench.study.log.watched import WatchedLog
@@ -49,6 +50,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
+        "witnesses": [_witness(each) for each in watched.witnesses],
         "installation": None if watched.installation is None else watched.installation.table(),
         "attitude": None if watched.attitude is None else asdict(watched.attitude),
         "log": _log(watched.log),
@@ -152,6 +154,11 @@ def _comparison(watched: WatchedLog) -> Mapping[str, Any] | None:
         "watched": None if compared.watched is None else compared.watched.name,
         "alarms": [_finding(alarm, None) for alarm in compared.alarms],
     }
+
+
+def _witness(witness: FieldWitness) -> Mapping[str, Any]:
+    bound = None if np.isnan(witness.bound_deg_s) else witness.bound_deg_s
+    return {"name": witness.name, "columns": witness.columns, "bound_deg_s": bound}
 
 
 def score_results(scores: ScoredLog) -> dict[str, Any]:

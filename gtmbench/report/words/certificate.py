@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
+from gtmbench.study.log.field_witnesses import BOUND_S, FieldWitness
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
@@ -70,6 +73,19 @@ def certificate_title(certificate: Certificate) -> str:
         f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
         f"{_watched(certificate)}"
     )
+
+
+def witness_lines(witnesses: Sequence[FieldWitness]) -> list[str]:
+    """Return which magnetometers are asked between r and psi, and how well they know r; nothing without any."""
+    if not witnesses:
+        return []
+    told = [
+        f"{each.name} (too little is healthy to know r)"
+        if np.isnan(each.bound_deg_s)
+        else f"{each.name} (knows r to {each.bound_deg_s:.2g} deg/s)"
+        for each in witnesses
+    ]
+    return [f"asked where r or psi is left open, over {BOUND_S:g} s: {', '.join(told)}"]
 
 
 def certificate_notes(rows: Sequence[Smallest]) -> list[str]:

@@ -25,7 +25,7 @@ from gtmbench.report.log_findings import (
     stretches,
 )
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
-from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
@@ -65,6 +65,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *(f"note: {reason}" for reason in watched.reasons),
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
+        *witness_lines(watched.witnesses),
         *_worth_lines(watched),
     ]
 
@@ -255,8 +256,15 @@ def _slow_lines(alarm: Alarm) -> list[str]:
     ended = "not seen to end" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
+        *_witness_lines(alarm),
         f"    {alarm.source} less the attitude's rate, as a mean; since about {alarm.onset_s:.2f} s{named}; {ended}",
     ]
+
+
+def _witness_lines(alarm: Alarm) -> list[str]:
+    """Return which witness was asked, and what it tells; nothing where none was."""
+    witness = "" if alarm.last is None else alarm.last.witness
+    return [f"    asked between r and psi: {witness}"] if witness else []
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
@@ -277,7 +285,7 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
         known.append("not seen to end")
     if disarmed := disarmed_by(alarm, watch):
         known.append(f"no longer watched: {', '.join(disarmed)}")
-    return [f"{alarm.time_s:.2f} s  {what}", *([f"    {'; '.join(known)}"] if known else [])]
+    return [f"{alarm.time_s:.2f} s  {what}", *_witness_lines(alarm), *([f"    {'; '.join(known)}"] if known else [])]
 
 
 def _unwatched_lines(watched: WatchedLog) -> list[str]:

@@ -171,11 +171,17 @@ def _why(watched: WatchedLog) -> list[str]:
         source = source_text(alarm, watch) or "test statistic"
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
-        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
+        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
     return lines + [
-        f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate."
+        f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]
     ]
+
+
+def _by_witness(alarm: Alarm) -> str:
+    """Return which witness was asked, and what it tells; nothing where none was."""
+    witness = "" if alarm.last is None else alarm.last.witness
+    return f"; asked between r and psi: {witness}" if witness else ""
 
 
 def _certainty(watched: WatchedLog) -> list[str]:

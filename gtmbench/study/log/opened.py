@@ -18,6 +18,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
+from gtmbench.intake.magnetometers import FieldReadings, magnetometers_of
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
@@ -74,6 +75,8 @@ class Opened:
         Healthy ones, at its rate.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
+    magnetometers : tuple of FieldReadings
+        Those of the log that may tell r from psi; none where the log has no heading, or nothing rests on motion.
     attitude : Origin or None
         Whether the gyros drive the attitude; None where nothing rests on that.
     findings : tuple of str
@@ -90,6 +93,7 @@ class Opened:
     own: OpenedLog
     others: tuple[OpenedLog, ...]
     imus: FlightLog | None = field(repr=False)
+    magnetometers: tuple[FieldReadings, ...] = field(repr=False)
     attitude: Origin | None
     findings: tuple[str, ...]
     bends: bool
@@ -125,13 +129,16 @@ def opened(asked: Asked) -> Opened:
         findings = (*without, *unwatched.values())
         log = _at_most(read, watcher, asked)
     rate_hz = 1.0 / log.sample_period_s
+    own = _with_motion(read, log, watcher, asked)
+    has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
     return Opened(
         asked=asked,
         watcher=watcher,
-        own=_with_motion(read, log, watcher, asked),
+        own=own,
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
+        magnetometers=magnetometers_of(read, asked.mapping) if has_heading else (),
         attitude=attitude,
         findings=findings,
         bends=bends,

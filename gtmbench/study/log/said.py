@@ -23,6 +23,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
+from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
@@ -57,6 +58,8 @@ class Said:
     means : SlowMeans or None
         What gyros and attitude say of each other over tens of seconds; None where the monitor wasn't learnt on this
         log, or the log hasn't both.
+    witnesses : tuple of FieldWitness
+        The magnetometers that were asked where r or psi was left open.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -68,6 +71,7 @@ class Said:
     installation: Installation | None = None
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
+    witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
 
 
@@ -111,13 +115,15 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
-    return replace(
-        said,
-        watches=tuple(watches),
-        check=check,
-        comparison=comparison,
-        means=_means(said),
-        findings=findings,
+    return _settled(
+        replace(
+            said,
+            watches=tuple(watches),
+            check=check,
+            comparison=comparison,
+            means=_means(said),
+            findings=findings,
+        )
     )
 
 
@@ -144,15 +150,34 @@ def _means(said: Said) -> SlowMeans | None:
     heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
         return None
-    left_out = [each.span for each in learnt.left_out if each.log == opened.log.path]
-    healthy = [(each.start_s, each.end_s) for each in outside(within(opened.log, learnt.identified_s), left_out)]
     return slow_means(
         motion.segments,
-        healthy=healthy,
+        healthy=[(each.start_s, each.end_s) for each in _healthy(learnt, opened.log)],
         excursions=said.excursions,
         is_driven=opened.attitude is not None and opened.attitude.is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
     )
+
+
+def _healthy(learnt: Learnt, log: FlightLog) -> list[Record]:
+    """Return the stretches of a log that its monitor was learnt on."""
+    left_out = [each.span for each in learnt.left_out if each.log == learnt.opened.log.path]
+    return outside(within(log, learnt.identified_s), left_out)
+
+
+def _settled(said: Said) -> Said:
+    """Ask the log's magnetometers where r or psi is left open."""
+    learnt, means = said.learnt, said.means
+    motion = learnt.opened.own.motion
+    if means is None or motion is None:  # r and psi aren't compared
+        return said
+    witnesses = field_witnesses(learnt.opened.magnetometers, motion.segments, _healthy(learnt, motion))
+    watches = [
+        replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
+        for watch in said.watches
+    ]
+    told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
+    return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
 
 
 def _but_small(watch: Watch, learnt: Learnt) -> Watch:

@@ -14,6 +14,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
+from gtmbench.study.log.field_witnesses import FieldWitness
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison, further
 from gtmbench.study.log.said import Said
@@ -68,6 +69,9 @@ class WatchedLog:
     means : SlowMeans or None
         How gyros and attitude differ over tens of seconds; None if the monitor wasn't identified on this
         log, or rests on no attitude.
+    witnesses : tuple of FieldWitness
+        The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
+        monitor wasn't identified on it.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -104,6 +108,7 @@ class WatchedLog:
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
+    witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -181,6 +186,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         left_out=learnt.left_out,
         comparison=said.comparison,
         means=said.means,
+        witnesses=said.witnesses,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,
