@@ -112,6 +112,14 @@ static void put_row(gtm_monitor_line *line, unsigned is_there, int32_t sample)
     line->there_at = next_of(at, GTM_MONITOR_THERE);
 }
 
+#if GTM_MONITOR_COMPACT
+/* Stored from the end, where no row waits when the first ones come. */
+static int16_t *mean_at(gtm_monitor_line *line, uint32_t block)
+{
+    return &line->store.samples.means[GTM_MONITOR_MEANS_ROOM - 1u - block % GTM_MONITOR_MEANS];
+}
+#endif
+
 static void put_sample(gtm_monitor_line *line, int32_t sample)
 {
     const int32_t square = sample * sample;
@@ -135,15 +143,15 @@ static void put_sample(gtm_monitor_line *line, int32_t sample)
         uint32_t block = line->count / GTM_MONITOR_SHORTEST - 1u;
         int32_t sum = line->sums[0], half = (int32_t)GTM_MONITOR_SHORTEST / 2;
         int32_t mean = (sum + (sum < 0 ? -half : half)) / (int32_t)GTM_MONITOR_SHORTEST;
-        line->store.samples.means[block % GTM_MONITOR_MEANS] = (int16_t)mean;
+        *mean_at(line, block) = (int16_t)mean;
     }
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
         uint32_t rows = WINDOW_ROWS[w];
         if (line->count >= rows + GTM_MONITOR_SHORTEST && (line->count - rows) % GTM_MONITOR_SHORTEST == 0u) {
             uint32_t blocks = (line->count - rows) / GTM_MONITOR_SHORTEST;
-            line->bases[w] += line->store.samples.means[(blocks - 1u) % GTM_MONITOR_MEANS];
+            line->bases[w] += *mean_at(line, blocks - 1u);
             if (blocks > GTM_MONITOR_BASE_BLOCKS) {
-                line->bases[w] -= line->store.samples.means[(blocks - 1u - GTM_MONITOR_BASE_BLOCKS) % GTM_MONITOR_MEANS];
+                line->bases[w] -= *mean_at(line, blocks - 1u - GTM_MONITOR_BASE_BLOCKS);
             }
         }
     }
@@ -813,7 +821,7 @@ static int follow(gtm_monitor_line *line, unsigned j, float x, int is_silent)
 
 /* ---- learning the noise at first: passes over the rows that wait, a few rows a call ---- */
 
-static float *waiting(gtm_monitor_line *line) { return line->store.waiting + (GTM_MONITOR_WAITING_ALL - GTM_MONITOR_WAITING); }
+static float *waiting(gtm_monitor_line *line) { return line->store.waiting; }
 
 /* Behind the calibrated filter; `mean` is that of the residual. */
 static float behind_calibrated(gtm_monitor_line *line, unsigned j, float raw)
