@@ -30,7 +30,7 @@ from gtmbench.testing.on_board import M4_INSTALL, Compiled, missing_tools, run_o
 
 KINDS = ("jam", "drift", "bias", "deadzone", "noise", "scale_factor", "lag", "oscillation")
 VARIANTS = ("full", "compact")
-DURATION_S, FIRST_SEED = 150.0, 880_000
+DURATION_S, FIRST_SEED = 150.0, 940_000
 
 
 def fault_of(kind: str, draw: np.random.Generator) -> gb.Fault:

@@ -9,7 +9,7 @@
 #define GROUP 34u
 #define ORDER GTM_MONITOR_ORDER
 #define BLOCK GTM_MONITOR_BLOCK
-#define NAMES (ORDER + 9) /* columns of a recent block */
+#define NAMES ((size_t)ORDER + 9u) /* columns of a recent block */
 #define FLOOR 0.0025f
 #define LEAST 0.005f
 #if GTM_MONITOR_COMPACT
@@ -653,7 +653,8 @@ static float clipped_white(gtm_monitor_line *line, float y)
 static void measured(const gtm_monitor_line *line, float *recent, float *late, float powers[2], float *burst)
 {
     const gtm_monitor_open *open = &line->open;
-    const float part = (float)(BLOCK / 5u);
+    const unsigned part_rows = BLOCK / 5u;
+    const float part = (float)part_rows;
     recent[COUNT] = open->count;
     recent[SIZE] = open->size;
     recent[FOURTH] = open->fourth;
@@ -833,7 +834,7 @@ static float behind_calibrated(gtm_monitor_line *line, unsigned j, float raw)
 
 static unsigned is_block_there(gtm_monitor_line *line, unsigned block)
 {
-    const float *rows = waiting(line) + block * BLOCK;
+    const float *rows = waiting(line) + (size_t)block * BLOCK;
     unsigned count = 0u;
     for (unsigned i = 0u; i < BLOCK; i++) {
         count += isfinite(rows[i]) ? 1u : 0u;
@@ -1127,7 +1128,7 @@ static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_
             unsigned from = INPUTS[j][i];
             const float *channels = IS_LATE[j] ? state->middle : state->latest;
             line->inputs[i][line->input_at] = from < GTM_MONITOR_CHANNELS ? channels[from] : derived[from - GTM_MONITOR_CHANNELS];
-            predicted += dot(MARKOV[j] + i * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
+            predicted += dot(MARKOV[j] + (size_t)i * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
         }
         line->read_at = next_of(line->read_at, READS[j]);
         line->reads[line->read_at] = OUTPUTS[j] < GTM_MONITOR_CHANNELS ? state->latest[OUTPUTS[j]] : derived[OUTPUTS[j] - GTM_MONITOR_CHANNELS];
