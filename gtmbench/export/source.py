@@ -31,11 +31,11 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     ring = max(longest if compact else longest + board.baseline, board.suspicions[-1]) + 1
     shortest = board.windows[0]
     means = (longest + board.baseline) // shortest + 3
-    store = (2 * ring + 2 * means * compact) // 4
-    lead = means // 2 + 1 if compact else 0
-    room = [count for count in range(_FIRST, LATE + 1) if lead + _waiting(board, count, compact=compact) <= store]
+    store = 2 * (ring + means * compact)
+    room = [count for count in range(_FIRST, LATE + 1) if _waiting_bytes(board, count, compact=compact) <= store]
     first_most = max(room, default=_FIRST)
     waiting = _waiting(board, first_most, compact=compact)
+    most = max(store, _waiting_bytes(board, first_most, compact=compact))
     there = -(-board.suspicions[-1] // 32) * 32
     sizes: list[tuple[str, object]] = [
         ("COMPACT", int(compact)),
@@ -57,14 +57,13 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
         ("LASTING", f"{board.lasting}u"),
         ("ECHO", f"{board.echo}u"),
         ("APART", f"{board.apart}u"),
-        ("RECENT", f"{RECENT - 8 * compact}u"),
+        ("RECENT", f"{RECENT}u"),
         ("LATE", f"{LATE}u"),
         ("GROUPS", f"{GROUPS}u"),
         ("SUSPICIONS", f"{len(board.suspicions)}u"),
         ("THERE", f"{there}u"),
         ("THERE_WORDS", f"{there // 32}u"),
         ("WAITING", f"{waiting}u"),
-        ("WAITING_ALL", f"{lead + waiting}u"),
         ("FIRST_MOST", f"{first_most}u"),
         ("LOST", f"{board.lost}u"),
         ("MISSING_MOST", f"{max(round(MISSING_MOST_S / board.period_s), 1)}u"),
@@ -73,6 +72,7 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
         sizes += [
             ("SHORTEST", f"{shortest}u"),
             ("MEANS", f"{means}u"),
+            ("MEANS_ROOM", f"{most // 2 - ring}u"),
             ("BASE_BLOCKS", f"{board.baseline // shortest}u"),
             ("PERIOD", f"{shortest * means}u"),
         ]
@@ -82,6 +82,12 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
 
 def _waiting(board: Board, blocks: int, *, compact: bool) -> int:
     return math.ceil(TO_CATCH_UP[compact] * blocks * board.block) + 50
+
+
+def _waiting_bytes(board: Board, blocks: int, *, compact: bool) -> int:
+    """Return the memory of rows that wait, with that of the means which are stored before the last has been judged."""
+    waiting = _waiting(board, blocks, compact=compact)
+    return 4 * waiting + 2 * (waiting // board.windows[0] + 2) * compact
 
 
 def _reads(board: Board, residual: BoardResidual) -> int:

@@ -169,6 +169,7 @@ def _readme(board: Board, *, compact: bool) -> dict[str, Any]:
         "residual_rows": [_residual_row(each, board) for each in board.residuals],
         "learn_s": f"{learn_s:g}",
         "caught_s": f"{TO_CATCH_UP[compact] * learn_s:.3g}",
+        "suspicion_s": f"{-(-board.suspicions[-1] // board.block) * board.block * board.period_s:g}",
         "baseline_s": f"{board.baseline * board.period_s:g}",
         "shortest": board.windows[0],
     }

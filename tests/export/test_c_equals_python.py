@@ -125,6 +125,32 @@ def test_compact_is_a_few_samples_off_at_most(boards, fault):
     assert all(abs(row - python) <= 5 for (row, _), (python, _) in zip(is_, meant, strict=True))
 
 
+@pytest.mark.parametrize("compact", [False, True])
+@pytest.mark.parametrize("rate_hz", [10, 25, 200])
+def test_other_rates_and_noise_of_another_level_and_tail(tmp_path, rate_hz, compact):
+    period_s = 1.0 / rate_hz
+    flights = [record(samples=100 * rate_hz, seed=seed, period_s=period_s) for seed in (1, 2, 3)]
+    calibrated = gb.calibrate(flights, bank=gb.load_bank("C"))
+    exported = gb.export_c(calibrated, tmp_path / "c", compact=compact)
+    board, draw = Compiled(exported.folder, exported.board, tmp_path), np.random.default_rng(rate_hz)
+    read = record(samples=90 * rate_hz, seed=40 + rate_hz, period_s=period_s)
+    values = read.matrix(exported.board.channels).copy()
+    gyros = [exported.board.channels.index(name) for name in "pqr"]
+    values[:, gyros] += 0.3 * draw.standard_t(3, (len(values), 3))
+    values[65 * rate_hz :, exported.board.channels.index("q")] += 3.0
+    values[draw.integers(25 * rate_hz, 60 * rate_hz, 5), gyros[2]] = np.nan
+    values = values.astype(np.float32).astype(float)
+    broken = gb.Record(values, channels=exported.board.channels, sample_period_s=period_s)
+    told = board.run(values)
+    known, expected, lonely = compared(told, exported.board, calibrated, broken)
+    assert len(known) > 200 * rate_hz
+    assert lonely == 0
+    assert np.quantile(np.abs(known - expected) / np.maximum(expected, 1.0), 0.999) < (0.08 if compact else 0.03)
+    is_, meant = first_of(told, exported.board), first_alarm(bank_alarms(calibrated, broken), period_s)
+    assert [name for _, name in is_] == [name for _, name in meant] == ["q"]
+    assert abs(is_[0][0] - meant[0][0]) <= (5 if compact else 1)
+
+
 def test_its_first_alarm_is_the_streams(boards):
     broken = readings("bias", "whole", 3)
     stream = monitor().stream()

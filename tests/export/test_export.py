@@ -49,14 +49,24 @@ def test_its_own_test_finds_a_mutated_coefficient(folder, tmp_path, table):
     broken = tmp_path / "c"
     shutil.copytree(folder, broken)
     code = (broken / "gtm_monitor.c").read_text()
-    mutated, count = re.subn(rf"({table}\[.*?= \{{\s*\{{?)(-?[\d.e-]+)f", r"\g<1>\g<2>1f", code, count=1, flags=re.S)
-    value = re.search(rf"{table}\[.*?= \{{\s*\{{?(-?[\d.e-]+)f", code, re.S)[1]
-    changed = f"{np.float32(value) * np.float32(1.001):.9g}f"
-    mutated = code.replace(f"{value}f", changed, 1) if code.count(f"{value}f") == 1 else mutated
-    assert (count, mutated != code) == (1, True)
-    (broken / "gtm_monitor.c").write_text(mutated)
+    found = re.search(rf"\b{table}\[[^=]*= \{{\s*\{{?(-?[\d.e-]+)f", code)
+    changed = np.float32(1.001 * float(found[1]) + 1e-6)  # one is 0
+    assert changed != np.float32(found[1])
+    (broken / "gtm_monitor.c").write_text(f"{code[: found.start(1)]}{changed:.9g}{code[found.end(1) :]}")
     ended, said = own_test(broken, "-O1")
-    assert (ended, said[:4]) == (1, "FAIL") if changed in mutated else ended in (0, 1)
+    assert (ended, said) == (1, "FAIL: a coefficient isn't what was exported\n")
+
+
+@pytest.mark.skipif(shutil.which("clang-tidy") is None, reason="no clang-tidy")
+@pytest.mark.parametrize("compact", [False, True])
+def test_clang_tidy_finds_nothing_prone_to_bugs(tmp_path, compact):
+    exported = gb.export_c(monitor(), tmp_path / "c", compact=compact)
+    checks = (
+        "-*,bugprone-*,clang-analyzer-*,-bugprone-easily-swappable-parameters,-clang-analyzer-security.insecureAPI.*"
+    )
+    command = ["clang-tidy", f"--checks={checks}", "--warnings-as-errors=*", "gtm_monitor.c", "--", "-std=c99"]
+    ended = subprocess.run(command, cwd=exported.folder, capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stdout
 
 
 def test_the_same_monitor_gives_the_same_bytes_and_its_digest(folder, tmp_path):

@@ -15,6 +15,10 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from uv import find_uv_bin
 
+from gtmbench import save_monitor
+from gtmbench.testing.on_board import compiler
+from tests.helpers.monitors import monitor
+
 ROOT = Path(__file__).parents[2]
 
 
@@ -93,6 +97,17 @@ def test_the_wheel_brings_its_data_and_the_name_of_what_ships_works_anywhere(ins
         check=True,
     )
     assert done.stdout.split() == ["True", "3", "2"]
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler")
+def test_the_wheel_exports_c_that_passes_its_own_test(installed, tmp_path):
+    save_monitor(monitor(), tmp_path / "monitor.json")
+    export = [installed / "gtmbench", "export", "monitor.json", "--out", "c"]
+    subprocess.run(export, cwd=tmp_path, env=own_environment(), check=True, capture_output=True)
+    build = [compiler(), "-std=c99", "-O1", "test_gtm_monitor.c", "-o", "own_test", "-lm"]
+    subprocess.run(build, cwd=tmp_path / "c", check=True)
+    done = subprocess.run([tmp_path / "c" / "own_test"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("PASS")
 
 
 PROJECT = """

@@ -9,7 +9,7 @@
 #define GROUP 34u
 #define ORDER GTM_MONITOR_ORDER
 #define BLOCK GTM_MONITOR_BLOCK
-#define NAMES (ORDER + 9) /* columns of a recent block */
+#define NAMES ((size_t)ORDER + 9u) /* columns of a recent block */
 #define FLOOR 0.0025f
 #define LEAST 0.005f
 #if GTM_MONITOR_COMPACT
@@ -112,6 +112,14 @@ static void put_row(gtm_monitor_line *line, unsigned is_there, int32_t sample)
     line->there_at = next_of(at, GTM_MONITOR_THERE);
 }
 
+#if GTM_MONITOR_COMPACT
+/* Stored from the end, where no row waits when the first ones come. */
+static int16_t *mean_at(gtm_monitor_line *line, uint32_t block)
+{
+    return &line->store.samples.means[GTM_MONITOR_MEANS_ROOM - 1u - block % GTM_MONITOR_MEANS];
+}
+#endif
+
 static void put_sample(gtm_monitor_line *line, int32_t sample)
 {
     const int32_t square = sample * sample;
@@ -135,15 +143,15 @@ static void put_sample(gtm_monitor_line *line, int32_t sample)
         uint32_t block = line->count / GTM_MONITOR_SHORTEST - 1u;
         int32_t sum = line->sums[0], half = (int32_t)GTM_MONITOR_SHORTEST / 2;
         int32_t mean = (sum + (sum < 0 ? -half : half)) / (int32_t)GTM_MONITOR_SHORTEST;
-        line->store.samples.means[block % GTM_MONITOR_MEANS] = (int16_t)mean;
+        *mean_at(line, block) = (int16_t)mean;
     }
     for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
         uint32_t rows = WINDOW_ROWS[w];
         if (line->count >= rows + GTM_MONITOR_SHORTEST && (line->count - rows) % GTM_MONITOR_SHORTEST == 0u) {
             uint32_t blocks = (line->count - rows) / GTM_MONITOR_SHORTEST;
-            line->bases[w] += line->store.samples.means[(blocks - 1u) % GTM_MONITOR_MEANS];
+            line->bases[w] += *mean_at(line, blocks - 1u);
             if (blocks > GTM_MONITOR_BASE_BLOCKS) {
-                line->bases[w] -= line->store.samples.means[(blocks - 1u - GTM_MONITOR_BASE_BLOCKS) % GTM_MONITOR_MEANS];
+                line->bases[w] -= *mean_at(line, blocks - 1u - GTM_MONITOR_BASE_BLOCKS);
             }
         }
     }
@@ -645,7 +653,8 @@ static float clipped_white(gtm_monitor_line *line, float y)
 static void measured(const gtm_monitor_line *line, float *recent, float *late, float powers[2], float *burst)
 {
     const gtm_monitor_open *open = &line->open;
-    const float part = (float)(BLOCK / 5u);
+    const unsigned part_rows = BLOCK / 5u;
+    const float part = (float)part_rows;
     recent[COUNT] = open->count;
     recent[SIZE] = open->size;
     recent[FOURTH] = open->fourth;
@@ -813,7 +822,7 @@ static int follow(gtm_monitor_line *line, unsigned j, float x, int is_silent)
 
 /* ---- learning the noise at first: passes over the rows that wait, a few rows a call ---- */
 
-static float *waiting(gtm_monitor_line *line) { return line->store.waiting + (GTM_MONITOR_WAITING_ALL - GTM_MONITOR_WAITING); }
+static float *waiting(gtm_monitor_line *line) { return line->store.waiting; }
 
 /* Behind the calibrated filter; `mean` is that of the residual. */
 static float behind_calibrated(gtm_monitor_line *line, unsigned j, float raw)
@@ -825,7 +834,7 @@ static float behind_calibrated(gtm_monitor_line *line, unsigned j, float raw)
 
 static unsigned is_block_there(gtm_monitor_line *line, unsigned block)
 {
-    const float *rows = waiting(line) + block * BLOCK;
+    const float *rows = waiting(line) + (size_t)block * BLOCK;
     unsigned count = 0u;
     for (unsigned i = 0u; i < BLOCK; i++) {
         count += isfinite(rows[i]) ? 1u : 0u;
@@ -1119,7 +1128,7 @@ static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_
             unsigned from = INPUTS[j][i];
             const float *channels = IS_LATE[j] ? state->middle : state->latest;
             line->inputs[i][line->input_at] = from < GTM_MONITOR_CHANNELS ? channels[from] : derived[from - GTM_MONITOR_CHANNELS];
-            predicted += dot(MARKOV[j] + i * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
+            predicted += dot(MARKOV[j] + (size_t)i * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
         }
         line->read_at = next_of(line->read_at, READS[j]);
         line->reads[line->read_at] = OUTPUTS[j] < GTM_MONITOR_CHANNELS ? state->latest[OUTPUTS[j]] : derived[OUTPUTS[j] - GTM_MONITOR_CHANNELS];
