@@ -10,10 +10,9 @@ Damping may be lost, but nothing is driven. Once a sensor is named its stand-in 
 gyro, for an angle what the gyros carry on. A gyro that was named stays out, whatever is said later, until it has proved
 well for long; an angle that was named stays out until the landing, for nothing tells whether its level is right again.
 
-Gyro and angle of an axis explain each other's faults, and a wrong name would fly on the broken one. So within seconds of
-the onset the flight path is asked as well (`balance.py`): whom it contradicts decisively is replaced, whatever the
-monitor says; an angle whose difference from its gyro has grown is replaced only where the path agrees. Afterwards the
-first name of an axis stands.
+Gyro and angle of an axis explain each other's faults, and a wrong name would fly on the broken one. So a name alone
+replaces nothing until the monitor has kept it for long. Sooner it is the flight path that tells (`balance.py`): whom it
+contradicts decisively is replaced, whatever the monitor says, as is the one of the two that has read one value for long.
 """
 
 from __future__ import annotations
@@ -25,6 +24,7 @@ from dataclasses import dataclass, field
 
 from gtmbench.checks import meant, number, shown, whole
 from gtmbench.detectors.balance import Balance
+from gtmbench.detectors.guard import Guard
 from gtmbench.detectors.protocol import Monitor, Stream, is_ready
 from gtmbench.detectors.stand_in import COLUMNS, CarriedAngles, Readings, VirtualRates, lateness_s
 from gtmbench.errors import InputError
@@ -40,7 +40,8 @@ _ANGLE_OF, _GYRO_OF = dict(zip(GYROS, ATTITUDE, strict=True)), dict(zip(ATTITUDE
 _KEPT_S = 25.0  # of readings, from before a fault's onset
 _UNCERTAIN_DEG = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # of a carried angle's error, when it is told
 _BLENDED_S = 0.3  # over which the autopilot is handed from one rate or angle to the other
-_PARTED_DEG = 1.0  # by which an angle differs from what its gyro carries on: to fly on the wrong one throws
+_GUARDED_S = 0.5  # a gyro is suspected after it did what it never had, where no alarm follows
+_STUCK_S = 0.3  # of one value: sensors have noise
 _IN_TIME_S = 0.022  # a rate that is later than this damps less and less, and then drives: a share of it is flown
 _SHARE_UNKNOWN = 0.4  # where it isn't known how late it is
 _SMOOTHED_S, _AGREES = 1.0, 3.0  # over which a gyro's difference is averaged, and how many times the usual is agreement
@@ -61,6 +62,8 @@ class Accommodate:
     slope_samples : int
         The number of fresh attitude samples that the slope is fitted over. More samples mean less noise and a delay of
         half as many samples. At the GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
+    confirmed_s : float
+        How long the monitor must have named one sensor, and no other of its axis, until it is replaced for that alone.
     proving_s : float
         How long a gyro that was named must agree with its stand-in, and no alarm of its axis last, until it is flown on
         again.
@@ -84,6 +87,7 @@ class Accommodate:
     monitor: Monitor = field(kw_only=False)
     stand_in: str = STAND_INS[0]
     slope_samples: int = 4
+    confirmed_s: float = 10.0
     proving_s: float = 30.0
 
     def __post_init__(self) -> None:
@@ -94,6 +98,7 @@ class Accommodate:
                 f"no stand-in {shown(self.stand_in)}; there are {', '.join(STAND_INS)}{meant(self.stand_in, STAND_INS)}"
             )
         whole("slope_samples", self.slope_samples, 2, 100)
+        number("confirmed_s", self.confirmed_s, 0.0, 1e6)
         number("proving_s", self.proving_s, 0.0, 1e6)
         if not self.gyros:
             raise InputError(
@@ -160,34 +165,44 @@ class _Hand:
         self._carried_for: tuple[frozenset[str], float] | None = None
         self._flown: dict[str, float] = {}  # what was handed on last, of sensors that aren't flown on as they are
         self._balance: Balance | None = None
+        self._guard = Guard(sample_period_s)
+        self._guarded_s: dict[str, float] = {}  # of a gyro beyond what it did, until when it is suspected for that
         self._blends: dict[str, list[float]] = {}  # of such a sensor, what is still added to it, and for how many samples
         self._is_told: dict[str, float] = {}
-        self._proving_s = accommodate.proving_s
+        self._confirmed_s, self._proving_s = accommodate.confirmed_s, accommodate.proving_s
+        self._named_s: dict[str, float] = {}  # of a sensor that the monitor names, since when
+        self._stuck = _Stuck(sample_period_s)
         self._share = math.nan  # of a virtual rate that is flown; found at the first alarm
 
     def on(self, time_s: float, readings: Readings) -> Readings:
         """Return the readings to fly on."""
         self._rates.take(readings)
+        self._stuck.take(readings)
         self._kept.append((time_s, readings))
         sample = Record([readings], channels=SENSORS, sample_period_s=self._period_s, start_s=time_s)
         told = self._stream.push(sample)
         before = self._standing
-        if told or before:
-            self._decide(readings)
+        for name in self._guard.take(readings, is_learning=not before):
+            if name in self._gyros:
+                self._guarded_s[name] = time_s + _GUARDED_S
+        if told or before or self._guarded_s:
+            self._decide(time_s, readings)
         if not (self._standing or before or self._blends):
             return readings
         return self._handed(time_s, readings, before)
 
-    def _decide(self, readings: Readings) -> None:
+    def _decide(self, time_s: float, readings: Readings) -> None:
         """Decide what every sensor is: heard, suspected or replaced."""
         asked = distrusted(self._stream, self._gyros, self._angles)
+        self._guarded_s = {name: until_s for name, until_s in self._guarded_s.items() if time_s < until_s}
+        for name in self._guarded_s:
+            asked.setdefault(name, SUSPECTED)
         if asked and math.isnan(self._share):
             self._share = self._shared()
-        for angle in self._angles:
-            self._settle(angle, asked)
-        for name in self._gyros:
-            if asked.get(name) == REPLACED:
-                self._latch(name)
+        named = [name for name, standing in asked.items() if standing == REPLACED]
+        self._named_s = {name: self._named_s.get(name, time_s) for name in named}
+        for gyro in self._gyros:
+            self._settle(gyro, asked, time_s)
         for name, proof in list(self._proofs.items()):
             is_doubted = name in asked or _other(name) in asked
             if proof.holds_s(readings, self._rates, is_doubted=is_doubted) >= self._proving_s:
@@ -197,28 +212,28 @@ class _Hand:
         self._standing = {name: standing for name, standing in asked.items() if _other(name) not in self._latched}
         self._standing.update(dict.fromkeys(self._latched, REPLACED))
 
-    def _settle(self, angle: str, asked: dict[str, str]) -> None:
-        """Settle whether an angle or its gyro is replaced, by the path, the monitor's name and the first name."""
-        gyro = _GYRO_OF[angle]
-        wrong = self._balance.wrong(angle) if self._balance is not None and (angle in asked or gyro in asked) else None
-        if wrong is not None and _other(wrong) in self._latched and not self._latched & {wrong}:
-            self._latched.discard(_other(wrong))
-            self._proofs.pop(_other(wrong), None)
-        if wrong is not None:
-            asked[wrong] = REPLACED
-            asked.pop(_other(wrong), None)
-        first = next((name for name in (gyro, angle) if name in self._latched), None)
-        if first is not None:
-            asked.pop(_other(first), None)
-        elif asked.get(angle) == REPLACED and wrong is None and self._has_parted(angle):
-            asked.update({angle: SUSPECTED, gyro: SUSPECTED})
-        if asked.get(angle) == REPLACED:
-            self._latch(angle)
-
-    def _has_parted(self, angle: str) -> bool:
-        """Whether an angle as read and as carried on differ by so much that flying on the wrong one throws."""
-        carried = self._carried
-        return carried is None or not abs(self._kept[-1][1][COLUMNS[angle]] - carried.angle(angle)) < _PARTED_DEG
+    def _settle(self, gyro: str, asked: dict[str, str], time_s: float) -> None:
+        """Settle who of an axis is replaced: whom the path contradicts, who is stuck, or the first to be named for long."""
+        axis = tuple(name for name in (gyro, _ANGLE_OF[gyro]) if name in (*self._gyros, *self._angles))
+        doubted = [name for name in axis if name in asked]
+        if not doubted:
+            return
+        wrong = self._balance.wrong(_ANGLE_OF[gyro]) if self._balance is not None else None
+        stuck = [name for name in axis if self._stuck.is_so(name)]
+        if wrong is None and len(stuck) == 1:
+            wrong = stuck[0]
+        latched = next((name for name in axis if name in self._latched), None)
+        if wrong in axis and wrong != latched:
+            self._latched -= set(axis)
+            self._proofs.pop(gyro, None)
+            self._latch(wrong)
+        elif wrong is None and latched is None:
+            first = min(doubted, key=lambda name: self._named_s.get(name, math.inf))
+            if time_s - self._named_s.get(first, math.inf) >= self._confirmed_s - 1e-9:
+                self._latch(first)
+        for name in axis:  # until then nobody of the axis is flown on alone
+            if name in asked or any(self._named_s.get(each) is not None for each in axis):
+                asked[name] = SUSPECTED
 
     def _latch(self, name: str) -> None:
         if name not in self._latched:
@@ -309,6 +324,27 @@ class _Hand:
         if reached > self._is_told.get(name, 0.0):
             self._is_told[name] = reached
             self._tell(time_s, UNCERTAIN, name, error_deg)
+
+
+class _Stuck:
+    """Which gyros and angles have read one value for so long that noise can't have."""
+
+    def __init__(self, sample_period_s: float) -> None:
+        self._long = round(_STUCK_S / sample_period_s)
+        self._last, self._for = dict.fromkeys((*GYROS, *ATTITUDE), math.nan), dict.fromkeys((*GYROS, *ATTITUDE), 0)
+
+    def take(self, readings: Readings) -> None:
+        """Take the next sample; one that is missing is stuck, too."""
+        for name, last in self._last.items():
+            reading = readings[COLUMNS[name]]
+            if reading == last or reading != reading:
+                self._for[name] += 1
+            else:
+                self._for[name], self._last[name] = 0, reading
+
+    def is_so(self, name: str) -> bool:
+        """Whether a sensor is stuck or gone."""
+        return self._for[name] >= self._long
 
 
 class _Proof:

@@ -19,9 +19,10 @@ from collections.abc import Sequence
 from gtmbench.detectors.stand_in import COLUMNS, CarriedAngles, Readings
 from gtmbench.values.channels import ATTITUDE, GYROS
 
-LASTS_S = 8.0  # after the onset
+LASTS_S = 4.0  # after the onset
 _G_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
-_WRONG_DEG, _TIMES = 5.0, 2.5  # how far the wrong one is off at least, and how many times as far as the right one
+_SMOOTHED_S = 0.1  # a balance, against noise
+_WRONG_DEG, _TIMES = 5.0, 3.0  # how far the wrong one is off at least, and how many times as far as the right one
 _USED = [COLUMNS[name] for name in ("alpha", "beta", "phi", "theta", "psi", "ny", "nz", "tas")]
 
 
@@ -64,11 +65,14 @@ class Balance:
         slipped = psi_0 - (beta - beta_0)
         turned = slipped + incidence * (phi - phi_0) + self._path[1]
         own_turned = slipped + incidence * (carried.angle("phi") - phi_0) + self._carried_path
-        self._off = {
-            "phi": (psi - turned, psi - own_turned),
-            "theta": (theta - climbed, carried.angle("theta") - climbed),
-            "psi": (psi - turned, carried.angle("psi") - turned),
-        }
+        share = min(self._period_s / _SMOOTHED_S, 1.0)
+        for angle, now in (
+            ("phi", (psi - turned, psi - own_turned)),
+            ("theta", (theta - climbed, carried.angle("theta") - climbed)),
+            ("psi", (psi - turned, carried.angle("psi") - turned)),
+        ):
+            read, own = self._off.get(angle, (0.0, 0.0))
+            self._off[angle] = read + share * (now[0] - read), own + share * (now[1] - own)
 
     def wrong(self, angle: str) -> str | None:
         """Return which of an angle and its gyro the path contradicts; None: neither decisively, or it is too late."""
