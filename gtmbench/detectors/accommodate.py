@@ -6,13 +6,12 @@ throw the aircraft. So while nobody is named, no reading of the axis can do harm
 - of a gyro and the rate of the attitude's slope the autopilot gets the lesser, and none where they differ in sign;
 - of an angle as read, as the gyros carry it on and as it was, the one in the middle.
 
-Damping may be lost, but nothing is driven. Once a sensor is named its stand-in is flown alone: the slope's rate for a
-gyro, for an angle what the gyros carry on. A gyro that was named stays out, whatever is said later, until it has proved
-well for long; an angle that was named stays out until the landing, for nothing tells whether its level is right again.
-
-Gyro and angle of an axis explain each other's faults, and a wrong name would fly on the broken one. So a name alone
-replaces nothing until the monitor has kept it for long. Sooner it is the flight path that tells (`balance.py`): whom it
-contradicts decisively is replaced, whatever the monitor says, as is the one of the two that has read one value for long.
+Damping may be lost, but nothing is driven, for as long as it takes. Gyro and angle of an axis explain each other's
+faults, and a wrong name would fly on the broken one: on late sensors a monitor names the wrong one of the two in one
+flight of four. So a name alone replaces nothing. It is the flight path that tells, within seconds (`balance.py`): whom
+it contradicts decisively is replaced, as is the one of the two that has read one value for long. Its stand-in is flown
+alone: the slope's rate for a gyro, for an angle what the gyros carry on. A gyro stays out until it has proved well for
+long, an angle until the landing, for nothing tells whether its level is right again.
 """
 
 from __future__ import annotations
@@ -51,7 +50,10 @@ Tell = Callable[[float, str, str, float], None]  # a time in seconds, what happe
 
 @dataclass(frozen=True, kw_only=True)
 class Accommodate:
-    """Replace the gyro or the attitude angle that a monitor names, between the sensors and the autopilot.
+    """Fly without the gyro or the attitude angle that failed, between the sensors and the autopilot.
+
+    A monitor's alarm, or a gyro that does what it never did on this flight, puts an axis under suspicion; the flight
+    path tells which of its two sensors is wrong.
 
     Attributes
     ----------
@@ -62,8 +64,6 @@ class Accommodate:
     slope_samples : int
         The number of fresh attitude samples that the slope is fitted over. More samples mean less noise and a delay of
         half as many samples. At the GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
-    confirmed_s : float
-        How long the monitor must have named one sensor, and no other of its axis, until it is replaced for that alone.
     proving_s : float
         How long a gyro that was named must agree with its stand-in, and no alarm of its axis last, until it is flown on
         again.
@@ -87,7 +87,6 @@ class Accommodate:
     monitor: Monitor = field(kw_only=False)
     stand_in: str = STAND_INS[0]
     slope_samples: int = 4
-    confirmed_s: float = 10.0
     proving_s: float = 30.0
 
     def __post_init__(self) -> None:
@@ -98,7 +97,6 @@ class Accommodate:
                 f"no stand-in {shown(self.stand_in)}; there are {', '.join(STAND_INS)}{meant(self.stand_in, STAND_INS)}"
             )
         whole("slope_samples", self.slope_samples, 2, 100)
-        number("confirmed_s", self.confirmed_s, 0.0, 1e6)
         number("proving_s", self.proving_s, 0.0, 1e6)
         if not self.gyros:
             raise InputError(
@@ -167,10 +165,11 @@ class _Hand:
         self._balance: Balance | None = None
         self._guard = Guard(sample_period_s)
         self._guarded_s: dict[str, float] = {}  # of a gyro beyond what it did, until when it is suspected for that
-        self._blends: dict[str, list[float]] = {}  # of such a sensor, what is still added to it, and for how many samples
+        self._blends: dict[
+            str, list[float]
+        ] = {}  # of such a sensor, what is still added to it, and for how many samples
         self._is_told: dict[str, float] = {}
-        self._confirmed_s, self._proving_s = accommodate.confirmed_s, accommodate.proving_s
-        self._named_s: dict[str, float] = {}  # of a sensor that the monitor names, since when
+        self._proving_s = accommodate.proving_s
         self._stuck = _Stuck(sample_period_s)
         self._share = math.nan  # of a virtual rate that is flown; found at the first alarm
 
@@ -199,10 +198,8 @@ class _Hand:
             asked.setdefault(name, SUSPECTED)
         if asked and math.isnan(self._share):
             self._share = self._shared()
-        named = [name for name, standing in asked.items() if standing == REPLACED]
-        self._named_s = {name: self._named_s.get(name, time_s) for name in named}
         for gyro in self._gyros:
-            self._settle(gyro, asked, time_s)
+            self._settle(gyro, asked)
         for name, proof in list(self._proofs.items()):
             is_doubted = name in asked or _other(name) in asked
             if proof.holds_s(readings, self._rates, is_doubted=is_doubted) >= self._proving_s:
@@ -212,28 +209,20 @@ class _Hand:
         self._standing = {name: standing for name, standing in asked.items() if _other(name) not in self._latched}
         self._standing.update(dict.fromkeys(self._latched, REPLACED))
 
-    def _settle(self, gyro: str, asked: dict[str, str], time_s: float) -> None:
-        """Settle who of an axis is replaced: whom the path contradicts, who is stuck, or the first to be named for long."""
-        axis = tuple(name for name in (gyro, _ANGLE_OF[gyro]) if name in (*self._gyros, *self._angles))
-        doubted = [name for name in axis if name in asked]
-        if not doubted:
+    def _settle(self, gyro: str, asked: dict[str, str]) -> None:
+        """Settle who of a doubted axis is replaced: whom the path contradicts, or who is stuck; else nobody yet."""
+        axis = [name for name in (gyro, _ANGLE_OF[gyro]) if name in (*self._gyros, *self._angles)]
+        if not any(name in asked for name in axis):
             return
         wrong = self._balance.wrong(_ANGLE_OF[gyro]) if self._balance is not None else None
         stuck = [name for name in axis if self._stuck.is_so(name)]
-        if wrong is None and len(stuck) == 1:
+        if len(stuck) == 1:
             wrong = stuck[0]
-        latched = next((name for name in axis if name in self._latched), None)
-        if wrong in axis and wrong != latched:
+        if wrong in axis and wrong not in self._latched:
             self._latched -= set(axis)
             self._proofs.pop(gyro, None)
-            self._latch(wrong)
-        elif wrong is None and latched is None:
-            first = min(doubted, key=lambda name: self._named_s.get(name, math.inf))
-            if time_s - self._named_s.get(first, math.inf) >= self._confirmed_s - 1e-9:
-                self._latch(first)
-        for name in axis:  # until then nobody of the axis is flown on alone
-            if name in asked or any(self._named_s.get(each) is not None for each in axis):
-                asked[name] = SUSPECTED
+            self._latch(str(wrong))
+        asked.update(dict.fromkeys(axis, SUSPECTED))
 
     def _latch(self, name: str) -> None:
         if name not in self._latched:
@@ -274,7 +263,11 @@ class _Hand:
             read = readings[column]
             value = read
             if standing is not None:
-                value = self._rate(name, standing, read, time_s) if name in GYROS else self._angle(name, standing, read, carried)
+                value = (
+                    self._rate(name, standing, read, time_s)
+                    if name in GYROS
+                    else self._angle(name, standing, read, carried)
+                )
             if standing != before.get(name) and name in self._flown:
                 # without a bump: what differs fades, but not what a reading that has failed had put in
                 self._blends[name] = [self._flown[name] - value, 1.0]

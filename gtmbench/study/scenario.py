@@ -13,6 +13,7 @@ from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
+from gtmbench.bench.sensor_chain import CHAIN, IDEAL
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
@@ -66,6 +67,7 @@ class Setup:
     altitude_ft: float | None = None  # None: the aircraft's own trim
     tas_kt: float | None = None
     attitude: str = OWN  # whose it is: a vertical gyro's own, or that of an estimator of `ESTIMATORS`
+    sensors: str = IDEAL  # what lies between motion and readings: nothing, or the aircraft's own chain
     attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
@@ -209,6 +211,7 @@ def _setup(table: dict[str, Any]) -> Setup:
         raise InputError("both snr and noise are given; keep one")
     if "noise" in table:
         table = {**table, "snr": None}
+    load_aircraft(table.get("aircraft", Setup.aircraft)).chain_of(table.get("sensors", IDEAL))
     setup = _with_autopilot(Setup(**_checked(Setup, table, "")), "snr" in table and "noise" not in table)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
@@ -236,7 +239,8 @@ def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
     gains: Any = setup.autopilot  # the table, as it stands there
     if gains is None:
         return setup
-    return flown_by(setup, autopilot_of(gains, load_aircraft(setup.aircraft).autopilot) if gains else None, states_snr)
+    own = load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
+    return flown_by(setup, autopilot_of(gains, own) if gains else None, states_snr)
 
 
 def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Setup:
@@ -247,7 +251,7 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
     InputError
         If the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
     """
-    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
+    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
     if autopilot is None:
         raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
     if states_snr:
@@ -294,6 +298,12 @@ def _noise(key: str, value: Any) -> str:
     return str(value)
 
 
+def _sensors(key: str, value: Any) -> str:
+    if value not in (IDEAL, CHAIN):
+        raise InputError(f"{key} is {shown(value)}; there are {IDEAL}, {CHAIN}{meant(value, (IDEAL, CHAIN))}")
+    return str(value)
+
+
 def _attitude(key: str, value: Any) -> str:
     with naming(key):
         estimator_of(value)
@@ -316,6 +326,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
     "attitude": _attitude,
+    "sensors": _sensors,
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "severity_reference_s": _times,
     "autopilot": table_of,
