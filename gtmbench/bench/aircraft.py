@@ -107,8 +107,10 @@ class Aircraft:
         return self.chain if sensors == CHAIN else None
 
     def autopilot_on(self, sensors: str | SensorChain) -> Autopilot | None:
-        """Return the gains for some sensors: on a chain those that were found there, where they are known."""
-        return self.autopilot if self.chain_of(sensors) is None else self.chain_autopilot or self.autopilot
+        """Return the gains for some sensors: on its own chain those that were found there, if known."""
+        chain = self.chain_of(sensors)
+        is_own = chain is not None and chain == self.chain
+        return self.chain_autopilot or self.autopilot if is_own else self.autopilot
 
     @property
     def model(self) -> Path:

@@ -2,7 +2,7 @@
 
 Of one sensor, with x the motion in its unit and Ts the simulation's sample period,
 
-    y'(t) = 2 pi f (x(t) - y(t))           the anti-alias filter, of first order, exact for straight lines between samples
+    y'(t) = 2 pi f (x(t) - y(t))           the anti-alias filter, exact for straight lines between samples
     z(t)  = y(t - delay)                   the transport delay, by straight lines between samples
     s(j)  = round((z(t_j) + noise)/quantum) quantum,    t_j: every 1/rate seconds, at the next sample of the simulation
 
@@ -77,7 +77,7 @@ class SensorPath:
             object.__setattr__(self, "noise", number("noise", self.noise, 0.0, _LARGEST))
 
     def start(self, sample_period_s: float, louder: float) -> Step:
-        """Return a function from the motion and the T2's noise of a sample to the reading; `louder` scales the noise."""
+        """Return a function from a sample's motion and T2's noise to the reading; `louder` scales the noise."""
         filtered = _filtering(self.filter_hz, sample_period_s)
         delayed = _delaying(self.delay_s / sample_period_s)
         per_sample = 1.0 if self.rate_hz is None else min(self.rate_hz * sample_period_s, 1.0)
@@ -180,7 +180,7 @@ class SensorChain:
         return {name: {key: value for key, value in vars(path).items() if value} for name, path in self.paths.items()}
 
     def start(self, sample_period_s: float, channels: Sequence[str] = SENSORS) -> Chained:
-        """Return a function of one sample after the other: of the motion and the T2's noise, in the order of channels."""
+        """Return a function of a sample's motion and T2's noise, each in the order of the channels."""
         steps = [
             (column, path.start(sample_period_s, _louder(name, path)))
             for column, name in enumerate(channels)

@@ -108,7 +108,7 @@ def find_autopilot(
     found = replace(similar_autopilot(linearised(craft)), lead_s=0.0 if chain is None else lateness_s(chain))
     for done, axis in enumerate(AXES):
         progress(axis, done, len(AXES) + 1)
-        found = _best(craft, chain, found, axis)
+        found = _best(craft, found, axis, chain)
     progress("ten minutes of turbulence", len(AXES), len(AXES) + 1)
     flight = _flown(craft, chain, found, _PROVED_S, seed=2)
     if flight is None or flight.departed_s is not None:
@@ -220,10 +220,10 @@ def _frequency(state: np.ndarray, pair: tuple[int, int]) -> float:
     return math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)]))))
 
 
-def _best(craft: Aircraft, chain: SensorChain | None, found: Autopilot, axis: str) -> Autopilot:
+def _best(craft: Aircraft, found: Autopilot, axis: str, chain: SensorChain | None = None) -> Autopilot:
     """Return the gains of which the worst among themselves, half and twice of an axis does best."""
     tried = [_scaled(found, axis, 2.0**octave) for octave in OCTAVES]
-    costs = [_cost(craft, chain, autopilot) for autopilot in tried]
+    costs = [_cost(craft, autopilot, chain) for autopilot in tried]
     worst = [max(costs[i - 1 : i + 2]) for i in range(1, len(costs) - 1)]
     return tried[1 + int(np.argmin(worst))] if np.isfinite(worst).any() else found
 
@@ -232,7 +232,7 @@ def _scaled(autopilot: Autopilot, axis: str, factor: float) -> Autopilot:
     return replace(autopilot, **{name: _rounded(factor * getattr(autopilot, name)) for name in AXES[axis]})
 
 
-def _cost(craft: Aircraft, chain: SensorChain | None, autopilot: Autopilot) -> float:
+def _cost(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None = None) -> float:
     """Return how badly an aircraft is held in turbulence: 1 where everything is at what is tolerated."""
     flight = _flown(craft, chain, autopilot, _TRIED_S, seed=1)
     if flight is None or flight.departed_s is not None:

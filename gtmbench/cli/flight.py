@@ -117,8 +117,8 @@ def _print_modes(linear: list[Mode]) -> None:
     default="ideal",
     show_default=True,
     metavar="ideal|chain",
-    help="With --closed-loop or --noise: what lies between motion and readings. chain: the aircraft's own delays, filters "
-    "and sample rates, and in the loop the gains for them.",
+    help="With --closed-loop or --noise: what lies between motion and readings. chain: the aircraft's own delays, "
+    "filters and sample rates, and in the loop the gains for them.",
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options

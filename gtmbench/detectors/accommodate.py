@@ -65,8 +65,7 @@ class Accommodate:
         The number of fresh attitude samples that the slope is fitted over. More samples mean less noise and a delay of
         half as many samples. At the GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
     proving_s : float
-        How long a gyro that was named must agree with its stand-in, and no alarm of its axis last, until it is flown on
-        again.
+        How long a replaced gyro must agree with its stand-in, and no alarm of its axis last, until it is flown on again.
 
     Raises
     ------
@@ -157,10 +156,10 @@ class _Hand:
         self._slope_samples = accommodate.slope_samples
         self._kept: deque[tuple[float, Readings]] = deque(maxlen=round(_KEPT_S / sample_period_s))
         self._standing: dict[str, str] = {}  # of a sensor that isn't flown on as it is, SUSPECTED or REPLACED
-        self._proofs: dict[str, _Proof] = {}  # of a gyro that was named
+        self._proofs: dict[str, _Proof] = {}  # of a gyro that was replaced
         self._latched: set[str] = set()
         self._carried: CarriedAngles | None = None
-        self._carried_for: tuple[frozenset[str], float] | None = None
+        self._carried_for: frozenset[str] | None = None
         self._flown: dict[str, float] = {}  # what was handed on last, of sensors that aren't flown on as they are
         self._balance: Balance | None = None
         self._guard = Guard(sample_period_s)
@@ -192,37 +191,37 @@ class _Hand:
 
     def _decide(self, time_s: float, readings: Readings) -> None:
         """Decide what every sensor is: heard, suspected or replaced."""
-        asked = distrusted(self._stream, self._gyros, self._angles)
+        axes = doubted(self._stream, self._gyros, is_settled=bool(self._latched))
         self._guarded_s = {name: until_s for name, until_s in self._guarded_s.items() if time_s < until_s}
-        for name in self._guarded_s:
-            asked.setdefault(name, SUSPECTED)
-        if asked and math.isnan(self._share):
+        axes |= set(self._guarded_s)
+        if axes and math.isnan(self._share):
             self._share = self._shared()
+        standing = {}
         for gyro in self._gyros:
-            self._settle(gyro, asked)
+            if gyro in axes:
+                self._settle(gyro)
+                standing.update(dict.fromkeys(self._axis(gyro), SUSPECTED))
         for name, proof in list(self._proofs.items()):
-            is_doubted = name in asked or _other(name) in asked
-            if proof.holds_s(readings, self._rates, is_doubted=is_doubted) >= self._proving_s:
+            if proof.holds_s(readings, self._rates, is_doubted=name in axes) >= self._proving_s:
                 self._latched.discard(name)
                 del self._proofs[name]
         # what rose of a sensor is what a latched one of its axis does
-        self._standing = {name: standing for name, standing in asked.items() if _other(name) not in self._latched}
+        self._standing = {name: suspected for name, suspected in standing.items() if _other(name) not in self._latched}
         self._standing.update(dict.fromkeys(self._latched, REPLACED))
 
-    def _settle(self, gyro: str, asked: dict[str, str]) -> None:
-        """Settle who of a doubted axis is replaced: whom the path contradicts, or who is stuck; else nobody yet."""
-        axis = [name for name in (gyro, _ANGLE_OF[gyro]) if name in (*self._gyros, *self._angles)]
-        if not any(name in asked for name in axis):
-            return
-        wrong = self._balance.wrong(_ANGLE_OF[gyro]) if self._balance is not None else None
+    def _axis(self, gyro: str) -> list[str]:
+        return [name for name in (gyro, _ANGLE_OF[gyro]) if name in (*self._gyros, *self._angles)]
+
+    def _settle(self, gyro: str) -> None:
+        """Settle who of a doubted axis is replaced: who is stuck, or whom the path contradicts; else nobody yet."""
+        axis = self._axis(gyro)
         stuck = [name for name in axis if self._stuck.is_so(name)]
-        if len(stuck) == 1:
-            wrong = stuck[0]
+        contradicted = None if self._balance is None else self._balance.wrong(_ANGLE_OF[gyro])
+        wrong = stuck[0] if len(stuck) == 1 else contradicted
         if wrong in axis and wrong not in self._latched:
             self._latched -= set(axis)
             self._proofs.pop(gyro, None)
             self._latch(str(wrong))
-        asked.update(dict.fromkeys(axis, SUSPECTED))
 
     def _latch(self, name: str) -> None:
         if name not in self._latched:
@@ -341,7 +340,7 @@ class _Stuck:
 
 
 class _Proof:
-    """Whether a gyro that was named reads again what its stand-in says: how far they differ, beside how far they did."""
+    """Whether a replaced gyro reads again what its stand-in says: how far they differ, beside how far they did."""
 
     def __init__(
         self, gyro: str, kept: Sequence[tuple[float, Readings]], slope_samples: int, sample_period_s: float
@@ -371,12 +370,12 @@ class _Proof:
         return self._for_s
 
 
-def distrusted(stream: Stream, gyros: Sequence[str], angles: Sequence[str] = ()) -> dict[str, str]:
-    """Return the sensors that a fault that lasts names (`REPLACED`), and those that it may hide (`SUSPECTED`).
+def doubted(stream: Stream, gyros: Sequence[str], *, is_settled: bool = False) -> set[str]:
+    """Return the gyros whose axis a fault that lasts may be in.
 
-    Of gyros these are the ones whose scores rose, but for one that a failed angle explains; and while no gyro is named
-    those whose scores the fault keeps from alarming: nobody would say if they failed, too. Of angles they are those of
-    such an axis, as long as its gyro isn't named.
+    These are the ones whose scores rose, and those of the axes of sensors that are named. As long as nothing is settled
+    and no gyro is named, they are also those whose scores the fault keeps from alarming: nobody would say if they
+    failed, too.
     """
     risen: set[str] = set()
     named: set[str | None] = set()
@@ -388,18 +387,10 @@ def distrusted(stream: Stream, gyros: Sequence[str], angles: Sequence[str] = ())
             risen |= _about(alarm.source, gyros)
             said = first.last
             named |= {None} if said is None else {said.sensor, said.partner if said.swapped else said.sensor}
-    suspected = set(risen)
-    if named - set(gyros):
-        suspected |= {gyro for score, armed in stream.armed.items() if not armed for gyro in _about(score, gyros)}
-    if len(risen) == 1 and not named & {None, *gyros}:  # an angle explains what rose
-        suspected -= risen
-    told = {gyro: REPLACED if gyro in named else SUSPECTED for gyro in gyros if gyro in named | suspected}
-    for angle in angles:
-        if angle in named:
-            told[angle] = REPLACED
-        elif _GYRO_OF[angle] in risen and told.get(_GYRO_OF[angle]) == SUSPECTED and not named & set(angles):
-            told[angle] = SUSPECTED
-    return told
+    axes = risen | {_GYRO_OF.get(name, name) for name in named if name is not None}
+    if named - set(gyros) and not is_settled:
+        axes |= {gyro for score, armed in stream.armed.items() if not armed for gyro in _about(score, gyros)}
+    return axes & set(gyros)
 
 
 def _onset_s(stream: Stream, now_s: float) -> float:

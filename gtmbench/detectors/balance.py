@@ -1,4 +1,4 @@
-"""Air data and accelerometers between a gyro and the angle that it turns: which of the two does the flight path follow?
+"""The balance: air data and accelerometers between a gyro and its angle, which of the two the flight path follows.
 
 A gyro and its angle explain each other's faults. A third witness is what the path must do. With V the airspeed, n the
 specific force in g, and changes since the onset,

@@ -2,8 +2,9 @@
 
 A monitor's test needs the attitude, which is late, and means over tens of milliseconds; a damper that a broken gyro
 drives throws the aircraft in two tenths of a second. Two things are seen at once: a reading that jumps within a sample,
-and one far beyond any before. How far both went on this flight until a second ago is learnt; several times as far is
-beyond it. What grows faster than that isn't taken for what is usual. A guard names nobody: a gyro that is beyond is heard, for half a second, only as far as the attitude agrees.
+and one far beyond any before. How far both went on this flight until a second ago is learnt, and several times as far
+is beyond it; so what grows within a second isn't taken for what is usual. A guard names nobody: a gyro that is beyond
+is heard, for half a second, only as far as the attitude agrees.
 """
 
 from __future__ import annotations

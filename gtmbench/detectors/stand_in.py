@@ -34,7 +34,7 @@ class VirtualRates:
     """Rates from the attitude: straight lines through its last fresh samples, and kinematics.
 
     p = phi' - psi' sin(theta), q = theta' cos(phi) + psi' cos(theta) sin(phi), r = psi' cos(theta) cos(phi) -
-    theta' sin(phi). A sample is fresh where an angle changed: an attitude of 50 Hz in a loop of 100 Hz repeats every one.
+    theta' sin(phi). A sample is fresh where an angle changed: at 50 Hz in a loop of 100 Hz every other is.
     The line goes through those within the last `samples` periods, and at least through three.
     """
 
