@@ -1,4 +1,4 @@
-"""Would fault tolerance have saved the flight, on sensors as late as those of the real aircraft?
+"""The rescue on the sensor chain: departures unaided, with accommodation, and with an oracle.
 
     python experiments/chain_rescue.py [--full] [--out DIR]
 
@@ -33,9 +33,9 @@ from in_the_loop import drawn_fault
 
 ONSET_S, FLIGHT_S, SEED, CALIBRATION_SEED = 15.0, 40.0, 960_001, 620_001
 HARD: tuple[Callable[[str, int], gb.Fault], ...] = (
-    lambda channel, sign: gb.SignFlip(channel=channel, onset_s=ONSET_S),
+    lambda channel, _: gb.SignFlip(channel=channel, onset_s=ONSET_S),
     lambda channel, sign: gb.Hardover(channel=channel, onset_s=ONSET_S, limit=100.0 * sign),
-    lambda channel, sign: gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=-2.0),
+    lambda channel, _: gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=-2.0),
 )
 _ORACLE_SHARE = 0.37  # of the virtual rate, as the accommodation flies on the GTM's chain
 
@@ -46,7 +46,7 @@ class Oracle:
     def __init__(self, gyro: str) -> None:
         self._gyro = gyro
 
-    def start(self, sample_period_s: float, tell: object) -> Callable[[float, Readings], Readings]:
+    def start(self, sample_period_s: float, _tell: object) -> Callable[[float, Readings], Readings]:
         """Begin a flight."""
         rates = VirtualRates(4, sample_period_s)
 

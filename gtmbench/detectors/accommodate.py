@@ -65,7 +65,7 @@ class Accommodate:
         The number of fresh attitude samples that the slope is fitted over. More samples mean less noise and a delay of
         half as many samples. At the GTM's gains 4 cost little of either, and 10 swing the aircraft by 40 deg/s.
     proving_s : float
-        How long a replaced gyro must agree with its stand-in, and no alarm of its axis last, until it is flown on again.
+        How long a replaced gyro must agree with its stand-in, without an alarm of its axis, until it is flown on again.
 
     Raises
     ------

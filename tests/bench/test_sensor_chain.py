@@ -88,7 +88,7 @@ def test_the_gtm_flies_on_its_chain_with_gains_for_it():
 def test_a_chain_is_plain_values_and_pickles():
     chain = gb.load_aircraft("gtm").chain
     again = chain_of_table(chain.table)
-    assert dict(again.paths) == dict(chain.paths) == dict(pickle.loads(pickle.dumps(chain)).paths)  # noqa: S301
+    assert dict(again.paths) == dict(chain.paths) == dict(pickle.loads(pickle.dumps(chain)).paths)
     assert set(chain.paths) == set(SENSORS)
 
 
