@@ -22,6 +22,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 LASTS_S = 4.0  # after the onset
 _G_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 _SMOOTHED_S = 0.1  # a balance, against noise
+_SURE_S = 0.4  # for how long it must contradict an angle: to fly on a broken gyro is worse than on a broken angle
 _WRONG_DEG, _TIMES = 5.0, 3.0  # how far the wrong one is off at least, and how many times as far as the right one
 _USED = [COLUMNS[name] for name in ("alpha", "beta", "phi", "theta", "psi", "ny", "nz", "tas")]
 
@@ -44,6 +45,7 @@ class Balance:
         self._carried_path = 0.0  # of the second, with the bank as p carries it on
         self._since_s = 0.0
         self._off: dict[str, tuple[float, float]] = {}
+        self._against_s: dict[str, float] = {}  # for how long an angle as read has been contradicted
 
     def take(self, readings: Readings, carried: CarriedAngles) -> None:
         """Take the next sample, and the angles as raw gyros carry them on."""
@@ -72,7 +74,10 @@ class Balance:
             ("psi", (psi - turned, carried.angle("psi") - turned)),
         ):
             read, own = self._off.get(angle, (0.0, 0.0))
-            self._off[angle] = read + share * (now[0] - read), own + share * (now[1] - own)
+            read, own = read + share * (now[0] - read), own + share * (now[1] - own)
+            self._off[angle] = read, own
+            against = abs(read) > max(_WRONG_DEG, _TIMES * abs(own))
+            self._against_s[angle] = self._against_s.get(angle, 0.0) + self._period_s if against else 0.0
 
     def wrong(self, angle: str) -> str | None:
         """Return which of an angle and its gyro the path contradicts; None: neither decisively, or it is too late."""
@@ -81,6 +86,4 @@ class Balance:
         read, carried = map(abs, self._off[angle])
         if carried > max(_WRONG_DEG, _TIMES * read):
             return GYROS[ATTITUDE.index(angle)]
-        if read > max(_WRONG_DEG, _TIMES * carried):
-            return angle
-        return None
+        return angle if self._against_s[angle] >= _SURE_S else None
