@@ -177,7 +177,11 @@ class SensorChain:
     @property
     def table(self) -> dict[str, dict[str, float]]:
         """As plain values, which `chain_of_table` reads."""
-        return {name: {key: value for key, value in vars(path).items() if value} for name, path in self.paths.items()}
+        usual = vars(SensorPath())  # a noise of 0 isn't the usual one, which is the T2's
+        return {
+            name: {key: value for key, value in vars(path).items() if value != usual[key]}
+            for name, path in self.paths.items()
+        }
 
     def start(self, sample_period_s: float, channels: Sequence[str] = SENSORS) -> Chained:
         """Return a function of a sample's motion and T2's noise, each in the order of the channels."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +79,14 @@ class Setup:
         """What is said of the trim, as `fly` and `trim` take it."""
         stated = {"altitude_ft": self.altitude_ft, "tas_kt": self.tas_kt}
         return {name: value for name, value in stated.items() if value is not None}
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """As plain values; ideal sensors go without saying."""
+        stated = asdict(self)
+        if self.sensors == IDEAL:
+            del stated["sensors"]
+        return stated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,8 +219,8 @@ def _setup(table: dict[str, Any]) -> Setup:
         raise InputError("both snr and noise are given; keep one")
     if "noise" in table:
         table = {**table, "snr": None}
-    load_aircraft(table.get("aircraft", Setup.aircraft)).chain_of(table.get("sensors", IDEAL))
-    setup = _with_autopilot(Setup(**_checked(Setup, table, "")), "snr" in table and "noise" not in table)
+    states_snr = "snr" in table and "noise" not in table
+    setup = _with_autopilot(with_chain(Setup(**_checked(Setup, table, "")), states_snr=states_snr), states_snr)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
         ("alarm.threshold_s", setup.alarm.threshold_s),
@@ -232,6 +240,25 @@ def _setup(table: dict[str, Any]) -> Setup:
         given = ", ".join(f"{name} in {unit}" for name, unit in units.items())
         raise InputError(f"operator.outputs: {given}; one norm needs one unit, so take outputs of one kind")
     return setup
+
+
+def with_chain(setup: Setup, *, states_snr: bool = False) -> Setup:
+    """Return a setup with the noise of sensors on a chain: the T2's, which doesn't depend on the flight.
+
+    Raises
+    ------
+    InputError
+        If the aircraft has no chain, or the noise is a share of a flight.
+    """
+    if setup.sensors == IDEAL:
+        return setup
+    load_aircraft(setup.aircraft).chain_of(setup.sensors)
+    if states_snr:
+        raise InputError(
+            f"snr is {setup.snr:g}, but a sensor chain has noise of its own, which is no ratio of a flight; "
+            'give noise = "t2"'
+        )
+    return replace(setup, snr=None, noise="t2")
 
 
 def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:

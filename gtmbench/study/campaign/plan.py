@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -179,7 +179,7 @@ class Campaign:
             "name": self.name,
             "title": self.title,
             "scenarios": {
-                scenario.name: {"setup": asdict(scenario.setup), "faults": [_fact(spec) for spec in scenario.faults]}
+                scenario.name: {"setup": scenario.setup.facts, "faults": [_fact(spec) for spec in scenario.faults]}
                 for scenario in self.scenarios
             },
             "axes": {name: fact_of_axis(values) for name, values in self.axes.items()},
