@@ -10,6 +10,7 @@ from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
 from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.sensor_chain import SensorChain, SensorPath
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
@@ -189,6 +190,8 @@ __all__ = [
     "Scenario",
     "Score",
     "ScoredLog",
+    "SensorChain",
+    "SensorPath",
     "SignFlip",
     "Signatures",
     "SimpleDetector",

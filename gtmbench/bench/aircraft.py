@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
+from gtmbench.bench.sensor_chain import CHAIN, IDEAL, SensorChain, chain_of_table
 from gtmbench.checks import boolean, keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
 from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES
@@ -54,6 +55,10 @@ class Aircraft:
         60 deg and pitch's 45 deg.
     autopilot : Autopilot or None
         Its gains, if they are known.
+    chain : SensorChain or None
+        What lies between its motion and the sensor readings, if that is known.
+    chain_autopilot : Autopilot or None
+        The gains that were found on that chain; None: `autopilot` flies there, too.
     without_io : bool
         Whether the model's input and output sections are left out. Otherwise a model that has some is refused.
 
@@ -80,7 +85,32 @@ class Aircraft:
     properties: dict[str, float] = field(default_factory=dict)
     departure: dict[str, Span] = field(default_factory=dict)
     autopilot: Autopilot | None = None
+    chain: SensorChain | None = None
+    chain_autopilot: Autopilot | None = None
     without_io: bool = False
+
+    def chain_of(self, sensors: str | SensorChain) -> SensorChain | None:
+        """Return the chain that is meant by "chain", this aircraft's own, or by itself; None: "ideal" sensors.
+
+        Raises
+        ------
+        InputError
+            If there are no such sensors, or the aircraft has no chain.
+        """
+        if isinstance(sensors, SensorChain):
+            return sensors
+        if sensors not in (IDEAL, CHAIN):
+            likely = meant(sensors, (IDEAL, CHAIN))
+            raise InputError(f"no sensors {shown(sensors)}; there are {IDEAL}, {CHAIN}{likely}")
+        if sensors == CHAIN and self.chain is None:
+            raise InputError(f"'{self.name}' has no sensor chain; add a table [{CHAIN}] to its aircraft.toml")
+        return self.chain if sensors == CHAIN else None
+
+    def autopilot_on(self, sensors: str | SensorChain) -> Autopilot | None:
+        """Return the gains for some sensors: on its own chain those that were found there, if known."""
+        chain = self.chain_of(sensors)
+        is_own = chain is not None and chain == self.chain
+        return self.chain_autopilot or self.autopilot if is_own else self.autopilot
 
     @property
     def model(self) -> Path:
@@ -141,6 +171,10 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         | {"alpha": within["alpha"]}
         | {key: _span(f"departure.{key}", value) for key, value in departure.items()},
         autopilot=autopilot_of(table_of("autopilot", facts["autopilot"])) if "autopilot" in facts else None,
+        chain=chain_of_table(table_of("chain", facts["chain"])) if "chain" in facts else None,
+        chain_autopilot=autopilot_of(table_of("chain_autopilot", facts["chain_autopilot"]))
+        if "chain_autopilot" in facts
+        else None,
         without_io=boolean("without_io", facts.get("without_io", False)),
     )
     for key, (low, high) in aircraft.searched.items():
@@ -164,6 +198,8 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
         "excitation": dict(aircraft.excitation),
         "departure": {name: list(span) for name, span in aircraft.departure.items()},
         **({"autopilot": asdict(aircraft.autopilot)} if aircraft.autopilot else {}),
+        **({"chain": aircraft.chain.table} if aircraft.chain else {}),
+        **({"chain_autopilot": asdict(aircraft.chain_autopilot)} if aircraft.chain_autopilot else {}),
         "properties": dict(aircraft.properties),
     }
 

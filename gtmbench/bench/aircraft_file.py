@@ -18,6 +18,8 @@ _SECTIONS = {
     "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
     "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
     "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
+    "chain": "by sensor, what lies between motion and reading: rate_hz, delay_s, filter_hz, quantum, noise",
+    "chain_autopilot": "gains of the autopilot on that chain; found by gtmbench autopilot --sensors chain",
     "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
 }
 
@@ -58,8 +60,8 @@ def commented(facts: Facts, model: str | None = None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def autopilot_table(gains: Facts) -> str:
-    """Return gains as the table of an ``aircraft.toml`` or a scenario.
+def autopilot_table(gains: Facts, section: str = "autopilot") -> str:
+    """Return gains as the table of an ``aircraft.toml`` or a scenario; on a chain, as ``[chain_autopilot]``.
 
     >>> print(autopilot_table({"psi_to_phi": 0.8}))
     # gains of the autopilot that flies in the loop; found by gtmbench autopilot
@@ -67,7 +69,7 @@ def autopilot_table(gains: Facts) -> str:
     psi_to_phi = 0.8
     <BLANKLINE>
     """
-    return "\n".join(_section("autopilot", gains)) + "\n"
+    return "\n".join(_section(section, gains)) + "\n"
 
 
 def _section(section: str, table: Facts) -> list[str]:

@@ -20,7 +20,8 @@ _MOST = 1e4  # a gain beyond is none that anybody means
 class Autopilot:
     """Gains and limits of a simple autopilot, which holds the altitude, speed and heading of the trim.
 
-    With e the held value less the reading, and all values relative to the trim::
+    With e the held value less the reading, and all values relative to the trim; p, q and r stand for the reading and
+    its change, p + lead_s dp/dt, which makes up for sensors that are late::
 
         elevator = q_to_elevator_s q + theta_to_elevator (theta - theta_c),
         theta_c  = altitude_to_theta_deg_ft e_altitude + altitude_integral_deg_ft_s int e_altitude,
@@ -58,6 +59,7 @@ class Autopilot:
     phi_limit_deg: float = 30.0
     r_to_rudder_s: float = 0.0
     washout_s: float = 2.0
+    lead_s: float = 0.0
     tas_to_throttle_percent_kt: float = 0.0
     tas_integral_percent_kt_s: float = 0.0
 
@@ -66,6 +68,7 @@ class Autopilot:
             is_positive = each.name in ("theta_limit_deg", "phi_limit_deg", "washout_s")
             low = 0.0 if is_positive else -_MOST
             number(f"autopilot.{each.name}", getattr(self, each.name), low, _MOST, above=is_positive)
+        number("autopilot.lead_s", self.lead_s, 0.0, 1.0)
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -107,6 +110,7 @@ class Autopilot:
         pitch_limit, bank_limit = self.theta_limit_deg, self.phi_limit_deg
         altitude_ft, tas_kt, psi_deg, theta_deg = trim.altitude_ft, trim.tas_kt, trim.yaw_deg, trim.pitch_deg
         climb = speed = turning = 0.0  # the two integrals, in deg and percent, and the average of r
+        lead = self.lead_s / sample_period_s
         last = list(_level(trim))
 
         def command(sample: Sequence[float]) -> Commands:
@@ -114,8 +118,11 @@ class Autopilot:
             total = sum(sample)
             if total != total:  # something is missing
                 sample = [now if now == now else held for now, held in zip(sample, last, strict=True)]
+            before = last
             last = sample  # type: ignore[assignment]
             p, q, r, _, _, phi, theta, psi, _, _, _, tas, altitude = sample
+            if lead:
+                p, q, r = p + lead * (p - before[0]), q + lead * (q - before[1]), r + lead * (r - before[2])
             above = altitude_ft - altitude
             pitch = climb_gain * above + climb
             if -pitch_limit < pitch < pitch_limit:

@@ -21,6 +21,7 @@ from gtmbench.bench.engine import simulating
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.bench.sensor_chain import IDEAL, Chained, SensorChain
 from gtmbench.bench.sensors import noise_blocks
 from gtmbench.checks import meant, shown, whole
 from gtmbench.errors import InputError
@@ -152,6 +153,7 @@ def fly_in_loop(
     noise_seed: int | None = None,
     accommodate: Accommodation | None = None,
     attitude: str | AttitudeEstimator = OWN,
+    sensors: str | SensorChain = IDEAL,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> LoopFlight:
@@ -168,7 +170,7 @@ def fly_in_loop(
     aircraft, excitation, duration_s, seed, altitude_ft, tas_kt
         As `fly` takes them.
     autopilot : Autopilot, optional
-        Instead of the aircraft's own.
+        Instead of the aircraft's own for these sensors.
     faults : Fault or sequence of Fault
     noise : "t2" or None
         The sensor noise, the same numbers as in `measure`. None: perfect sensors.
@@ -178,7 +180,12 @@ def fly_in_loop(
     attitude : str or AttitudeEstimator
         The source of phi, theta and psi. "own": a vertical gyro, which doesn't use p, q and r. Or an estimator, or the
         name of one (`gtmbench.values.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
-        references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`.
+        references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`. On a
+        chain its attitude is as late as the gyros that it reads; rate, delay and quantum of phi, theta and psi aren't
+        added.
+    sensors : "ideal", "chain" or SensorChain
+        What lies between motion and readings: nothing; the aircraft's own chain, flown with the gains that were found
+        on it; or another chain.
 
     Raises
     ------
@@ -198,7 +205,8 @@ def fly_in_loop(
     (['departure'], True)
     """
     craft = load_aircraft(aircraft)
-    pilot = craft.autopilot if autopilot is None else autopilot
+    sensor_chain = craft.chain_of(sensors)
+    pilot = craft.autopilot_on(sensors) if autopilot is None else autopilot
     if pilot is None:
         raise InputError(f"'{craft.name}' has no autopilot; {GAINS_WANTED}")
     broken = tuple([faults] if isinstance(faults, Fault) else faults)
@@ -217,7 +225,7 @@ def fly_in_loop(
     hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, tell)
     with simulating(airborne.fdm, craft):
         read, sensed, commands = _fly(
-            airborne, pilot, [_Breaking(fault) for fault in broken], blocks, hand_on, estimate
+            airborne, pilot, [_Breaking(fault) for fault in broken], blocks, hand_on, estimate, sensor_chain
         )
     truth = airborne.record(read, commands)
     onset_s = min((fault.onset_s for fault in broken), default=inf)
@@ -327,6 +335,7 @@ def _fly(
     noise: Iterator[FloatArray],
     hand_on: HandOn | None,
     estimate: _Estimate | None,
+    sensors: SensorChain | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Step; return what was read of the engine, what the sensors read, and the commands, a row a sample.
 
@@ -342,6 +351,7 @@ def _fly(
     turned = 360.0 * round((airborne.trim.yaw_deg - psi_before) / 360.0)
     kept, sensed, commanded = array("d"), array("d"), array("d")
     keep, keep_sensed, keep_commands = kept.extend, sensed.extend, commanded.extend
+    chained: Chained | None = None if sensors is None else sensors.start(SAMPLE_PERIOD_S)
     steps = len(airborne.time_s)
     for step, (time_s, added, noises) in enumerate(chain.from_iterable(_rows(airborne, noise)), start=1):
         now = list(map(call, read))
@@ -351,6 +361,10 @@ def _fly(
             turned += 360.0 if psi < psi_before else -360.0
         psi_before = psi
         sample[_PSI] = psi + turned + noises[_PSI]
+        if chained is not None:
+            motion = [value * scale for value, scale in zip(now, scales, strict=False)]
+            motion[_PSI] = psi + turned
+            sample = chained(motion, noises)
         if estimate is not None:
             attitude = now[_PHI] * scales[_PHI], now[_THETA] * scales[_THETA], psi + turned
             if not estimate.enters(time_s, sample, attitude):

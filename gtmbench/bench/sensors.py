@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.checks import meant, number, whole
 from gtmbench.errors import InputError
 from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, SENSORS
@@ -23,6 +24,7 @@ def measure(
     noise: str | None = None,
     seed: int = 1,
     commands: bool = False,
+    sensors: SensorChain | None = None,
 ) -> Record:
     """Return the sensor readings: the flight's sensor channels with white Gaussian noise.
 
@@ -41,6 +43,8 @@ def measure(
         Of the noise.
     commands : bool
         Whether to include the surface commands, without noise.
+    sensors : SensorChain, optional
+        What lies between motion and reading (`Aircraft.chain`); None: ideal sensors. psi must be unwrapped.
 
     Raises
     ------
@@ -64,6 +68,7 @@ def measure(
         snr = number("snr", snr, *SNR_SPAN)
     seed = whole("seed", seed)
     columns: list[FloatArray] = []
+    noises: list[FloatArray] = []
     kept = [name for name in flight.channels if name not in CHANNELS or name in SENSORS]
     if not kept:
         raise InputError(f"no sensor among the channels {', '.join(flight.channels)}; there is nothing to measure")
@@ -71,7 +76,13 @@ def measure(
         truth = flight[name]
         by_ratio = snr is not None and name in SNR_CHANNELS
         deviation = rms_about_mean(truth) / snr if by_ratio and snr is not None else _t2_noise(name)
-        columns.append(truth + deviation * stream(seed, name).standard_normal(len(flight)))
+        noises.append(deviation * stream(seed, name).standard_normal(len(flight)))
+        columns.append(truth)
+    if sensors is None:
+        columns = [truth + noise for truth, noise in zip(columns, noises, strict=True)]
+    else:
+        motion, errors = np.column_stack(columns), np.column_stack(noises)
+        columns = list(sensors.readings(motion, errors, flight.sample_period_s, kept).T)
     if commands:
         given = [name for name in COMMANDS if name in flight]
         columns += [flight[name] for name in given]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,10 @@ from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import LoopFlight, fly_in_loop
 from gtmbench.bench.modes import STATES, LinearModel, linearised
+from gtmbench.bench.sensor_chain import IDEAL, SensorChain, SensorPath
 from gtmbench.errors import EnvelopeError, GtmbenchError, TrimError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.values.channels import COMMANDS
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import Record
 
 # What an axis' gains are changed by together; each in octaves, so that neighbours are half and twice a gain.
@@ -29,6 +30,7 @@ AXES = {
 OCTAVES = (-4, -3, -2, -1, 0, 1)
 _TRIED_S = 90.0
 _PROVED_S = 600.0
+_MARGIN_S, _MARGIN_STEP_S, _MARGIN_STEPS = 30.0, 0.005, 20
 _TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
 _MOVED = 0.1  # RMS of a command, of its span: as bad as a channel's tolerated RMS
 _GRAVITY_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
@@ -43,6 +45,10 @@ class Tuned:
     autopilot : Autopilot
     altitude_off_ft, tas_off_kt, bank_deg : float
         The greatest deviations of altitude and speed from the trim, and the greatest bank, in either direction.
+    rates_deg_s : dict of str to float
+        The RMS of p, q and r.
+    delay_margin_s : float
+        By how much later all gyros and angles may come, in steps of 5 ms, before the aircraft departs or RMS q doubles.
 
     Examples
     --------
@@ -56,20 +62,27 @@ class Tuned:
     altitude_off_ft: float
     tas_off_kt: float
     bank_deg: float
+    rates_deg_s: dict[str, float] = field(default_factory=dict)
+    delay_margin_s: float = math.nan
 
 
-def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = silent) -> Tuned:
+def find_autopilot(
+    aircraft: str | Path | Aircraft, *, sensors: str | SensorChain = IDEAL, progress: Progress = silent
+) -> Tuned:
     """Find gains that hold an aircraft in turbulence.
 
     They begin with the GTM's by similarity: each loop as fast as there, in terms of the aircraft's own short period,
     roll, dutch roll and speed, through what its surfaces and its throttle do (so signs follow from trying, too). Then
     each axis in turn is flown in turbulence with its gains in octaves, and that gain is taken whose worst neighbour,
     half or twice itself, does best: a gain with a margin on either side. At last they fly ten minutes of other air.
+    On a sensor chain the rates lead by as much as the slowest gyro is late.
 
     Parameters
     ----------
     aircraft : str, Path or Aircraft
         As `fly` takes it.
+    sensors : "ideal", "chain" or SensorChain
+        As `fly_in_loop` takes them.
     progress : callable
         Called with the axis, the number done and the total.
 
@@ -91,12 +104,13 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
     (0.8, 1.0)
     """
     craft = load_aircraft(aircraft)
-    found = similar_autopilot(linearised(craft))
+    chain = craft.chain_of(sensors)
+    found = replace(similar_autopilot(linearised(craft)), lead_s=0.0 if chain is None else lateness_s(chain))
     for done, axis in enumerate(AXES):
         progress(axis, done, len(AXES) + 1)
-        found = _best(craft, found, axis)
+        found = _best(craft, found, axis, chain)
     progress("ten minutes of turbulence", len(AXES), len(AXES) + 1)
-    flight = _flown(craft, found, _PROVED_S, seed=2)
+    flight = _flown(craft, chain, found, _PROVED_S, seed=2)
     if flight is None or flight.departed_s is not None:
         raise GtmbenchError(
             f"no gains are found that hold '{craft.name}' in moderate turbulence at {craft.altitude_ft:g} ft and "
@@ -108,7 +122,51 @@ def find_autopilot(aircraft: str | Path | Aircraft, *, progress: Progress = sile
         altitude_off_ft=_most_off(truth, "altitude"),
         tas_off_kt=_most_off(truth, "tas"),
         bank_deg=float(np.abs(truth["phi"]).max()),
+        rates_deg_s={name: float(np.std(truth[name])) for name in GYROS},
+        delay_margin_s=delay_margin_s(craft, found, chain),
     )
+
+
+def lateness_s(chain: SensorChain) -> float:
+    """Return how late the slowest gyro of a chain is: its delay, its filter's, and half of its sample's hold.
+
+    >>> from gtmbench.bench.sensor_chain import SensorPath
+    >>> lateness_s(SensorChain(paths={"q": SensorPath(delay_s=0.015, rate_hz=50.0)}))
+    0.025
+    """
+    paths = [path for name in GYROS if (path := chain.paths.get(name))]
+    late = [
+        path.delay_s
+        + (1.0 / (2.0 * math.pi * path.filter_hz) if path.filter_hz else 0.0)
+        + (0.5 / path.rate_hz if path.rate_hz else 0.0)
+        for path in paths
+    ]
+    return _rounded(max(late, default=0.0))
+
+
+def delay_margin_s(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None) -> float:
+    """Return by how much later gyros and angles may come, in steps of 5 ms up to 0.1 s, until a flight is lost.
+
+    It is lost where it departs, or where the RMS of a rate is twice that without: an oscillation.
+    """
+    own = SensorChain() if chain is None else chain
+    alone = _flown(craft, own, autopilot, _MARGIN_S, seed=3)
+    if alone is None or alone.departed_s is not None:
+        return 0.0
+    usual = {name: float(np.std(alone.truth[name])) for name in GYROS}
+    for step in range(1, _MARGIN_STEPS + 1):
+        flight = _flown(craft, _later(own, step * _MARGIN_STEP_S), autopilot, _MARGIN_S, seed=3)
+        if flight is None or flight.departed_s is not None:
+            return (step - 1) * _MARGIN_STEP_S
+        if any(float(np.std(flight.truth[name])) > 2.0 * rms for name, rms in usual.items()):
+            return (step - 1) * _MARGIN_STEP_S
+    return _MARGIN_STEPS * _MARGIN_STEP_S
+
+
+def _later(chain: SensorChain, more_s: float) -> SensorChain:
+    paths = {name: chain.paths.get(name, SensorPath()) for name in (*GYROS, *ATTITUDE)}
+    late = {name: replace(path, delay_s=path.delay_s + more_s) for name, path in paths.items()}
+    return SensorChain(paths={**chain.paths, **late})
 
 
 def _most_off(truth: Record, channel: str) -> float:
@@ -162,10 +220,10 @@ def _frequency(state: np.ndarray, pair: tuple[int, int]) -> float:
     return math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)]))))
 
 
-def _best(craft: Aircraft, found: Autopilot, axis: str) -> Autopilot:
+def _best(craft: Aircraft, found: Autopilot, axis: str, chain: SensorChain | None = None) -> Autopilot:
     """Return the gains of which the worst among themselves, half and twice of an axis does best."""
     tried = [_scaled(found, axis, 2.0**octave) for octave in OCTAVES]
-    costs = [_cost(craft, autopilot) for autopilot in tried]
+    costs = [_cost(craft, autopilot, chain) for autopilot in tried]
     worst = [max(costs[i - 1 : i + 2]) for i in range(1, len(costs) - 1)]
     return tried[1 + int(np.argmin(worst))] if np.isfinite(worst).any() else found
 
@@ -174,9 +232,9 @@ def _scaled(autopilot: Autopilot, axis: str, factor: float) -> Autopilot:
     return replace(autopilot, **{name: _rounded(factor * getattr(autopilot, name)) for name in AXES[axis]})
 
 
-def _cost(craft: Aircraft, autopilot: Autopilot) -> float:
+def _cost(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None = None) -> float:
     """Return how badly an aircraft is held in turbulence: 1 where everything is at what is tolerated."""
-    flight = _flown(craft, autopilot, _TRIED_S, seed=1)
+    flight = _flown(craft, chain, autopilot, _TRIED_S, seed=1)
     if flight is None or flight.departed_s is not None:
         return math.inf
     truth = flight.truth
@@ -186,9 +244,13 @@ def _cost(craft: Aircraft, autopilot: Autopilot) -> float:
     return float(np.sqrt(np.mean(np.square(held + moved))))
 
 
-def _flown(craft: Aircraft, autopilot: Autopilot, duration_s: float, seed: int) -> LoopFlight | None:
+def _flown(
+    craft: Aircraft, chain: SensorChain | None, autopilot: Autopilot, duration_s: float, seed: int
+) -> LoopFlight | None:
     """Return a flight in turbulence, or None where it leaves the envelope."""
     try:
-        return fly_in_loop(craft, "turbulence", duration_s, seed, autopilot=autopilot)
+        return fly_in_loop(
+            craft, "turbulence", duration_s, seed, autopilot=autopilot, sensors=IDEAL if chain is None else chain
+        )
     except EnvelopeError:
         return None

@@ -16,6 +16,13 @@ from gtmbench.report.tables.envelope import envelope
 
 @click.command("autopilot")
 @aircraft_options
+@click.option(
+    "--sensors",
+    default="ideal",
+    show_default=True,
+    metavar="ideal|chain",
+    help="chain: find gains on the aircraft's own sensor chain; they go into [chain_autopilot].",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="Also write the table [autopilot] into this file.")
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -24,6 +31,7 @@ def autopilot_command(
     altitude: float | None,
     tas: float | None,
     without_io: bool,
+    sensors: str,
     out: Path | None,
     force: bool,
     as_json: bool,
@@ -40,9 +48,11 @@ def autopilot_command(
     if out is not None:
         claim_file(out, force=force)
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    flown = at_condition(aircraft, altitude_ft=altitude, tas_kt=tas)
+    flown.chain_of(sensors)
     with progress_bar(silent=as_json or quiet) as tell:
-        tuned = find_autopilot(at_condition(aircraft, altitude_ft=altitude, tas_kt=tas), progress=tell)
-    text = autopilot_table(asdict(tuned.autopilot))
+        tuned = find_autopilot(flown, sensors=sensors, progress=tell)
+    text = autopilot_table(asdict(tuned.autopilot), "autopilot" if sensors == "ideal" else "chain_autopilot")
     if out is not None:
         with atomic_write(out) as aside:
             aside.write_text(text, encoding="utf-8")
@@ -55,6 +65,8 @@ def autopilot_command(
         print_json(envelope("autopilot", verdict, own))
     elif not quiet:
         echo(verdict)
+        rates = ", ".join(f"{name} {rms:.2f}" for name, rms in tuned.rates_deg_s.items())
+        echo(f"rates, RMS: {rates} deg/s; all gyros and angles may come {1e3 * tuned.delay_margin_s:.0f} ms later")
         echo(text.rstrip())
         echo(
             f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")

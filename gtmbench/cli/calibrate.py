@@ -49,6 +49,11 @@ if TYPE_CHECKING:
     metavar="TEXT",
     help="Imperfections of healthy gyros that must not alarm: bias=0.5,wander=0.002,lag=0.005,quantum=0.05.",
 )
+@click.option(
+    "--sensors",
+    metavar="ideal|chain",
+    help="Without logs: chain flies on the aircraft's own sensor chain.  [default: ideal]",
+)
 @click.option("--seed", default=1, show_default=True, help="Seed of the first flight, its noise and imperfections.")
 @attitude_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
@@ -64,6 +69,7 @@ def calibrate_command(
     excitation: str | None,
     aircraft: str | None,
     tolerate: str | None,
+    sensors: str | None,
     seed: int,
     attitude: str,
     force: bool,
@@ -91,7 +97,13 @@ def calibrate_command(
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
     recipe = _uncalibrated(detector or "C")
     imperfections = parse_imperfections(tolerate) if tolerate is not None else CalibrationFlights().imperfections
-    of_flights = {"flights": flights, "duration_s": duration, "excitation": excitation, "aircraft": aircraft}
+    of_flights = {
+        "flights": flights,
+        "duration_s": duration,
+        "excitation": excitation,
+        "aircraft": aircraft,
+        "sensors": sensors,
+    }
     given = {key: value for key, value in of_flights.items() if value is not None}
     usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
     if logs and given:

@@ -112,6 +112,14 @@ def _print_modes(linear: list[Mode]) -> None:
     help="With --closed-loop or --noise: the source of phi, theta and psi. own: a vertical gyro. Or an estimator that "
     "p, q and r drive: 'filter 1 s', 'filter 5 s', 'filter 20 s', kalman.",
 )
+@click.option(
+    "--sensors",
+    default="ideal",
+    show_default=True,
+    metavar="ideal|chain",
+    help="With --closed-loop or --noise: what lies between motion and readings. chain: the aircraft's own delays, "
+    "filters and sample rates, and in the loop the gains for them.",
+)
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def fly_command(
@@ -132,6 +140,7 @@ def fly_command(
     onset: float | None,
     trial: int | None,
     attitude: str,
+    sensors: str,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -159,16 +168,28 @@ def fly_command(
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    chain = aircraft.chain_of(sensors)
+    if chain is not None and noise is None and not closed_loop:
+        raise InputError(f"--sensors is '{sensors}', but the truth has no sensors; add --noise t2 or --closed-loop")
     events: tuple[LoopEvent, ...] = ()
     if closed_loop:
         flight = fly_in_loop(
-            aircraft, excitation, duration, seed, faults=faults, attitude=attitude, altitude_ft=altitude, tas_kt=tas
+            aircraft,
+            excitation,
+            duration,
+            seed,
+            faults=faults,
+            attitude=attitude,
+            sensors=sensors,
+            altitude_ft=altitude,
+            tas_kt=tas,
         )
         record, events = flight.truth if noise is None else flight.readings(commands=commands), flight.events
     else:
         record = truth = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
         if noise is not None:
-            readings = measure(truth, snr=snr, noise="t2" if snr is None else None, seed=seed, commands=commands)
+            kind = "t2" if snr is None else None
+            readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
             record = broken(estimated_attitude(readings, truth, attitude, seed), faults)
     verdict = deliver(record, out, target, speed, silent=as_json or quiet)
     if as_json:

@@ -34,6 +34,13 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 @click.option("--figure", type=click.Path(path_type=Path), help="Also write a figure: .png, .svg or .pdf.")
 @aircraft_options
 @fault_options("The fault.  [default: r's sign flips]")
+@click.option(
+    "--sensors",
+    default="ideal",
+    show_default=True,
+    metavar="ideal|chain",
+    help="chain: the aircraft's own delays, filters and sample rates lie between motion and readings.",
+)
 @click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
 @click.option(
     "--calibrated",
@@ -54,6 +61,7 @@ def rescue_command(
     given: tuple[str, ...],
     onset: float | None,
     trial: int | None,
+    sensors: str,
     seed: int,
     monitor_file: Path | None,
     force: bool,
@@ -76,7 +84,8 @@ def rescue_command(
     silent = as_json or quiet
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:
-        monitor = load_monitor(monitor_file) if monitor_file else _calibrated(name, tell)
+        aircraft.chain_of(sensors)
+        monitor = load_monitor(monitor_file) if monitor_file else _calibrated(name, sensors, tell)
     onset_s = min(fault.onset_s for fault in faults)
     rescue = fly_rescue(
         faults,
@@ -84,6 +93,7 @@ def rescue_command(
         aircraft=aircraft,
         duration_s=onset_s + _AFTER_S,
         seed=seed,
+        sensors=sensors,
         altitude_ft=altitude,
         tas_kt=tas,
     )
@@ -132,13 +142,13 @@ def _print(rescue: Rescue) -> None:
         echo(f"{flight.truth.end_s:g} s, {name}: the flight ends, {lost_ft:.0f} ft of altitude were lost at most")
 
 
-def _calibrated(aircraft: str, tell: Progress) -> Monitor:
+def _calibrated(aircraft: str, sensors: str, tell: Progress) -> Monitor:
     """Fly healthy, and calibrate: half a minute; a rescue is no study of false alarms."""
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank_detector import BankDetector
     from gtmbench.study.healthy_records import CalibrationFlights
 
-    flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED)
+    flights = CalibrationFlights(flights=_FLIGHTS, duration_s=_FLIGHT_S, aircraft=aircraft, seed=_SEED, sensors=sensors)
     recipe = BankDetector(bank=load_bank(_BANK))
     records = flights.records(recipe, processes=os.cpu_count() or 1, progress=tell)
     return recipe.calibrate(records, progress=tell)

@@ -31,7 +31,7 @@ def moments(rescue: Rescue) -> dict[str, list[Moment]]:
     Times are told after the onset.
     """
     broken, since = {fault.channel for fault in rescue.faults}, rescue.onset_s
-    words = {SUSPECTED: "alarm: {} is suspected", REPLACED: "{} is named, and flown without", DEPARTURE: "departure"}
+    words = {SUSPECTED: "alarm: {} is suspected", REPLACED: "{} is flown without", DEPARTURE: "departure"}
     told: dict[str, list[Moment]] = {name: [] for name in rescue.flights}
     for name, flight in rescue.flights.items():
         seen = set()

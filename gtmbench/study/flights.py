@@ -9,7 +9,9 @@ from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.flight import fly
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
@@ -51,7 +53,8 @@ class Flown:
 
     def _measured(self, number: int) -> Record:
         setup, seed = self.setup, _noise_seed(self.setup, number)
-        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands)
+        chain = _chain(setup)
+        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=chain)
 
     def _with_setups_attitude(self, readings: Record, truth: Record, number: int) -> Record:
         """Return readings with the setup's attitude, made of these gyros where an estimator makes it."""
@@ -69,6 +72,12 @@ class Flown:
         another flight.
         """
         truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
+        if (chain := _chain(self.setup)) is not None:
+            seed = _noise_seed(self.setup, number)
+            late = measure(
+                truth, snr=self.setup.snr, noise=self.setup.noise, seed=seed, commands=self.commands, sensors=chain
+            )
+            return self._with_setups_attitude(late, truth, number)
         readings = self._measured(number)
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
@@ -131,7 +140,8 @@ class FlownInLoop(Flown):
         faults = self.faults(spec)
         flight = _flown_in_loop(self.setup, number, faults)
         injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
-        unbroken = measure(flight.truth, noise=self.setup.noise, seed=_noise_seed(self.setup, number))
+        noise_seed = _noise_seed(self.setup, number)
+        unbroken = measure(flight.truth, noise=self.setup.noise, seed=noise_seed, sensors=_chain(self.setup))
         if self.setup.attitude != OWN:
             unbroken = _with_attitude(unbroken, self._with_setups_attitude(flight.sensed, flight.truth, number))
         return injection, unbroken
@@ -155,6 +165,10 @@ def with_late_attitude(record: Record, late_s: float) -> Record:
     return inject(record, late) if late_s and late else record
 
 
+def _chain(setup: Setup) -> SensorChain | None:
+    return load_aircraft(setup.aircraft).chain_of(setup.sensors)
+
+
 def _noise_seed(setup: Setup, number: int) -> int:
     return setup.seed + SEED_STEP * number
 
@@ -167,6 +181,7 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
         setup.seed if seed is None else seed,
         autopilot=setup.autopilot,
         attitude=setup.attitude,
+        sensors=setup.sensors,
         faults=faults,
         noise=setup.noise,
         noise_seed=_noise_seed(setup, number),

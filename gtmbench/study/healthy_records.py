@@ -17,6 +17,7 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.detectors.monitor.regime import Regime
@@ -60,6 +61,8 @@ class CalibrationFlights:
         gyros.
     attitude_late_s : float
         How much later than the other sensors' the attitude's samples are.
+    sensors : str
+        "ideal", or "chain": the aircraft's own chain lies between motion and readings.
 
     Raises
     ------
@@ -83,12 +86,13 @@ class CalibrationFlights:
     imperfections: Imperfections = field(default_factory=Imperfections)
     attitude: str = OWN
     attitude_late_s: float = 0.0
+    sensors: str = IDEAL
 
     def __post_init__(self) -> None:
         whole("flights", self.flights, 1, _MOST_FLIGHTS)
         number("duration_s", self.duration_s, SAMPLE_PERIOD_S, LONGEST_S)
         whole("seed", self.seed, 0, _LARGEST_SEED - self.flights)
-        load_aircraft(self.aircraft)
+        load_aircraft(self.aircraft).chain_of(self.sensors)
         parts_of(self.excitation)
         estimator_of(self.attitude)
         if self.noise not in NOISES:
@@ -124,6 +128,7 @@ class CalibrationFlights:
             "noise": self.noise,
             "seeds": [self.seed, self.seed + self.flights - 1],
             **({"attitude": self.attitude} if self.attitude != OWN else {}),
+            **({"sensors": self.sensors} if self.sensors != IDEAL else {}),
             **({"attitude_late_s": self.attitude_late_s} if self.attitude_late_s else {}),
             **_common(self.imperfections),
         }
@@ -207,7 +212,8 @@ def _common(imperfections: Imperfections) -> dict[str, str]:
 def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
     flights, channels, seed = task
     flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
-    measured = measure(flight, noise=flights.noise, seed=seed, commands=True)
+    chain = load_aircraft(flights.aircraft).chain_of(flights.sensors)
+    measured = measure(flight, noise=flights.noise, seed=seed, commands=True, sensors=chain)
     gyros = _with(measured, flights.imperfections, seed)  # an estimator reads them as they are
     estimated = estimated_attitude(gyros, flight, flights.attitude, seed)
     return with_late_attitude(estimated, flights.attitude_late_s).select(channels)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.loop import LoopFlight, fly_in_loop
+from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -52,6 +53,7 @@ def fly_rescue(
     excitation: str = "turbulence",
     duration_s: float = 60.0,
     seed: int = 1,
+    sensors: str = IDEAL,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> Rescue:
@@ -64,7 +66,9 @@ def fly_rescue(
     """
     if not faults:
         raise InputError("nothing breaks, so there is nothing to rescue from; give a fault")
-    fly = partial(fly_in_loop, aircraft, excitation, duration_s, seed, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    fly = partial(
+        fly_in_loop, aircraft, excitation, duration_s, seed, sensors=sensors, altitude_ft=altitude_ft, tas_kt=tas_kt
+    )
     unaided, rescued = fly(faults=faults), fly(faults=faults, accommodate=accommodate)
     watch = accommodate.monitor.watch(rescued.sensed)
     return Rescue(faults=tuple(faults), unaided=unaided, rescued=rescued, watch=watch)

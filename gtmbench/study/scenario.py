@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
+from gtmbench.bench.sensor_chain import CHAIN, IDEAL
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
@@ -66,6 +67,7 @@ class Setup:
     altitude_ft: float | None = None  # None: the aircraft's own trim
     tas_kt: float | None = None
     attitude: str = OWN  # whose it is: a vertical gyro's own, or that of an estimator of `ESTIMATORS`
+    sensors: str = IDEAL  # what lies between motion and readings: nothing, or the aircraft's own chain
     attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
@@ -77,6 +79,14 @@ class Setup:
         """What is said of the trim, as `fly` and `trim` take it."""
         stated = {"altitude_ft": self.altitude_ft, "tas_kt": self.tas_kt}
         return {name: value for name, value in stated.items() if value is not None}
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """As plain values; ideal sensors go without saying."""
+        stated = asdict(self)
+        if self.sensors == IDEAL:
+            del stated["sensors"]
+        return stated
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +219,8 @@ def _setup(table: dict[str, Any]) -> Setup:
         raise InputError("both snr and noise are given; keep one")
     if "noise" in table:
         table = {**table, "snr": None}
-    setup = _with_autopilot(Setup(**_checked(Setup, table, "")), "snr" in table and "noise" not in table)
+    states_snr = "snr" in table and "noise" not in table
+    setup = _with_autopilot(with_chain(Setup(**_checked(Setup, table, "")), states_snr=states_snr), states_snr)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
         ("alarm.threshold_s", setup.alarm.threshold_s),
@@ -231,12 +242,32 @@ def _setup(table: dict[str, Any]) -> Setup:
     return setup
 
 
+def with_chain(setup: Setup, *, states_snr: bool = False) -> Setup:
+    """Return a setup with the noise of sensors on a chain: the T2's, which doesn't depend on the flight.
+
+    Raises
+    ------
+    InputError
+        If the aircraft has no chain, or the noise is a share of a flight.
+    """
+    if setup.sensors == IDEAL:
+        return setup
+    load_aircraft(setup.aircraft).chain_of(setup.sensors)
+    if states_snr:
+        raise InputError(
+            f"snr is {setup.snr:g}, but a sensor chain has noise of its own, which is no ratio of a flight; "
+            'give noise = "t2"'
+        )
+    return replace(setup, snr=None, noise="t2")
+
+
 def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
     """Return a setup with the gains that ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
     gains: Any = setup.autopilot  # the table, as it stands there
     if gains is None:
         return setup
-    return flown_by(setup, autopilot_of(gains, load_aircraft(setup.aircraft).autopilot) if gains else None, states_snr)
+    own = load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
+    return flown_by(setup, autopilot_of(gains, own) if gains else None, states_snr)
 
 
 def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Setup:
@@ -247,7 +278,7 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
     InputError
         If the aircraft has none, or the noise is a share of a flight that hasn't been flown yet.
     """
-    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot
+    autopilot = autopilot or load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
     if autopilot is None:
         raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
     if states_snr:
@@ -294,6 +325,12 @@ def _noise(key: str, value: Any) -> str:
     return str(value)
 
 
+def _sensors(key: str, value: Any) -> str:
+    if value not in (IDEAL, CHAIN):
+        raise InputError(f"{key} is {shown(value)}; there are {IDEAL}, {CHAIN}{meant(value, (IDEAL, CHAIN))}")
+    return str(value)
+
+
 def _attitude(key: str, value: Any) -> str:
     with naming(key):
         estimator_of(value)
@@ -316,6 +353,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "altitude_ft": lambda key, value: number(key, value, 0.0, 100_000.0, above=True),
     "tas_kt": lambda key, value: number(key, value, 0.0, 2_000.0, above=True),
     "attitude": _attitude,
+    "sensors": _sensors,
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "severity_reference_s": _times,
     "autopilot": table_of,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES
 from gtmbench.checks import shown
 from gtmbench.detectors.function import FunctionDetector
@@ -202,6 +203,7 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "duration_s": min(setup.duration_s, _LONGEST_S),
         "noise": _noise(setup),
         "seed": _seed(setup, 0),
+        **({"sensors": setup.sensors} if setup.sensors != IDEAL else {}),
         **({"attitude": setup.attitude} if setup.attitude != OWN_ATTITUDE else {}),
         **setup.trim_point,
     }

@@ -54,7 +54,7 @@ def test_of_octaves_the_best_of_the_worst_neighbours_is_taken(monkeypatch):
     """A gain at whose double it falls isn't taken, though it does best itself."""
     own = gb.Autopilot(r_to_rudder_s=1.0)
     costs = dict(zip((2.0**octave for octave in OCTAVES), (9.0, 5.0, 3.0, 2.0, 1.0, np.inf), strict=True))
-    monkeypatch.setattr(tuning, "_cost", lambda _, autopilot: costs[autopilot.r_to_rudder_s])
+    monkeypatch.setattr(tuning, "_cost", lambda *given: costs[given[1].r_to_rudder_s])
     assert tuning._best(gb.load_aircraft("gtm"), own, "yaw").r_to_rudder_s == 0.5
 
 

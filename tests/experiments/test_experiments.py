@@ -95,6 +95,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "real_logs",
         "log_samples",
         "several_imus",
+        "chained_gains",
+        "chain_rescue",
         "heading_witness",
         "magnetometer_in_logs",
         "lost_samples",

@@ -91,7 +91,7 @@ def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
 
 def _setup(study: Study) -> dict[str, Any]:
     """Return the scenarios' settings; those of their own detector only where it watched."""
-    setup = asdict(study.baseline.setup)
+    setup = study.baseline.setup.facts
     if not any(isinstance(baseline.monitor, NormMonitor) for baseline in study.baselines):
         del setup["operator"]
         setup["alarm"] = {key: setup["alarm"][key] for key in ("watch_from_s", "healthy_records")}

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
-from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED
+from gtmbench.detectors.accommodate import GIVEN_BACK, OUT_OF_DATE, REPLACED, SUSPECTED, UNCERTAIN
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.protocol import Watch
@@ -25,9 +25,11 @@ _ONSET = "onset_s"
 _PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
 _BEFORE = {_ONSET: "from ", "value": "at "}
 _FLOWN_ON = {
-    SUSPECTED: "suspected: flown on only as far as the attitude agrees",
-    REPLACED: "flown without: another rate stands in",
+    SUSPECTED: "suspected: flown on only as far as the other sensors agree",
+    REPLACED: "flown without: the others stand in for it",
     GIVEN_BACK: "flown on again",
+    OUT_OF_DATE: "its stand-in is out of date: zero is flown",
+    UNCERTAIN: "its stand-in may be off by so much",
 }
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 

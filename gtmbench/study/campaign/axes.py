@@ -12,7 +12,7 @@ from typing import Any
 from gtmbench.bench.excitation import parts_of
 from gtmbench.checks import keys, naming, shown, table_of, whole
 from gtmbench.errors import InputError
-from gtmbench.study.scenario import Setup, flown_by, setting
+from gtmbench.study.scenario import Setup, flown_by, setting, with_chain
 
 Axes = Mapping[str, Sequence[Any]]
 _RANGE = re.compile(r"\s*(\d{1,10})\s*:\s*(\d{1,10})\s*")
@@ -101,7 +101,7 @@ def flights(setup: Setup, axes: Axes) -> Iterator[Setup]:
     for values in itertools.product(*(axes[name] for name in named)):
         changed = dict(zip(named, values, strict=True))
         turbulent, closed = changed.pop("turbulence", None), changed.pop("closed_loop", None)
-        flown = _in_loop(replace(setup, **changed), setup, closed)
+        flown = with_chain(_in_loop(replace(setup, **changed), setup, closed))
         yield flown if turbulent is None else replace(flown, excitation=_in_air(flown.excitation, turbulent))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -179,7 +179,7 @@ class Campaign:
             "name": self.name,
             "title": self.title,
             "scenarios": {
-                scenario.name: {"setup": asdict(scenario.setup), "faults": [_fact(spec) for spec in scenario.faults]}
+                scenario.name: {"setup": scenario.setup.facts, "faults": [_fact(spec) for spec in scenario.faults]}
                 for scenario in self.scenarios
             },
             "axes": {name: fact_of_axis(values) for name, values in self.axes.items()},
@@ -261,7 +261,7 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         healthy=healthy,
         detectors=detectors,
         isolate=boolean("isolate", own.get("isolate", True)),
-        calibration=replace(calibration, attitude_late_s=_lateness(scenarios)),
+        calibration=replace(calibration, attitude_late_s=_lateness(scenarios), sensors=_sensors(scenarios)),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),
     )
@@ -318,6 +318,16 @@ def _lateness(scenarios: Sequence[Scenario]) -> float:
         given = " and ".join(f"{value:g}" for value in late_s)
         raise InputError(f"attitude_late_s is {given} in its scenarios; detectors are calibrated for one: split them")
     return late_s[0]
+
+
+def _sensors(scenarios: Sequence[Scenario]) -> str:
+    """Return which sensors are flown on, on every flight as on those that detectors are calibrated on."""
+    kinds = sorted({scenario.setup.sensors for scenario in scenarios})
+    if len(kinds) > 1:
+        raise InputError(
+            f"sensors are {' and '.join(kinds)} in its scenarios; detectors are calibrated for one: split them"
+        )
+    return kinds[0]
 
 
 def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:
