@@ -1,7 +1,8 @@
 """The magnetometers of a log: the field about three axes, with stamps of its own, beside any record of the log.
 
 No channel of a bank is made of them. They are asked which is wrong, the yaw gyro or the heading, and whoever asks
-learns their scale, their iron and their axes on what is healthy: so their unit doesn't matter.
+learns their scale and their iron on what is healthy: so their unit doesn't matter. Axes are taken for the gyros'; one
+that has others knows the yaw rate badly there, and then says so.
 """
 
 from __future__ import annotations

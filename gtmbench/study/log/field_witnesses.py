@@ -1,8 +1,8 @@
 """Which is wrong, the yaw gyro or the heading, by the magnetometers of a log.
 
 An estimator's heading follows its yaw gyro, so what they differ by tells no side. A magnetometer that is read raw is
-driven by no gyro. It is asked after the fact, about all of the time in which they differ, and only about that: it
-raises no alarm, and withdraws no name.
+driven by no gyro in flight (before take-off, PX4 takes a constant off by means of the gyros). It is asked after the
+fact, about all of the time in which they differ, and only about that: it raises no alarm, and withdraws no name.
 """
 
 from __future__ import annotations
