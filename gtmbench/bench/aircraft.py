@@ -56,7 +56,7 @@ class Aircraft:
     autopilot : Autopilot or None
         Its gains, if they are known.
     chain : SensorChain or None
-        What lies between its motion and the sensor readings, if that is known.
+        The way from its motion to the sensor readings, if that is known.
     chain_autopilot : Autopilot or None
         The gains that were found on that chain; None: `autopilot` flies there, too.
     without_io : bool

@@ -18,7 +18,7 @@ _SECTIONS = {
     "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
     "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
     "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
-    "chain": "by sensor, what lies between motion and reading: rate_hz, delay_s, filter_hz, quantum, noise",
+    "chain": "by sensor, the way from motion to reading: rate_hz, delay_s, filter_hz, quantum, noise",
     "chain_autopilot": "gains of the autopilot on that chain; found by gtmbench autopilot --sensors chain",
     "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
 }

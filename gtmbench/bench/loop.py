@@ -184,7 +184,7 @@ def fly_in_loop(
         chain its attitude is as late as the gyros that it reads; rate, delay and quantum of phi, theta and psi aren't
         added.
     sensors : "ideal", "chain" or SensorChain
-        What lies between motion and readings: nothing; the aircraft's own chain, flown with the gains that were found
+        The way from motion to readings: at once; the aircraft's own chain, flown with the gains that were found
         on it; or another chain.
 
     Raises

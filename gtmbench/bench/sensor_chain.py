@@ -57,7 +57,8 @@ class SensorPath:
 
     Examples
     --------
-    >>> SensorPath(rate_hz=50.0, delay_s=0.055, quantum=0.01).noise is None
+    >>> import gtmbench as gb
+    >>> gb.SensorPath(rate_hz=50.0, delay_s=0.055, quantum=0.01).noise is None
     True
     """
 

@@ -44,7 +44,7 @@ def measure(
     commands : bool
         Whether to include the surface commands, without noise.
     sensors : SensorChain, optional
-        What lies between motion and reading (`Aircraft.chain`); None: ideal sensors. psi must be unwrapped.
+        The way from motion to reading (`Aircraft.chain`); None: ideal sensors. psi must be unwrapped.
 
     Raises
     ------

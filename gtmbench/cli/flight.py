@@ -117,7 +117,7 @@ def _print_modes(linear: list[Mode]) -> None:
     default="ideal",
     show_default=True,
     metavar="ideal|chain",
-    help="With --closed-loop or --noise: what lies between motion and readings. chain: the aircraft's own delays, "
+    help="With --closed-loop or --noise: the way from motion to readings. chain: the aircraft's own delays, "
     "filters and sample rates, and in the loop the gains for them.",
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")

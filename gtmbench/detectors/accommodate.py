@@ -77,10 +77,10 @@ class Accommodate:
     >>> import gtmbench as gb
     >>> flights = [gb.measure(gb.fly("gtm", "multisine+turbulence", 200.0, seed), noise="t2") for seed in (7, 8)]
     >>> monitor = gb.calibrate(flights, bank=gb.load_bank("C"))
-    >>> flip = gb.SignFlip(channel="r", onset_s=40.0)
+    >>> flip = gb.SignFlip(channel="q", onset_s=40.0)
     >>> rescued = gb.fly_in_loop(duration_s=45.0, faults=flip, accommodate=gb.Accommodate(monitor))
-    >>> [(event.kind, event.channel) for event in rescued.events if event.channel == "r"], rescued.departed_s
-    ([('suspected', 'r'), ('replaced', 'r')], None)
+    >>> [(event.kind, event.channel) for event in rescued.events if event.channel == "q"], rescued.departed_s
+    ([('suspected', 'q'), ('replaced', 'q')], None)
     """
 
     monitor: Monitor = field(kw_only=False)
