@@ -278,7 +278,7 @@ class Session:
         read = "; ".join(f"{', '.join(own)} of {topic}" for topic, own in watcher.routes.items() if topic)
         said = () if watcher.learner is None else watcher.learner.installation.said
         installed = f"; taken for how the sensors are installed: {', '.join(said)}" if said else ""
-        bends = "; after a first fault nothing is believed that a bent attitude may raise" if self._bends else ""
+        bends = "; believes a first fault only, for a gyro's fault may bend the attitude" if self._bends else ""
         return f"{title_text(self._monitor)} watches at {rate_hz:.4g} Hz{f': {read}' if read else ''}{installed}{bends}"
 
     def _is_sparse(self) -> bool:
