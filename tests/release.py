@@ -84,7 +84,8 @@ def distributions():
 
 def environment_of(folder, python, *wanted, resolution="highest"):
     """Return an environment's Python, with something installed into it, or None where there is no such Python."""
-    if run(find_uv_bin(), "venv", "--quiet", "--no-python-downloads", "--python", python, folder)[0]:
+    kept = sorted(Path.home().glob(f".pyenv/versions/{python}.*/bin/python{python}"))  # uv looks into the path alone
+    if run(find_uv_bin(), "venv", "--quiet", "--no-python-downloads", "--python", (*kept, python)[0], folder)[0]:
         return None
     own = folder / "bin" / "python"
     must(find_uv_bin(), "pip", "install", "--quiet", "--python", own, "--resolution", resolution, *wanted)
@@ -110,7 +111,7 @@ def build():
         parts = DIST / "gtmbench.cdx.json"
         must(BIN / "cyclonedx-py", "environment", own, "--output-file", parts, "--of", "JSON")
         begun_s = time.perf_counter()
-        must(own, "-c", "import gtmbench")
+        must(own, "-c", "import gtmbench as gb; gb.Record")
         import_s = round(time.perf_counter() - begun_s, 2)
     components = json.loads(parts.read_text())["components"]
     say("build", **sizes, files=len(held), parts=len(components), import_s=import_s)
