@@ -45,7 +45,7 @@ EXTRAS = {
     "scale": "distributed",
     "theory": "cvxpy, sympy",
 }
-NO_SECRETS = {"PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV"}
+OF_ANOTHER_PYTHON = {"PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV"}
 
 
 def say(part, **row):
@@ -54,7 +54,7 @@ def say(part, **row):
 
 def run(*command, cwd=ROOT, seconds=900):
     """Return a command's code and what it printed."""
-    environment = {name: value for name, value in os.environ.items() if name not in NO_SECRETS} | {"CI": "1"}
+    environment = {name: value for name, value in os.environ.items() if name not in OF_ANOTHER_PYTHON} | {"CI": "1"}
     done = subprocess.run(
         [str(word) for word in command],
         cwd=cwd,

@@ -16,7 +16,7 @@ from gtmbench.bench.modes import STATES, LinearModel, linearised
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain, SensorPath
 from gtmbench.errors import EnvelopeError, GtmbenchError, TrimError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
+from gtmbench.values.channels import ATTITUDE, COMMANDS, FT_S_PER_KT, G_FT_S2, GYROS
 from gtmbench.values.record import Record
 
 # What an axis' gains are changed by together; each in octaves, so that neighbours are half and twice a gain.
@@ -33,7 +33,6 @@ _PROVED_S = 600.0
 _MARGIN_S, _MARGIN_STEP_S, _MARGIN_STEPS = 30.0, 0.005, 20
 _TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
 _MOVED = 0.1  # RMS of a command, of its span: as bad as a channel's tolerated RMS
-_GRAVITY_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +192,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         if not abs(effect[name]) > 1e-6:
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
     pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
-    roll, speed = abs(state[p, p]), math.sqrt(2.0) * _GRAVITY_FT_S2 / linear.speed_ft_s
+    roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
     climb_ft_s_deg = math.radians(linear.speed_ft_s)  # what 1 deg of path is
     gains = {
         "q_to_elevator_s": -4.36 * pitch / effect["elevator"],
@@ -202,11 +201,11 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         "altitude_integral_deg_ft_s": 0.077 * pitch / climb_ft_s_deg * 0.0065 * pitch,
         "p_to_aileron_s": -2.71 * roll / effect["aileron"],
         "phi_to_aileron": -1.636 * roll**2 / effect["aileron"],
-        "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / _GRAVITY_FT_S2,
+        "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / G_FT_S2,
         "r_to_rudder_s": -4.77 * yaw / effect["rudder"],
         "washout_s": 13.6 / yaw,
-        "tas_to_throttle_percent_kt": 1.27 * speed * _FT_S_PER_KT / effect["throttle"],
-        "tas_integral_percent_kt_s": 1.27 * speed * _FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
+        "tas_to_throttle_percent_kt": 1.27 * speed * FT_S_PER_KT / effect["throttle"],
+        "tas_integral_percent_kt_s": 1.27 * speed * FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
     }
     return Autopilot(**{name: _rounded(gain) for name, gain in gains.items()})
 

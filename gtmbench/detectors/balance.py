@@ -17,10 +17,9 @@ import math
 from collections.abc import Sequence
 
 from gtmbench.detectors.stand_in import COLUMNS, CarriedAngles, Readings
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, FT_S_PER_KT, G_FT_S2, GYROS
 
 LASTS_S = 4.0  # after the onset
-_G_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 _SMOOTHED_S = 0.1  # a balance, against noise
 _SURE_S = 0.4  # for how long it must contradict an angle: to fly on a broken gyro is worse than on a broken angle
 _WRONG_DEG, _TIMES = 5.0, 3.0  # how far the wrong one is off at least, and how many times as far as the right one
@@ -55,7 +54,7 @@ class Balance:
             self._since_s = math.inf
             return
         self._since_s += self._period_s
-        step = self._period_s * math.degrees(_G_FT_S2 / (tas * _FT_S_PER_KT))
+        step = self._period_s * math.degrees(G_FT_S2 / (tas * FT_S_PER_KT))
         bank, pitch = math.radians(phi), math.radians(theta)
         own_bank = math.radians(carried.angle("phi"))
         self._path[0] += step * (nz - math.cos(pitch) * math.cos(bank))

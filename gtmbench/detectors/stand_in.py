@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.values.attitude import carried_on
-from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
+from gtmbench.values.channels import ATTITUDE, FT_S_PER_KT, G_FT_S2, GYROS, SENSORS
 
 COLUMNS = {name: column for column, name in enumerate(SENSORS)}
 STALE_S = 0.3  # an attitude that hasn't changed for so long tells no rate
@@ -25,7 +25,6 @@ _STEEPEST_DEG = 80.0  # beyond, Euler angles aren't carried on
 _AIDED_S = 20.0  # in how long the turn and the path correct a bank and a pitch
 _SLOPE_S = 1.0  # over which a turn and a climb are told
 _BIAS_DEG_S, _WALK_DEG_S = 0.1, 0.05  # what may be wrong with a healthy gyro: its bias, and its walk in deg/sqrt(s)
-_G_FT_S2, _FT_S_PER_KT = 32.174, 1.68781
 
 Readings = Sequence[float]
 
@@ -185,7 +184,7 @@ class CarriedAngles:
         self._aid(readings)
 
     def _aid(self, readings: Readings) -> None:
-        speed = readings[COLUMNS["tas"]] * _FT_S_PER_KT
+        speed = readings[COLUMNS["tas"]] * FT_S_PER_KT
         # a heading that has failed is told by its own carried angle: the turn is what the gyros say of it
         psi = self._angles[2] if self._which[2] else readings[COLUMNS["psi"]]
         self._slopes.append((psi, readings[COLUMNS["altitude"]]))
@@ -194,7 +193,7 @@ class CarriedAngles:
         span_s = (len(self._slopes) - 1) * self._period_s
         (psi_0, height_0), (psi_1, height_1) = self._slopes[0], self._slopes[-1]
         turn, climb = ((psi_1 - psi_0 + 180.0) % 360.0 - 180.0) / span_s, (height_1 - height_0) / span_s
-        bank = math.degrees(math.atan(speed * math.radians(turn) / _G_FT_S2))
+        bank = math.degrees(math.atan(speed * math.radians(turn) / G_FT_S2))
         pitch = readings[COLUMNS["alpha"]] + math.degrees(math.asin(max(-1.0, min(1.0, climb / speed))))
         share = self._period_s / _AIDED_S
         for place, told in ((0, bank), (1, pitch)):

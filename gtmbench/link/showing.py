@@ -118,7 +118,7 @@ class Showing:
     """
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:
-        self.path, self._waits = path, waits
+        self._waits = waits
         self._left_out = 0  # rows
         self._rows: list[Record] = []
         self._queue: queue.Queue[Any] = queue.Queue(_WAITING)

@@ -11,6 +11,7 @@ from gtmbench.link.events import LiveKind
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.verdict import sensor_text
 from gtmbench.study.log.bent import BENT, are_bent
+from gtmbench.study.log.imu_comparison import doubted
 from gtmbench.study.log.watched import Outcome
 
 MOST_LINES = 12
@@ -123,13 +124,8 @@ class Story:
 
 def _doubted(alarm: Alarm) -> Alarm:
     """Return an alarm that accuses nobody: the attitude that it rests on may be bent."""
-    judged = tuple(
-        replace(each, sensor=None, partner=None, doubt=BENT, reason=f"{each.verdict} by its own residual")
-        if each.candidates and not each.doubt
-        else each
-        for each in alarm.judgements
-    )
-    return replace(alarm, judgements=judged)
+    judged = [doubted(each, BENT) if each.candidates and not each.doubt else each for each in alarm.judgements]
+    return replace(alarm, judgements=tuple(judged))
 
 
 def _until(alarm: Alarm, count: int) -> Alarm:

@@ -51,10 +51,10 @@ class Flown:
             self._last[number] = self._with_setups_attitude(self._measured(number), self.flight, number)
         return self._last[number]
 
-    def _measured(self, number: int) -> Record:
-        setup, seed = self.setup, _noise_seed(self.setup, number)
-        chain = _chain(setup)
-        return measure(self.flight, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=chain)
+    def _measured(self, number: int, flight: Record | None = None) -> Record:
+        """Return what the sensors read of this flight, or of another."""
+        setup, seed, of = self.setup, _noise_seed(self.setup, number), self.flight if flight is None else flight
+        return measure(of, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=_chain(setup))
 
     def _with_setups_attitude(self, readings: Record, truth: Record, number: int) -> Record:
         """Return readings with the setup's attitude, made of these gyros where an estimator makes it."""
@@ -72,12 +72,8 @@ class Flown:
         another flight.
         """
         truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
-        if (chain := _chain(self.setup)) is not None:
-            seed = _noise_seed(self.setup, number)
-            late = measure(
-                truth, snr=self.setup.snr, noise=self.setup.noise, seed=seed, commands=self.commands, sensors=chain
-            )
-            return self._with_setups_attitude(late, truth, number)
+        if _chain(self.setup) is not None:  # its noise is no difference of reading and motion, and no ratio of a flight
+            return self._with_setups_attitude(self._measured(number, truth), truth, number)
         readings = self._measured(number)
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]

@@ -18,6 +18,7 @@ from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 
 G_M_S2 = 9.80665
+G_FT_S2, FT_S_PER_KT = 32.174, 1.68781
 """Standard gravity, by which a specific force in g is one in m/s2."""
 
 

@@ -113,6 +113,15 @@ def in_pairs(plots: Sequence[rrb.View], name: str) -> rrb.Container:
     return rrb.Grid(*plots, grid_columns=2, name=name)
 
 
+def signal_plots(signals: Sequence[str], what: str, shown_s: Span | rrb.TimeAxis) -> rrb.Container:
+    """Return a plot a signal: its sensor, and what that should have read; `what` names them."""
+    plots = [
+        plot(in_unit(f"{signal}: {what}", signal), [sensor_entity(signal), entity("/virtual", signal)], shown_s)
+        for signal in signals[:_MOST_SIGNALS]
+    ]
+    return rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
+
+
 def judged_plots(
     roots: Mapping[str, Sequence[str]],
     residuals: Collection[str],
@@ -322,15 +331,11 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
         if residuals_of(watched) or (is_ready(watched.monitor) and watched.monitor.suspects)
         else "measured"
     )
-    plots = [
-        plot(in_unit(f"{signal}: {what}", signal), [sensor_entity(signal), entity("/virtual", signal)], span)
-        for signal in signals[:_MOST_SIGNALS]
-    ]
     states = rrb.StateTimelineView(
         name="what was watched", origin="/", contents=shown(["/state"]), time_view=_time_axis(span)
     )
-    signal_plots = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
-    return beside(rrb.Vertical(scores, signal_plots, states, row_shares=[3, 5, 1]), event_log("/events"), name)
+    signal_grid = signal_plots(signals, what, span)
+    return beside(rrb.Vertical(scores, signal_grid, states, row_shares=[3, 5, 1]), event_log("/events"), name)
 
 
 def _log_sensors(watched: WatchedLog, span: Span) -> rrb.Container:

@@ -23,6 +23,7 @@ from gtmbench.report.recording.blueprint import (
     judged_plots,
     opened,
     plot,
+    signal_plots,
 )
 from gtmbench.report.recording.entities import (
     MEASURED,
@@ -46,7 +47,6 @@ from gtmbench.values.record import Record, Span, joined
 SPAN_S = 180.0
 """A bank looks back less far: 20.5 s, and two stretches of a minute before that its noise is learnt from."""
 _SHOWN_S = 60.0  # in the viewer while it flies
-_MOST_SIGNALS = 6
 
 
 class LiveRecording:
@@ -71,8 +71,11 @@ class LiveRecording:
     @property
     def end_s(self) -> float | None:
         """When the last row was; None before the first."""
-        last = self._fresh[-1] if self._fresh else self._window
-        return None if last is None else last.end_s
+        return None if self._last is None else self._last.end_s
+
+    @property
+    def _last(self) -> Record | None:
+        return self._fresh[-1] if self._fresh else self._window
 
     @property
     def waiting_s(self) -> float:
@@ -81,17 +84,16 @@ class LiveRecording:
 
     def take(self, rows: Record) -> None:
         """Keep some rows until `draw`; where they don't go on, the window begins anew."""
-        end_s = self.end_s
-        if end_s is None:
+        last = self._last
+        if last is None:
             self._start_s = rows.start_s
-        elif abs(rows.start_s - end_s - rows.sample_period_s) > 0.5 * rows.sample_period_s or not self._goes_on(rows):
+        elif (
+            abs(rows.start_s - last.end_s - rows.sample_period_s) > 0.5 * rows.sample_period_s
+            or last.channels != rows.channels
+        ):
             self.draw()
             self._window = None
         self._fresh.append(rows)
-
-    def _goes_on(self, rows: Record) -> bool:
-        last = self._fresh[-1] if self._fresh else self._window
-        return last is None or last.channels == rows.channels
 
     def draw(self) -> None:
         """Judge the rows that were taken, and log what is new."""
@@ -154,13 +156,9 @@ def _lines(watch: Watch) -> Iterator[Line]:
 def _blueprint(watch: Watch, shown_s: Span | rrb.TimeAxis, *, playing: Playing) -> rrb.Blueprint:
     """Return how it opens: levels, measured and virtual sensors and what was said; residuals; sensors."""
     channels = watch.record.channels
-    signals = [name for name in (watch.predictions or channels) if name in channels][:_MOST_SIGNALS]
+    signals = [name for name in (watch.predictions or channels) if name in channels]
     levels = plot("levels", ["/threshold", "/levels/**", "/alarm", "/named"], shown_s, top=SHOWN_LEVELS)
-    plots = [
-        plot(in_unit(f"{name}: measured and virtual", name), [sensor_entity(name), entity("/virtual", name)], shown_s)
-        for name in signals
-    ]
-    grid = rrb.Grid(*plots, grid_columns=1 if len(plots) < 4 else 2)
+    grid = signal_plots(signals, "measured and virtual", shown_s)
     roots = {name: [""] for name in tints(watch)}
     judged = judged_plots(roots, watch.residuals, watch.scores, "/threshold", shown_s)
     sensors = in_pairs([plot(in_unit(name, name), [sensor_entity(name)], shown_s) for name in channels], "Sensors")

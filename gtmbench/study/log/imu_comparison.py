@@ -219,9 +219,14 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
 
 def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
     """Return an alarm that may be no fault after all, and why."""
-    last = alarm.judgements[-1]
-    judged = replace(last, sensor=None, partner=None, doubt=doubt, reason=f"{last.verdict} by its own residual")
+    judged = doubted(alarm.judgements[-1], doubt)
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
+
+
+def doubted(judgement: Judgement, doubt: str) -> Judgement:
+    """Return a judgement that accuses nobody, and why; what it said of its own is its reason."""
+    reason = f"{judgement.verdict} by its own residual"
+    return replace(judgement, sensor=None, partner=None, doubt=doubt, reason=reason)
 
 
 def _watched(log: FlightLog, imus: Sequence[Imu]) -> Imu | None:
