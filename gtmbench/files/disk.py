@@ -29,6 +29,7 @@ _LONGEST_NAME = 255
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
 _A_WEEK_S = 7 * 86400.0
+_A_MOMENT_S = 10.0
 # a folder beside the target; in it its lock, what is written, and what is on its way into a folder of its own name
 HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 
@@ -272,8 +273,10 @@ def _clear_left_behind(parent: Path) -> None:
     from filelock import SoftFileLock, Timeout
 
     for left in parent.glob(f"{HIDDEN}????????"):
+        if _is_being_made(left):
+            continue
         with suppress(OSError):
-            if not (left / _LOCK).stat().st_size:  # killed while it made its lock; one that is alive takes another
+            if not (left / _LOCK).stat().st_size:  # killed while it made its lock
                 (left / _LOCK).unlink()
                 left.rmdir()
         if any(left.glob(f"{READY}/*")):  # files that the next one to write into their folder needs
@@ -283,3 +286,14 @@ def _clear_left_behind(parent: Path) -> None:
                 shutil.rmtree(left, ignore_errors=True)
         with suppress(OSError, Timeout), SoftFileLock(left / _LOCK).acquire(timeout=0):
             shutil.rmtree(left, ignore_errors=True)
+
+
+def _is_being_made(folder: Path) -> bool:
+    """Whether a process may have made this folder a moment ago and not said yet, by its lock, that it is in use."""
+    try:
+        lock = folder / _LOCK
+        if lock.exists() and lock.stat().st_size:
+            return False
+        return time.time() - max(path.stat().st_mtime for path in (folder, lock) if path.exists()) < _A_MOMENT_S
+    except (OSError, ValueError):  # it went meanwhile
+        return True

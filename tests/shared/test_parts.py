@@ -292,6 +292,8 @@ def test_a_folder_that_was_left_behind_without_a_lock_is_cleared_too(tmp_path):
     (tmp_path / ".gtmbench-abcdefgh/study.rrd").touch()
     (tmp_path / ".gtmbench-ijklmnop").mkdir()
     (tmp_path / ".gtmbench-ijklmnop/lock").touch()  # killed before it could say whose it is
+    for left in ("abcdefgh", "ijklmnop/lock", "ijklmnop"):
+        os.utime(tmp_path / f".gtmbench-{left}", (time.time() - 20,) * 2)
     (tmp_path / ".gtmbench-notes").mkdir()  # nobody's of ours: another length
     began = time.monotonic()
     with disk.atomic_write(tmp_path / "other.txt") as aside:
@@ -314,3 +316,14 @@ def test_a_run_of_items_grows_and_keeps_what_it_has(tmp_path):
         begun(tmp_path / "out", tasks=2, items=["a", "c"], resume=True),
     ):
         pass
+
+
+@pytest.mark.parametrize("made", ["new", "lock", "."])
+def test_a_folder_that_is_being_made_is_left_alone(made, tmp_path):
+    """Its process has not yet said, by its lock, that it is in use; it must not go under that process's hands."""
+    own = tmp_path / ".gtmbench-abcdefgh"
+    own.mkdir()
+    (own / made).touch()
+    with disk.atomic_write(tmp_path / "other.txt") as aside:
+        aside.touch()
+    assert own.is_dir() and (own / made).exists()
