@@ -100,6 +100,21 @@ class SensorPath:
         return step
 
 
+def _round(step: Step) -> Step:
+    """Return a step of an angle that wraps at 180 deg: nothing reads what lies between its two ends."""
+    before, turned = math.nan, 0.0
+
+    def round_step(angle_deg: float, noise: float) -> float:
+        nonlocal before, turned
+        if abs(angle_deg - before) > 180.0:
+            turned += math.copysign(360.0, before - angle_deg)
+        before = angle_deg
+        reading = step(angle_deg + turned, noise)
+        return (reading + 180.0) % 360.0 - 180.0 if abs(reading) > 180.0 else reading
+
+    return round_step
+
+
 def _filtering(corner_hz: float | None, sample_period_s: float) -> Callable[[float], float]:
     """Return the filter of first order, exact for straight lines between samples; it begins at rest."""
     if corner_hz is None:
@@ -187,9 +202,10 @@ class SensorChain:
     def start(self, sample_period_s: float, channels: Sequence[str] = SENSORS) -> Chained:
         """Return a function of a sample's motion and T2's noise, each in the order of the channels."""
         steps = [
-            (column, path.start(sample_period_s, _louder(name, path)))
+            (column, _round(step) if name == "phi" else step)
             for column, name in enumerate(channels)
             if (path := self.paths.get(name)) is not None
+            for step in (path.start(sample_period_s, _louder(name, path)),)
         ]
 
         def read(motion: Sequence[float], noise: Sequence[float]) -> list[float]:

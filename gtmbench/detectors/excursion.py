@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from gtmbench.values.record import Record
 
+MOTION = "motion beyond what was identified"  # a reason
+
 
 @dataclass(frozen=True, kw_only=True)
 class Excursion:

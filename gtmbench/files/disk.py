@@ -29,7 +29,7 @@ _LONGEST_NAME = 255
 LOGS = (".csv", ".parquet", ".ulg", ".bin", ".mcap", ".xlsx")  # how logs are called, for messages
 _LONGEST_LINE_BYTES = 1 << 20
 _A_WEEK_S = 7 * 86400.0
-_A_MOMENT_S = 10.0
+_A_MOMENT_S = 1.0
 # a folder beside the target; in it its lock, what is written, and what is on its way into a folder of its own name
 HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 

@@ -108,3 +108,19 @@ def test_bad_input_is_one_line(make, said):
     with pytest.raises(gb.InputError, match=said) as refused:
         make()
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("path", [gb.SensorPath(delay_s=0.055, rate_hz=50.0), gb.SensorPath(filter_hz=5.0)])
+def test_a_bank_angle_never_reads_what_lies_between_its_two_ends(path):
+    """A roll through 180 deg at 25 deg/s reads as one through 0, moved by 180 deg."""
+    chain = gb.SensorChain(paths={"phi": path})
+    rolled = np.arange(-100, 101) * 0.25
+    through = [
+        chain.readings(_wrapped(rolled + middle)[:, None], np.zeros((201, 1)), 0.01, ["phi"]) for middle in (0, 180)
+    ]
+    assert np.abs(_wrapped(through[1] - 180.0) - through[0]).max() < 1e-9
+    assert np.abs(through[1]).min() > 150.0
+
+
+def _wrapped(angle_deg):
+    return (angle_deg + 180.0) % 360.0 - 180.0

@@ -23,6 +23,7 @@ from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance
 from gtmbench.detectors.statistics.thresholds import Residual, healthy_maxima, rate_bound
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
+from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
@@ -89,6 +90,7 @@ def calibrate_bank(
     seen = healthy_maxima(bank.statistic, judged, tolerances, period_s)
     hours = sum(map(len, plan.judged)) * period_s / 3600.0
     progress("done", total, total)
+    turning = Turning.of(healthy).table
     return CalibratedBank(
         bank=bank,
         operators={output: each.operator for output, each in learnt.items()},
@@ -106,6 +108,7 @@ def calibrate_bank(
             "threshold_spread": seen.luck(rate).table(),
             "false_alarms_per_hour": rate,
             "false_alarms_per_hour_at_most": rate_bound(0, hours),
+            **({"turning": turning} if turning else {}),
         },
     )
 

@@ -154,6 +154,11 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
     )
 
 
+def looks_like_motion(judged: Judgement) -> bool:
+    """Tell whether what is told is of no definite kind, or of one that a model's error in motion looks like."""
+    return judged.kind in (None, UNKNOWN, "random_walk", "noise", "spikes", *MIMICKED)
+
+
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
     if fit.kind in (UNKNOWN, "random_walk", *MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):

@@ -14,9 +14,10 @@ from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.attitude import AttitudeEstimator
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import ATTITUDE, axis_of
 
 _HOPELESS = 200.0  # of -2 log likelihood
+_LARGEST_DEG = 720.0  # by which an angle may read wrong
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,6 +71,8 @@ def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
     beside = suspect.elsewhere + case.objection(suspect.channel)
     estimator = None if suspect.bend is None else suspect.bend.estimator
     for fit in (*known(fitter), *unknown(fitter)):
+        if suspect.channel in ATTITUDE and abs(fit.parameters.get("size", 0.0)) > _LARGEST_DEG:
+            continue  # near the vertical an angle shows so little that any size of it explains anything
         bic = fit.left.deviance + beside + fit.free * penalty
         if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
             bic -= suspect.sick_elsewhere

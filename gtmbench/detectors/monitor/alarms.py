@@ -35,6 +35,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
@@ -47,11 +48,13 @@ from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
 from gtmbench.detectors.monitor.review import Closing, Outcome, review
 from gtmbench.detectors.monitor.scores import Crossing, Track
+from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
 
 _WINDOW_S = 60.0  # on so much a fault's end is looked for
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
+_TURNED_S = 1.0  # before the onset: from where on it is looked at how fast the aircraft turned
 _MARGIN_S = 0.5  # before the onset as estimated, from where on the suspect isn't believed
 _MOST, _WITHIN_S = 8, 600.0  # alarms that are diagnosed, in so long
 _ROWS = 8192  # looked through at a time
@@ -108,6 +111,7 @@ class AlarmLogic:
             for output, track in sorted(tracks.items())
         ]
         self._margin = rows_of(_MARGIN_S, monitor)
+        self._turning = Turning.told(monitor.provenance)
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(rows_of(monitor.history_of(output), monitor) for output in tracks) + self._margin + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
@@ -219,6 +223,7 @@ class AlarmLogic:
             is_diagnosed=is_diagnosed,
             ruled_out=frozenset(name for name in self.missing.out if crossing.output not in self._bank.affects(name)),
             settling=self.excursions.just_before(crossing.time_s, onset_s),
+            turned=self._turned(crossing.onset_row),
         )
         # one fault raises several residuals: those that follow count to the first, and nobody judges them twice
         leader = leader_of(fault, self._open.values())
@@ -238,13 +243,19 @@ class AlarmLogic:
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         return track.crossing(arming.source, scored_row, time_s)
 
+    def _turned(self, onset_row: int) -> Excursion | None:
+        """Return the motion beyond what the monitor knows since shortly before an onset, as known by now."""
+        if not self._turning.limits:
+            return None
+        first = max(onset_row - rows_of(_TURNED_S, self._monitor), self._memory.first, 0)
+        return self._turning.excursion(self._memory.record(range(first, min(self.row + 1, self._memory.stop))))
+
     def _signature(self, fault: OpenFault) -> Judgement:
         """Return what is told of a fault with its alarm."""
         among = trusted(fault, self._open.values())
         signature = by_signature(self._monitor, among, fault.crossing.output, fault.alarm.time_s)
-        if fault.settling is None:
-            return signature
-        return replace(signature, sensor=None, doubt=fault.settling.reason)
+        about = fault.settling or fault.turned_before
+        return signature if about is None else replace(signature, sensor=None, doubt=about.reason)
 
     def _known_at(self, row: int) -> CalibratedBank:
         """Return the monitor with the noise of its residuals as it was known at a row of the record."""
@@ -301,6 +312,7 @@ class AlarmLogic:
         leader = leader_of(fault, others)
         outcome = Outcome()
         if leader is None and not ((fault.is_late or fault.is_decided) and fault.held is None):
+            fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
         self._apply(outcome, fault, fault if leader is None else leader)
 

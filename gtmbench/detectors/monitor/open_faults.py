@@ -20,6 +20,7 @@ from gtmbench.detectors.monitor.scores import Crossing
 
 HORIZONS_S = (0.75, 2.0, 5.0, 10.0, 20.0, 60.0)  # after the alarm: when the case is looked at anew
 _LOOK_S = 20.0  # then, for a fault's end
+_SURE_S = 0.1  # by which an onset may be estimated late
 _APART_S = 3.0  # what shakes the aircraft shakes all of it within that
 
 
@@ -41,6 +42,7 @@ class OpenFault:
     ruled_out: frozenset[str] = frozenset()
     held: FittedHypothesis | None = None  # the last that was decisive
     settling: Excursion | None = None  # just before
+    turned: Excursion | None = None  # motion beyond what the monitor knows, from shortly before the onset on
     is_decided: bool = False  # so that only its end is still looked for
 
     @property
@@ -72,6 +74,12 @@ class OpenFault:
     def disarms(self) -> set[str]:
         """The residuals that can't tell of another fault."""
         return self.enters if self.is_judged and self.alarm.is_first else {self.crossing.output}
+
+    @property
+    def turned_before(self) -> Excursion | None:
+        """That motion, where it began before the onset, so that it wasn't caused by the fault."""
+        is_before = self.turned is not None and self.turned.start_s < self.alarm.onset_s - _SURE_S
+        return self.turned if is_before else None
 
     def began_with(self, crossing: Crossing) -> bool:
         """Tell whether another alarm began at about the same time."""

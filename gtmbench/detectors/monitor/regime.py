@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
@@ -33,7 +33,7 @@ _MOTION = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 _APART_S = 0.15  # an attitude may be late
 LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
 
-MOTION, IMPACT = "motion beyond what was identified", "impact or touchdown"
+IMPACT = "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
 _TELLING = (FAILURE, TOUCHDOWN, IMPACT, RESET, MOTION)  # the more telling first
 _LASTING = (FAILURE, TOUCHDOWN, IMPACT)  # afterwards nothing may be as it was

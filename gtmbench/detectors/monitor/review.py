@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Judgement
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
@@ -17,6 +18,7 @@ from gtmbench.detectors.isolation.diagnosis import (
     fault_of,
     is_bent_far,
     judge,
+    looks_like_motion,
     only_doubts,
 )
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
@@ -98,7 +100,9 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     judged = judge(case, ranking, first)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
-    judged = _settling(fault, case, judged)
+    judged = _in_motion(fault, case, _settling(fault, case, judged), first)
+    if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
+        return Outcome()
     return Outcome(
         judgement=judged,
         ruled_out=frozenset(hopeless(case, ranking, case.suspects)),
@@ -150,6 +154,26 @@ def _settling(fault: OpenFault, case: Case, judged: Judgement) -> Judgement:
     if excursion is None or not judged.candidates or case.end_s >= excursion.end_s + excursion.settles_s:
         return judged
     return replace(judged, sensor=None, partner=None, doubt=excursion.reason)
+
+
+def _in_motion(fault: OpenFault, case: Case, judged: Judgement, first: Judgement) -> Judgement:
+    """Doubt a judgement that motion beyond what the monitor knows would explain, too.
+
+    What began in it isn't told until it has settled; and where it came after the onset, as of a fault that makes an
+    aircraft depart, a model's error in it looks like a sensor that reads anything.
+    """
+    if fault.turned is None or not judged.candidates or judged.doubt:
+        return judged
+    before = fault.turned_before
+    is_settling = before is not None and case.end_s < before.end_s + before.settles_s
+    if not is_settling and not looks_like_motion(judged):
+        return judged
+    return replace(first, time_s=judged.time_s, sensor=None, doubt=fault.turned.reason)
+
+
+def _was_named_before(turned: Excursion | None, last: Judgement | None) -> bool:
+    """Tell whether a sensor was named, without a doubt, before motion came that leaves doubts."""
+    return turned is not None and last is not None and last.sensor is not None and last.time_s < turned.start_s
 
 
 def _decisive(ranking: Iterable[FittedHypothesis], judged: Judgement) -> FittedHypothesis | None:

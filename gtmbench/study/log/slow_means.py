@@ -18,8 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.monitor.regime import MOTION
+from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
 from gtmbench.study.log.self_check.motion import attitude_rates

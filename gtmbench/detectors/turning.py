@@ -1,0 +1,100 @@
+"""How fast the aircraft turns, held against what a monitor was calibrated on.
+
+An operator's error is a share of what turns: at the rates of a tumble, and in an oscillation quicker than any that it
+was identified on, a percent of it passes for a fault. Gyros tell the rates, and so do the steps of the angles; only
+where both say so is it motion, so one sensor's fault can't pass for that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import maximum_filter1d
+
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Record
+
+_AVERAGED_S = 0.06  # over which rates are averaged: noise isn't motion
+_COVERED = 0.999  # of the rows that a monitor was calibrated on
+_BEYOND = 1.5  # times what these reach
+_APART_S = 0.15  # an attitude may be late
+_KEYS = ("gyros_deg_s", "gyros_swing_deg_s", "attitude_deg_s", "attitude_swing_deg_s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Turning:
+    """How fast it turned where a monitor was calibrated, and how far that swung within 0.2 s.
+
+    Attributes
+    ----------
+    limits : tuple of float
+        What 99.9 % of the rows don't exceed, in deg/s, rates and their swing as the gyros tell them and as the attitude
+        does; empty where that isn't known.
+    """
+
+    limits: tuple[float, ...] = ()
+
+    @classmethod
+    def of(cls, records: Iterable[Record]) -> Turning:
+        """Return how fast it turned in records; without limits where they lack a gyro or an angle."""
+        sizes = [_sizes(record) for record in records if {*GYROS, *ATTITUDE} <= set(record.channels)]
+        known = [each[np.isfinite(each)] for each in np.concatenate(sizes, axis=1)] if sizes else []
+        if not known or not all(map(len, known)):
+            return cls()
+        return cls(limits=tuple(float(np.quantile(each, _COVERED)) for each in known))
+
+    @classmethod
+    def told(cls, provenance: Mapping[str, Any]) -> Turning:
+        """Return what a monitor's provenance tells; no limits where it doesn't."""
+        told = provenance.get("turning")
+        limits = [told.get(key) for key in _KEYS] if isinstance(told, Mapping) else []
+        numbers = [float(limit) for limit in limits if isinstance(limit, (int, float))]
+        return cls(limits=tuple(numbers)) if len(numbers) == len(_KEYS) else cls()
+
+    @property
+    def table(self) -> dict[str, float]:
+        """As plain values, which `told` reads; empty without limits."""
+        return dict(zip(_KEYS, self.limits, strict=True)) if self.limits else {}
+
+    def excursion(self, record: Record) -> Excursion | None:
+        """Return the motion beyond that in a record, from its first such row to its last; None without any."""
+        if not self.limits or not len(record):
+            return None
+        times_s = record.time_s[self._beyond(record)]
+        return Excursion(start_s=float(times_s[0]), end_s=float(times_s[-1]), reason=MOTION) if len(times_s) else None
+
+    def _beyond(self, record: Record) -> BoolArray:
+        """Return the rows in which gyros say that it is beyond, and about then the attitude does."""
+        with np.errstate(invalid="ignore"):
+            beyond = _sizes(record) > _BEYOND * np.array(self.limits)[:, np.newaxis]
+        near = 2 * round(_APART_S / record.sample_period_s) + 1
+        rate, swing = (maximum_filter1d(told, near) for told in beyond[2:])
+        return np.asarray((beyond[0] & rate) | (beyond[1] & swing))
+
+
+def _sizes(record: Record) -> FloatArray:
+    """Return how fast it turns and how far that swings, shape (4, samples) as `_KEYS`, NaN where unknown."""
+    steps = np.diff(record.matrix(ATTITUDE).T, axis=1, prepend=np.nan)
+    turned = ((steps + 180.0) % 360.0 - 180.0) / record.sample_period_s
+    return np.array(
+        [size for rates in (record.matrix(GYROS).T, turned) for size in _size(rates, record.sample_period_s)]
+    )
+
+
+def _size(rates: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the size of averaged rates, and how far each is from the middle of the averages beside it."""
+    samples, rows = max(round(_AVERAGED_S / period_s), 1), rates.shape[1]
+    size, swing = np.full(rows, np.nan), np.full(rows, np.nan)
+    if rows <= 2 * samples:
+        return size, swing
+    averages = sliding_window_view(rates, samples, axis=1).mean(axis=2)
+    first = samples // 2  # the row in the middle of the first average
+    size[first : first + averages.shape[1]] = np.linalg.norm(averages, axis=0)
+    strays = averages[:, samples:-samples] - (averages[:, : -2 * samples] + averages[:, 2 * samples :]) / 2.0
+    swing[first + samples : first + samples + strays.shape[1]] = np.linalg.norm(strays, axis=0)
+    return size, swing
