@@ -7,11 +7,14 @@ from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.loop import Accommodation, fly_in_loop
+from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
 from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import SensorChain, SensorPath
 from gtmbench.bench.sensors import measure
+from gtmbench.bench.simulation import Simulation
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
@@ -180,6 +183,7 @@ __all__ = [
     "RandomWalk",
     "RankWarning",
     "RateSaturation",
+    "Readings",
     "Record",
     "RecursiveIdentification",
     "Remark",
@@ -195,6 +199,7 @@ __all__ = [
     "SignFlip",
     "Signatures",
     "SimpleDetector",
+    "Simulation",
     "Spikes",
     "Stale",
     "Stream",

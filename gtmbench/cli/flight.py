@@ -17,7 +17,7 @@ from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.loop import LoopEvent
+    from gtmbench.bench.loop_flight import LoopEvent
     from gtmbench.bench.modes import Mode
     from gtmbench.bench.trim import Trim
 

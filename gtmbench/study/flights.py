@@ -10,7 +10,8 @@ from typing import ClassVar
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import DEPARTURE, LoopEvent, LoopFlight
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from gtmbench.bench.loop import departed_s
+from gtmbench.bench.loop_flight import departed_s
 from gtmbench.checks import one_line
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.detectors.trials import Detection, trials_on
