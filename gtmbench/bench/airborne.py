@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.engine import writers
-from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.equilibrium import standing_again, trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, whole
@@ -175,14 +175,21 @@ def take_off(
     *,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
+    known: Trim | None = None,
 ) -> Airborne:
-    """Trim an aircraft and make everything ready that `fly` says of its arguments."""
+    """Trim an aircraft and make everything ready that `fly` says of its arguments.
+
+    `known` is the trim that was found for the same arguments before: it saves the search.
+    """
     duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
     seed = whole("seed", seed)
     craft = load_aircraft(aircraft)
     time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(duration_s / SAMPLE_PERIOD_S) + 1))
     moved = _moved(craft, excitation, time_s, seed)
-    fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    if known is None:
+        fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    else:
+        fdm, trimmed = standing_again(craft, known, altitude_ft=altitude_ft, tas_kt=tas_kt)
     if moved.turbulence:
         _set_turbulence(fdm, craft.psi_deg, seed)
     still = np.zeros(len(time_s))

@@ -268,3 +268,17 @@ def test_commands_are_held_within_the_limits():
     simulation.step([-1000.0, 1000.0, 0.0, 50.0])
     assert simulation.flight().truth["elevator"][0] == GTM.limits["elevator"][0]
     assert simulation.flight().truth["aileron"][0] == GTM.limits["aileron"][1]
+
+
+@pytest.mark.parametrize("aircraft", ["gtm", "c172p", "c172x"])
+def test_a_later_reset_stands_as_the_first_did(aircraft):
+    """The c172x has controls that remember a search."""
+    again, fresh = (gb.Simulation(aircraft, duration_s=1.0) for _ in range(2))
+    again.reset(1)
+    again.reset(2)
+    fresh.reset(2)
+    for simulation in (again, fresh):
+        while not simulation.is_over:
+            simulation.step(list(simulation.trim.commands.values()))
+    assert same(again.flight(), fresh.flight())
+    assert again.trim == fresh.trim
