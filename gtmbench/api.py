@@ -3,6 +3,7 @@
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.controller import Controller
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
@@ -30,6 +31,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
+    ControllerError,
     ConvergenceWarning,
     EnvelopeError,
     GtmbenchError,
@@ -125,6 +127,8 @@ __all__ = [
     "Campaign",
     "ChangedColumn",
     "Channel",
+    "Controller",
+    "ControllerError",
     "ConvergenceWarning",
     "Deadzone",
     "Delay",

@@ -10,15 +10,18 @@ from typing import Protocol
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.controller import check_controller, failed, take_over
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, LoopEvent, LoopFlight
+from gtmbench.bench.sensing import Readings as Sample
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
-from gtmbench.bench.simulation import ATTITUDE, Simulation
-from gtmbench.errors import InputError
+from gtmbench.bench.simulation import ATTITUDE, Simulation, checked_commands
+from gtmbench.errors import ControllerError, InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
+from gtmbench.values.channels import SENSORS
 
 GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
 
@@ -57,6 +60,7 @@ def fly_in_loop(
     seed: int = 1,
     *,
     autopilot: Autopilot | None = None,
+    controller: object = None,
     faults: Fault | Sequence[Fault] = (),
     noise: str | None = "t2",
     noise_seed: int | None = None,
@@ -66,7 +70,7 @@ def fly_in_loop(
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> LoopFlight:
-    """Trim and fly with an autopilot that flies on the sensor readings, with noise and faults.
+    """Trim and fly with an autopilot, or a controller of your own, on the sensor readings, with noise and faults.
 
     At each step the sensors are read, and faults distort the readings, one after the other as in `inject`. An estimator
     may compute the attitude from the broken gyros, and faults of the attitude distort that. `accommodate` may replace
@@ -80,6 +84,9 @@ def fly_in_loop(
         As `fly` takes them.
     autopilot : Autopilot, optional
         Instead of the aircraft's own for these sensors.
+    controller : Controller, function or class, optional
+        Instead of an autopilot: a function ``command(readings, time_s)``, or an object or a class with a method of that
+        name, that returns elevator, aileron and rudder in deg and throttle in percent (`Controller`).
     faults : Fault or sequence of Fault
     noise : "t2" or None
         The sensor noise, the same numbers as in `measure`. None: perfect sensors.
@@ -101,6 +108,8 @@ def fly_in_loop(
     InputError
         If an argument is invalid, the aircraft has no autopilot, or an estimator's theta passes 85 deg before
         any fault began.
+    ControllerError
+        If the controller raises, or gives anything but four finite numbers; it holds what was flown.
     TrimError
         If the aircraft can't be trimmed.
     EnvelopeError
@@ -115,7 +124,11 @@ def fly_in_loop(
     """
     craft = load_aircraft(aircraft)
     pilot = craft.autopilot_on(sensors) if autopilot is None else autopilot
-    if pilot is None:
+    if controller is not None:
+        check_controller(controller)
+        if autopilot is not None:
+            raise InputError("both autopilot and controller are given, and only one can fly; keep one")
+    elif pilot is None:
         raise InputError(f"'{craft.name}' has no autopilot; {GAINS_WANTED}")
     simulation = Simulation(
         craft,
@@ -136,7 +149,11 @@ def fly_in_loop(
         events.append(LoopEvent(time_s=time_s, kind=kind, channel=channel, value=value))
 
     hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, tell)
-    command = pilot.engage(simulation.trim, craft.limits, SAMPLE_PERIOD_S)
+    if controller is not None:
+        command, reads = _own(controller, simulation), getattr(controller, "reads", SENSORS)
+    else:
+        assert pilot is not None
+        command, reads = pilot.engage(simulation.trim, craft.limits, SAMPLE_PERIOD_S), pilot.reads
 
     def wanted() -> Sequence[float]:
         return command(readings if hand_on is None else hand_on(simulation.time_s, readings))
@@ -147,23 +164,42 @@ def fly_in_loop(
         if simulation.end != ATTITUDE:  # there is something to command by
             commands = wanted()
     flight = simulation.flight(commands)
-    _check_end(simulation, flight)
+    _check_end(simulation, flight, "the autopilot's gains" if controller is None else "the controller")
     events += flight.events
     events += [
         LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel)
         for fault in simulation.faults
-        if not set(fault.changes) & set(pilot.reads)
+        if not set(fault.changes) & set(reads)
     ]
     return replace(flight, events=tuple(sorted(events, key=lambda event: event.time_s)))
 
 
-def _check_end(simulation: Simulation, flight: LoopFlight) -> None:
+def _own(controller: object, simulation: Simulation) -> Callable[[Readings], Sequence[float]]:
+    """Return a controller of the user's own as a function of the readings, which says what it does wrong."""
+    try:
+        command = take_over(controller, simulation.trim)
+    except ControllerError as error:
+        error.flight = simulation.flight()
+        raise
+
+    def told(readings: Readings) -> Sequence[float]:
+        try:
+            return checked_commands(command(Sample._make(readings), simulation.time_s))
+        except Exception as error:  # somebody's own controller may do anything
+            failure = failed(controller, f"at {simulation.time_s:g} s", error)
+            failure.flight = simulation.flight()
+            raise failure from error
+
+    return told
+
+
+def _check_end(simulation: Simulation, flight: LoopFlight, flown_by: str) -> None:
     """Refuse a flight that ended before anything broke."""
     onset_s = min((fault.onset_s for fault in simulation.faults), default=inf)
     left = next((event for event in flight.events if event.kind == ENVELOPE), None)
     if left is None or left.time_s >= onset_s:
         return
-    what, remedy = "the loop", "check the autopilot's gains, or choose a gentler excitation"
+    what, remedy = "the loop", f"check {flown_by}, or choose a gentler excitation"
     check_envelope(flight.truth, simulation.aircraft, what, remedy)
     if left.value is not None and left.time_s + SAMPLE_PERIOD_S < onset_s:
         raise too_steep(left.value, left.time_s)

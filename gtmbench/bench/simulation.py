@@ -202,14 +202,7 @@ class Simulation:
         flying = self._flying
         if flying.end is not None:
             raise InputError(f"the flight is over at {self.time_s:g} s ({flying.end}); call reset(seed)")
-        try:
-            elevator, aileron, rudder, throttle = map(float, commands)
-            total = elevator + aileron + rudder + throttle
-        except (TypeError, ValueError):
-            raise _not_commands(commands) from None
-        if total - total != 0.0:  # NaN or infinite
-            raise _not_commands(commands)
-        flying.fly(flying.limited((elevator, aileron, rudder, throttle)))
+        flying.fly(flying.limited(checked_commands(commands)))
         if self._waiting:
             self._ask_rules()
         return flying.readings
@@ -539,6 +532,29 @@ def _plan(airborne: Airborne) -> Iterator[tuple[float, list[float]]]:
     for first in range(0, len(airborne.time_s), _BLOCK):
         block = slice(first, first + _BLOCK)
         yield from zip(airborne.time_s[block].tolist(), airborne.added[block].tolist(), strict=True)
+
+
+def checked_commands(commands: Sequence[float]) -> tuple[float, ...]:
+    """Return commands as four plain numbers.
+
+    Raises
+    ------
+    InputError
+        If they aren't four finite numbers.
+
+    Examples
+    --------
+    >>> checked_commands(np.array([1, 2, 3, 50]))
+    (1.0, 2.0, 3.0, 50.0)
+    """
+    try:
+        elevator, aileron, rudder, throttle = map(float, commands)
+    except (TypeError, ValueError):
+        raise _not_commands(commands) from None
+    total = elevator + aileron + rudder + throttle
+    if total - total != 0.0:  # NaN or infinite
+        raise _not_commands(commands)
+    return elevator, aileron, rudder, throttle
 
 
 def _not_commands(commands: object) -> InputError:
