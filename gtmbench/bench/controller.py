@@ -9,6 +9,7 @@ from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import one_line, shown
 from gtmbench.errors import ControllerError, InputError
+from gtmbench.imports import brought_object
 
 Command = Callable[[Readings, float], Sequence[float]]
 _WANTED = "give a function of (readings, time_s), or an object or a class with a method command(readings, time_s)"
@@ -91,3 +92,16 @@ def failed(controller: object, when: str, error: Exception) -> ControllerError:
     """Return the error of a controller that has raised, or whose commands were refused, in a line."""
     said = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
     return ControllerError(one_line(f"controller '{name_of(controller)}' {when}: {said}"))
+
+
+def found_controller(source: str) -> object:
+    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before.
+
+    Raises
+    ------
+    InputError
+        Where it hasn't been, or it is no controller.
+    """
+    controller = brought_object(source)
+    check_controller(controller)
+    return controller
