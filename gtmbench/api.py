@@ -11,7 +11,7 @@ from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, fly_in_loop
 from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
-from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
 from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import SensorChain, SensorPath
 from gtmbench.bench.sensors import measure
@@ -162,6 +162,7 @@ __all__ = [
     "Judgement",
     "Lag",
     "LeastSquares",
+    "LinearModel",
     "LinkCounts",
     "Live",
     "LiveEvent",
@@ -241,6 +242,7 @@ __all__ = [
     "inject",
     "inject_log",
     "innovations",
+    "linearised",
     "live",
     "load_aircraft",
     "load_bank",
