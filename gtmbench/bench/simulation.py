@@ -128,7 +128,7 @@ class Simulation:
         self._armed: list[_Armed] = []  # all that ever waited
         self._waiting: list[_Armed] = []
 
-    def reset(self, seed: int = 1) -> Readings:
+    def reset(self, seed: int = 1, *, faults: Fault | Sequence[Fault] | None = None) -> Readings:
         """Begin a new flight in trim, by a fresh engine, and return its first sample.
 
         What was switched on in the flight before is forgotten.
@@ -137,6 +137,8 @@ class Simulation:
         ----------
         seed : int
             Of the excitation, the turbulence and the noise.
+        faults : Fault or sequence of Fault, optional
+            What breaks by time from this flight on, instead of what was stated before.
 
         Raises
         ------
@@ -146,6 +148,8 @@ class Simulation:
             If the aircraft can't be trimmed.
         """
         self._seed = whole("seed", seed)
+        if faults is not None:
+            self._stated = tuple([faults] if isinstance(faults, Fault) else faults)
         self._state = self._taken_off()
         self._switches, self._armed, self._waiting = [], [], []
         return self.readings
