@@ -77,10 +77,16 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     samples_a_step : int
         How many samples of 0.01 s a command holds.
 
+    Attributes
+    ----------
+    simulation : Simulation
+        What flies: its truth, its `switch_on`, and ``flight()``, the records of the episode.
+    tracked : dict
+        What this episode holds, by channel: altitude in ft, psi in deg, tas in kt, and the trim's attitude.
+
     Notes
     -----
-    ``reset(options=...)`` takes `faults` and `targets` for one episode. ``env.unwrapped.simulation`` is the
-    `Simulation`: its truth, its `switch_on`, and ``flight()``, the records of the episode.
+    ``reset(options=...)`` takes `faults` and `targets` for one episode.
 
     Examples
     --------
@@ -121,7 +127,7 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._faults = faults
         self._targets = dict.fromkeys(TARGETS, (0.0, 0.0)) | _checked_targets(targets or {})
         self._departure = self.simulation.aircraft.departure
-        self._at: dict[str, float] = {}  # what is tracked, by channel
+        self.tracked: dict[str, float] = {}
         self.observation_space = gymnasium.spaces.Box(-_MOST, _MOST, (len(SENSORS),), np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (len(COMMANDS),), np.float32)
 
@@ -162,8 +168,8 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "tas": trim.tas_kt,
             "altitude": trim.altitude_ft,
         }
-        self._at = {name: value + shifts.get(_TARGET_OF.get(name, ""), 0.0) for name, value in trimmed.items()}
-        self._centre = np.array([self._at.get(name, 0.0) for name in SENSORS])
+        self.tracked = {name: value + shifts.get(_TARGET_OF.get(name, ""), 0.0) for name, value in trimmed.items()}
+        self._centre = np.array([self.tracked.get(name, 0.0) for name in SENSORS])
         self._level = np.array(list(trim.commands.values()))
         limits = np.array([self.simulation.aircraft.limits[name] for name in COMMANDS])
         self._span = _SHARE * np.abs(limits - self._level[:, None]).min(axis=1)
@@ -210,7 +216,7 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observed
 
     def _reward(self, truth: dict[str, float]) -> float:
-        squares = sum(((truth[name] - self._at[name]) / _TOLERATED[name]) ** 2 for name in _TOLERATED)
+        squares = sum(((truth[name] - self.tracked[name]) / _TOLERATED[name]) ** 2 for name in _TOLERATED)
         return math.exp(-0.5 * squares) if squares == squares else 0.0
 
     def _said_faults(self) -> list[str]:
