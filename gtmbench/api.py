@@ -3,15 +3,19 @@
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.attitude_filter import filtered_attitude
 from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.controller import Controller
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import Accommodation, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.loop import Accommodation, fly_in_loop
+from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
-from gtmbench.bench.modes import Mode, modes
+from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
+from gtmbench.bench.sensing import Readings
 from gtmbench.bench.sensor_chain import SensorChain, SensorPath
 from gtmbench.bench.sensors import measure
+from gtmbench.bench.simulation import Simulation
 from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
 from gtmbench.bench.tuning import Tuned, find_autopilot
@@ -27,6 +31,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
+    ControllerError,
     ConvergenceWarning,
     EnvelopeError,
     GtmbenchError,
@@ -122,6 +127,8 @@ __all__ = [
     "Campaign",
     "ChangedColumn",
     "Channel",
+    "Controller",
+    "ControllerError",
     "ConvergenceWarning",
     "Deadzone",
     "Delay",
@@ -155,6 +162,7 @@ __all__ = [
     "Judgement",
     "Lag",
     "LeastSquares",
+    "LinearModel",
     "LinkCounts",
     "Live",
     "LiveEvent",
@@ -180,6 +188,7 @@ __all__ = [
     "RandomWalk",
     "RankWarning",
     "RateSaturation",
+    "Readings",
     "Record",
     "RecursiveIdentification",
     "Remark",
@@ -195,6 +204,7 @@ __all__ = [
     "SignFlip",
     "Signatures",
     "SimpleDetector",
+    "Simulation",
     "Spikes",
     "Stale",
     "Stream",
@@ -232,6 +242,7 @@ __all__ = [
     "inject",
     "inject_log",
     "innovations",
+    "linearised",
     "live",
     "load_aircraft",
     "load_bank",

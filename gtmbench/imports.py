@@ -26,6 +26,8 @@ DETECTORS = "gtmbench.detectors"  # NAME = "package.module:OBJECT"
 _PRIVATE = "_gtmbench_"  # how the names of modules begin that come from files
 _HOW = "give FILE.py or a module's dotted name"
 
+_brought: dict[str, ModuleType] = {}  # what the user has had imported: by the name of its file, or its dotted one
+
 
 def load_module(source: str | Path) -> ModuleType:
     """Import a module by its file's path, ``FILE.py``, or by its dotted name, ``package.module``.
@@ -47,11 +49,40 @@ def load_module(source: str | Path) -> ModuleType:
     """
     text = str(source)
     if isinstance(source, Path) or text.endswith(".py"):
-        return _of_file(Path(source))
+        module = _of_file(Path(source))
+        _brought[Path(source).name] = module
+        return module
     if not all(part.isidentifier() for part in text.split(".")):
         raise InputError(f"{shown(text)} names no module; {_HOW}")
     with _without_current_folder(), _import_told(text):
-        return import_module(text)
+        _brought[text] = import_module(text)
+    return _brought[text]
+
+
+def brought_object(source: str) -> object:
+    """Return an object that a data file names, ``FILE.py:OBJECT``, of a module that `load_module` has imported before.
+
+    A file is found by its name alone, wherever it lies: who imports it decides which one is meant.
+
+    Raises
+    ------
+    InputError
+        Where no such module has been imported, or it has no such object.
+
+    Examples
+    --------
+    >>> brought_object("elsewhere.py:Pilot")
+    Traceback (most recent call last):
+    gtmbench.errors.InputError: 'elsewhere.py:Pilot' isn't imported, and a file of data imports nothing by itself; ...
+    """
+    module_name, colon, name = source.rpartition(":")
+    if not colon or not module_name or not name.isidentifier():
+        raise InputError(f"{shown(source)} names no object; give FILE.py:OBJECT or package.module:OBJECT")
+    module = _brought.get(Path(module_name).name if module_name.endswith(".py") else module_name)
+    if module is None:
+        how = f"--import {module_name}, in Python gtmbench.imports.load_module({module_name!r})"
+        raise InputError(f"{shown(source)} isn't imported, and a file of data imports nothing by itself; {how}")
+    return _object_of(module, module_name, name)
 
 
 def files_of(objects: Iterable[object]) -> tuple[str, ...]:
@@ -92,7 +123,10 @@ def load_object(source: str) -> object:
     module_name, colon, name = source.rpartition(":")
     if not colon or not module_name or not name.isidentifier():
         raise InputError(f"{shown(source)} names no object; give FILE.py:OBJECT or package.module:OBJECT")
-    module = load_module(module_name)
+    return _object_of(load_module(module_name), module_name, name)
+
+
+def _object_of(module: ModuleType, module_name: str, name: str) -> object:
     try:
         return getattr(module, name)
     except AttributeError as error:

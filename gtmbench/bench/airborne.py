@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from array import array
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from operator import call
 from pathlib import Path
+from typing import NamedTuple
 
 import jsbsim
 import numpy as np
@@ -13,7 +16,7 @@ import numpy as np
 from gtmbench.bench import excitation as excitations
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.engine import writers
-from gtmbench.bench.equilibrium import trimmed_engine
+from gtmbench.bench.equilibrium import standing_again, trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, whole
@@ -34,8 +37,7 @@ _SUMMED = ("psi", "north", "east")  # made of what is read when all has been flo
 _BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Bound:
+class Bound(NamedTuple):
     """A channel that the envelope bounds: which of `FLOWN`, its property's scale, and its span in its own unit."""
 
     column: int
@@ -92,6 +94,48 @@ class Airborne:
         )
 
 
+class Stepping:
+    """The one way in which an engine is stepped; it keeps what is read, a row a sample.
+
+    Attributes
+    ----------
+    now : list of float
+        The properties of `FLOWN`, as they were last read.
+    step : callable
+        Writes what is given for every entry of `Airborne.write`, runs the engine by one sample and reads it anew.
+        These are the deflections that the aircraft really gets: whoever commands others keeps them himself.
+    """
+
+    def __init__(self, airborne: Airborne) -> None:
+        self._kept = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
+        self._columns = len(airborne.read)
+        self.now: list[float] = list(map(call, airborne.read))
+        self._kept.extend(self.now)
+        self.step = self._stepper(airborne)
+
+    def _stepper(self, airborne: Airborne) -> Callable[[Sequence[float]], None]:
+        read, run, keep = airborne.read, airborne.fdm.run, self._kept.extend
+        write = [to_property for _, _, to_property in airborne.write]
+
+        def step(values: Sequence[float]) -> None:
+            for to_property, value in zip(write, values, strict=True):
+                to_property(value)
+            run()
+            self.now = now = list(map(call, read))
+            keep(now)
+
+        return step
+
+    @property
+    def read(self) -> FloatArray:
+        """What was read, shape (samples, len(FLOWN)): a copy."""
+        return self.read_from(0)
+
+    def read_from(self, row: int) -> FloatArray:
+        """Return what was read from a sample on."""
+        return np.array(self._kept[row * self._columns :]).reshape(-1, self._columns)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Outside:
     """Where a flight is first outside of some spans."""
@@ -104,6 +148,11 @@ class Outside:
 
     def __str__(self) -> str:
         return f"{self.channel} is {self.value:.4g} {CHANNELS[self.channel].unit}"
+
+
+def beyond(now: Sequence[float], bounds: Sequence[Bound]) -> bool:
+    """Say whether properties, as `Stepping.now` has them, lie outside of the envelope or are no numbers."""
+    return any(not low <= now[column] * scale <= high for column, scale, low, high in bounds)
 
 
 def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
@@ -126,14 +175,21 @@ def take_off(
     *,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
+    known: Trim | None = None,
 ) -> Airborne:
-    """Trim an aircraft and make everything ready that `fly` says of its arguments."""
+    """Trim an aircraft and make everything ready that `fly` says of its arguments.
+
+    `known` is the trim that was found for the same arguments before: it saves the search.
+    """
     duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
     seed = whole("seed", seed)
     craft = load_aircraft(aircraft)
     time_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(duration_s / SAMPLE_PERIOD_S) + 1))
     moved = _moved(craft, excitation, time_s, seed)
-    fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    if known is None:
+        fdm, trimmed = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    else:
+        fdm, trimmed = standing_again(craft, known, altitude_ft=altitude_ft, tas_kt=tas_kt)
     if moved.turbulence:
         _set_turbulence(fdm, craft.psi_deg, seed)
     still = np.zeros(len(time_s))

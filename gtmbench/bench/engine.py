@@ -47,15 +47,20 @@ def silenced() -> Iterator[io.StringIO]:
 
 @contextmanager
 def simulating(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> Iterator[None]:
-    """Turn what JSBSim throws into an error of ours.
-
-    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
-    """
+    """Turn what JSBSim throws into an error of ours."""
     try:
         yield
     except RuntimeError as error:  # JSBSim's own errors are among these
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
-        raise GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}") from error
+        raise failure(fdm, aircraft, error) from error
+
+
+def failure(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, error: RuntimeError) -> GtmbenchError:
+    """Return our error for one of JSBSim's.
+
+    An engine that has failed is never destroyed: its destructor throws the same again, and that ends the process.
+    """
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(fdm))
+    return GtmbenchError(f"JSBSim can't fly '{aircraft.name}' of {aircraft.folder}: {error}")
 
 
 def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:

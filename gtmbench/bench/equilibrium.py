@@ -52,6 +52,33 @@ def trimmed_engine(
         raise TrimError(f"{error}; {_remedy(aircraft, altitude_ft, tas_kt)}") from error
 
 
+def standing_again(
+    aircraft: Aircraft, known: Trim, *, altitude_ft: float | None = None, tas_kt: float | None = None
+) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Return what `trimmed_engine` returned before, the same bits, without another search where it can.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+    known : Trim
+        What it returned for this aircraft and condition.
+    altitude_ft, tas_kt : float, optional
+        As they were.
+    """
+    fixed = _fixed(
+        aircraft,
+        aircraft.altitude_ft if altitude_ft is None else altitude_ft,
+        aircraft.tas_kt if tas_kt is None else tas_kt,
+    )
+    angles = {"alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
+    fdm = engine(aircraft)
+    with simulating(fdm, aircraft), silenced():
+        set_condition(fdm, aircraft, fixed | angles | known.commands)
+    if np.all(np.abs(_accelerations(fdm)) < TOLERANCE):
+        return fdm, known
+    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
+
+
 def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return a fresh engine that stands in trim, and the trim, found by least squares.
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from array import array
-from operator import call
 from pathlib import Path
 
 import numpy as np
 
-from gtmbench.bench.airborne import Airborne, first_outside, take_off
+from gtmbench.bench.airborne import Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.equilibrium import mistaken_units
@@ -87,20 +85,15 @@ def _fly(airborne: Airborne, commands: FloatArray) -> FloatArray:
 
     A flight that leaves the envelope ends within a second of that.
     """
-    read, run = airborne.read, airborne.fdm.run
-    columns, factors, write = zip(*airborne.write, strict=True)
-    bounds = [(read[bound.column], bound.scale, bound.low, bound.high) for bound in airborne.bounds]
-    samples = array("d")  # no Python object outlives its step, so the garbage collector stays asleep
-    keep = samples.extend
+    columns, factors, _ = zip(*airborne.write, strict=True)
+    bounds = airborne.bounds
+    stepping = Stepping(airborne)
+    fly_on = stepping.step
     for step, values in enumerate((commands[:-1, columns] * factors).tolist(), start=1):
-        keep(map(call, read))
-        for to_property, value in zip(write, values, strict=True):
-            to_property(value)
-        run()
-        if step % _LOOKED_STEPS == 0 and not all(low <= now() * scale <= high for now, scale, low, high in bounds):
+        fly_on(values)
+        if step % _LOOKED_STEPS == 0 and beyond(stepping.now, bounds):
             break
-    keep(map(call, read))
-    return np.array(samples).reshape(-1, len(read))
+    return stepping.read
 
 
 def check_envelope(record: Record, aircraft: Aircraft, what: str, remedy: str) -> None:

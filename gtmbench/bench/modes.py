@@ -115,6 +115,13 @@ class LinearModel:
         B, by the commands in the order of `COMMANDS`, per deg and per percent; servos and engines have settled.
     trim : Trim
         What it is about.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> model = gb.linearised("gtm")
+    >>> model.state_matrix.shape, model.input_matrix.shape, round(model.speed_ft_s)
+    ((8, 8), (8, 4), 170)
     """
 
     state_matrix: FloatArray
@@ -130,7 +137,29 @@ class LinearModel:
 def linearised(
     aircraft: str | Path | Aircraft = "gtm", *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> LinearModel:
-    """Return the linear model of an aircraft about its trim, by central differences of the nonlinear one."""
+    """Return the linear model of an aircraft about its trim, by central differences of the nonlinear one.
+
+    The states are u, v and w in ft/s, p, q and r in rad/s, phi and theta in rad; the inputs elevator, aileron and
+    rudder in deg, throttle in percent. Surfaces and engines follow at once; altitude and heading stand still.
+
+    Parameters
+    ----------
+    aircraft, altitude_ft, tas_kt
+        As `trim` takes them.
+
+    Raises
+    ------
+    TrimError
+        If the aircraft can't be trimmed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import gtmbench as gb
+    >>> model = gb.linearised("gtm")
+    >>> bool(np.isin(gb.modes("gtm")[0].real_1_s, np.linalg.eigvals(model.state_matrix).real))
+    True
+    """
     craft = load_aircraft(aircraft)
     fdm, at = trimmed_engine(craft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     speed = at.tas_kt / CHANNELS["tas"].scale

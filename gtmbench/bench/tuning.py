@@ -11,7 +11,8 @@ import numpy as np
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import LoopFlight, fly_in_loop
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import LoopFlight
 from gtmbench.bench.modes import STATES, LinearModel, linearised
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain, SensorPath
 from gtmbench.errors import EnvelopeError, GtmbenchError, TrimError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,11 +13,11 @@ from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.cli.sending import broken, check_destination, deliver
-from gtmbench.errors import InputError
+from gtmbench.errors import ControllerError, InputError
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.loop import LoopEvent
+    from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
     from gtmbench.bench.modes import Mode
     from gtmbench.bench.trim import Trim
 
@@ -103,6 +103,12 @@ def _print_modes(linear: list[Mode]) -> None:
 @click.option(
     "--closed-loop", is_flag=True, help="Let the aircraft's autopilot fly on the sensor readings; excitations add."
 )
+@click.option(
+    "--controller",
+    metavar="FILE.py:OBJECT",
+    help="With --closed-loop: your own controller flies instead of the autopilot, a function command(readings, time_s) "
+    "or a class with that method.",
+)
 @fault_options("With --closed-loop: the fault in the loop. With --live: the fault in what is sent.")
 @click.option(
     "--attitude",
@@ -136,6 +142,7 @@ def fly_command(
     noise: str | None,
     commands: bool,
     closed_loop: bool,
+    controller: str | None,
     given: tuple[str, ...],
     onset: float | None,
     trial: int | None,
@@ -148,22 +155,18 @@ def fly_command(
     """Fly and write a log of the truth, or with --noise of the sensor readings; or send these live."""
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
-    from gtmbench.bench.loop import fly_in_loop
     from gtmbench.bench.sensors import measure
+    from gtmbench.imports import load_object
     from gtmbench.report.tables.loop import event_rows
     from gtmbench.report.words.judgement import loop_text
-    from gtmbench.values.attitude import OWN, estimator_of
+    from gtmbench.values.attitude import estimator_of
 
     check_destination(out, target, speed, force=force)
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
-    if given and not closed_loop and target is None:
-        raise InputError(
-            "--fault needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
-        )
+    if not closed_loop:
+        _check_open_loop(controller, attitude, noise, breaks=bool(given) and target is None)
     estimator_of(attitude)
-    if attitude != OWN and noise is None and not closed_loop:
-        raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
     faults = chosen_faults(given, onset, trial).faults
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
@@ -172,12 +175,14 @@ def fly_command(
     if chain is not None and noise is None and not closed_loop:
         raise InputError(f"--sensors is '{sensors}', but the truth has no sensors; add --noise t2 or --closed-loop")
     events: tuple[LoopEvent, ...] = ()
+    failed: ControllerError | None = None
     if closed_loop:
-        flight = fly_in_loop(
+        flight, failed = _in_loop(
             aircraft,
             excitation,
             duration,
             seed,
+            controller=None if controller is None else load_object(controller),
             faults=faults,
             attitude=attitude,
             sensors=sensors,
@@ -192,6 +197,9 @@ def fly_command(
             readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
             record = broken(estimated_attitude(readings, truth, attitude, seed), faults)
     verdict = deliver(record, out, target, speed, silent=as_json or quiet)
+    if failed is not None:  # what was flown is kept
+        where = out or target
+        raise ControllerError(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
     if as_json:
         to = {"out": None if out is None else str(out), "live": target}
         written = {**to, "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
@@ -200,6 +208,31 @@ def fly_command(
         echo(verdict)
         for event in events:
             echo(f"{event.time_s:g} s: {loop_text(event)}")
+
+
+def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:
+    """Refuse what needs --closed-loop, or sensors."""
+    from gtmbench.values.attitude import OWN, estimator_of
+
+    if controller is not None:
+        raise InputError(f"--controller is '{controller}', but nobody flies an open loop; add --closed-loop")
+    if breaks:
+        raise InputError(
+            "--fault needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
+        )
+    estimator_of(attitude)
+    if attitude != OWN and noise is None:
+        raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
+
+
+def _in_loop(*how: Any, **settings: Any) -> tuple[LoopFlight, ControllerError | None]:
+    """Fly in the loop; of a controller that fails, return what was flown and the error."""
+    from gtmbench.bench.loop import fly_in_loop
+
+    try:
+        return fly_in_loop(*how, **settings), None
+    except ControllerError as error:
+        return error.flight, error
 
 
 def _ratio(text: str) -> float:

@@ -59,6 +59,11 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 )
 @import_option
 @click.option(
+    "--aircraft",
+    metavar="NAME|FOLDER",
+    help="Instead of the scenarios' aircraft: a name from `gtmbench list --all`, or an aircraft's folder.",
+)
+@click.option(
     "--fault",
     "given",
     multiple=True,
@@ -83,6 +88,7 @@ def run_command(
     out: Path,
     detectors: tuple[str, ...],
     calibrated: Path | None,
+    aircraft: str | None,
     given: tuple[str, ...],
     onset: float | None,
     seeds: tuple[int, ...] | None,
@@ -100,10 +106,12 @@ def run_command(
     each detector and trial gets a row.
     """
     from gtmbench.study.run import run_study
-    from gtmbench.study.scenario import load_scenario
+    from gtmbench.study.scenario import flown_on, load_scenario
 
     claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
+    if aircraft is not None:
+        loaded = [flown_on(scenario, aircraft) for scenario in loaded]
     if given or onset is not None:
         loaded = _with_faults(loaded, given, onset)
     watching = watchers_of(detectors, calibrated)

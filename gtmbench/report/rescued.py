@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gtmbench.bench.loop import DEPARTURE, ENVELOPE
+from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE
 from gtmbench.detectors.accommodate import REPLACED, SUSPECTED
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.rescue import Rescue

@@ -8,9 +8,11 @@ from functools import cached_property
 from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
+from gtmbench.bench.controller import found_controller
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import DEPARTURE, LoopEvent, LoopFlight, fly_in_loop
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import DEPARTURE, LoopEvent, LoopFlight
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
@@ -176,6 +178,7 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
         setup.duration_s,
         setup.seed if seed is None else seed,
         autopilot=setup.autopilot,
+        controller=None if setup.controller is None else found_controller(setup.controller),
         attitude=setup.attitude,
         sensors=setup.sensors,
         faults=faults,
@@ -189,11 +192,12 @@ def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed
 def _flown_healthy(setup: Setup, number: int, seed: int | None = None) -> LoopFlight:
     """Fly without a fault, and refuse an autopilot that doesn't hold the aircraft even so."""
     flight = _flown_in_loop(setup, number, seed=seed)
+    checked = "the autopilot's gains" if setup.controller is None else "the controller"
     for event in flight.events:
         if event.kind == DEPARTURE:
             raise EnvelopeError(
                 f"the loop departs without a fault: {event.channel} is {event.value:.4g} {unit_of(event.channel)} at "
-                f"t = {event.time_s:g} s; check the autopilot's gains, or choose a gentler excitation"
+                f"t = {event.time_s:g} s; check {checked}, or choose a gentler excitation"
             )
     return flight
 
@@ -221,7 +225,7 @@ def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     tell("trim")
     trimmed = trim(setup.aircraft, **setup.trim_point)
     tell("fly")
-    if setup.autopilot is None:
+    if not setup.is_in_loop:
         flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
         return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
     healthy = _flown_healthy(setup, BROKEN)

@@ -8,7 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from gtmbench.bench.aircraft import Aircraft
-from gtmbench.bench.loop import LoopFlight, fly_in_loop
+from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop_flight import LoopFlight
 from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.protocol import Watch

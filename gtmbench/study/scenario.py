@@ -10,6 +10,7 @@ from typing import Any
 
 from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
+from gtmbench.bench.controller import found_controller
 from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
@@ -55,7 +56,8 @@ class AlarmSetup:
 class Setup:
     """Everything of a scenario but its faults. Scenarios with equal setups share flight, operator and threshold.
 
-    With an `autopilot` the loop is closed: every fault is flown, and sensors have the T2's noise.
+    With an `autopilot`, or a `controller` of the user's own, the loop is closed: every fault is flown, and sensors have
+    the T2's noise.
     """
 
     aircraft: str = "gtm"
@@ -71,6 +73,7 @@ class Setup:
     attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
+    controller: str | None = None  # FILE.py:OBJECT, of a file that the user has imported
     operator: OperatorSetup = field(default_factory=OperatorSetup)
     alarm: AlarmSetup = field(default_factory=AlarmSetup)
 
@@ -81,11 +84,18 @@ class Setup:
         return {name: value for name, value in stated.items() if value is not None}
 
     @property
+    def is_in_loop(self) -> bool:
+        """Whether somebody flies on the sensor readings."""
+        return self.autopilot is not None or self.controller is not None
+
+    @property
     def facts(self) -> dict[str, Any]:
-        """As plain values; ideal sensors go without saying."""
+        """As plain values; ideal sensors go without saying, and no controller."""
         stated = asdict(self)
         if self.sensors == IDEAL:
             del stated["sensors"]
+        if self.controller is None:
+            del stated["controller"]
         return stated
 
 
@@ -264,6 +274,10 @@ def with_chain(setup: Setup, *, states_snr: bool = False) -> Setup:
 def _with_autopilot(setup: Setup, states_snr: bool) -> Setup:
     """Return a setup with the gains that ``[autopilot]`` leaves to the aircraft, and with sensors for a loop."""
     gains: Any = setup.autopilot  # the table, as it stands there
+    if setup.controller is not None:
+        if gains is not None:
+            raise InputError("both [autopilot] and controller are given, and only one can fly; keep one")
+        return _on_readings(setup, states_snr)
     if gains is None:
         return setup
     own = load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
@@ -281,6 +295,33 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
     autopilot = autopilot or load_aircraft(setup.aircraft).autopilot_on(setup.sensors)
     if autopilot is None:
         raise InputError(f"[autopilot] is empty, and '{setup.aircraft}' has no gains of its own; {GAINS_WANTED}")
+    return _on_readings(replace(setup, autopilot=autopilot), states_snr)
+
+
+def flown_on(scenario: Scenario, aircraft: str) -> Scenario:
+    """Return a scenario flown on another aircraft, at that one's own trim and by its own autopilot.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft, or it lacks the autopilot or the chain that the scenario flies with.
+
+    Examples
+    --------
+    >>> other = flown_on(load_scenario("jam"), "c172p")
+    >>> other.setup.aircraft, other.setup.altitude_ft
+    ('c172p', None)
+    """
+    setup = replace(
+        scenario.setup, aircraft=setting("aircraft", aircraft), altitude_ft=None, tas_kt=None, autopilot=None
+    )
+    if scenario.setup.autopilot is not None:
+        setup = flown_by(setup, None, states_snr=False)
+    return replace(scenario, setup=with_chain(setup))
+
+
+def _on_readings(setup: Setup, states_snr: bool) -> Setup:
+    """Return a setup in the loop with sensors for it."""
     if states_snr:
         raise InputError(
             f"snr is {setup.snr:g}, but in the loop sensors are noisy before there is a flight to be a ratio of; "
@@ -291,7 +332,7 @@ def flown_by(setup: Setup, autopilot: Autopilot | None, states_snr: bool) -> Set
             f"attitude_late_s is {setup.attitude_late_s:g}, but in the loop the autopilot flies on the attitude, "
             "and comes in time; leave it out"
         )
-    return replace(setup, autopilot=autopilot, snr=None, noise="t2")
+    return replace(setup, snr=None, noise="t2")
 
 
 def _checked(of: type, table: Mapping[str, Any], prefix: str) -> dict[str, Any]:
@@ -317,6 +358,13 @@ def _name_among(look_up: Callable[[str], object]) -> Callable[[str, Any], str]:
         return value
 
     return check
+
+
+def _controller(key: str, value: Any) -> str:
+    source = text(key, value)
+    with naming(key):
+        found_controller(source)
+    return source
 
 
 def _noise(key: str, value: Any) -> str:
@@ -357,6 +405,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
     "severity_reference_s": _times,
     "autopilot": table_of,
+    "controller": _controller,
     "operator": _table(OperatorSetup),
     "inputs": sensor_list,
     "outputs": sensor_list,

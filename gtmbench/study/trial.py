@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 
-from gtmbench.bench.loop import LoopEvent, departed_s
+from gtmbench.bench.loop_flight import LoopEvent, departed_s
 from gtmbench.bench.trim import Trim
 from gtmbench.detectors.protocol import Monitor, Watch
 from gtmbench.faults.fault import Fault

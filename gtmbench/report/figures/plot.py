@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gtmbench.bench.loop import LoopFlight
+from gtmbench.bench.loop_flight import LoopFlight
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError

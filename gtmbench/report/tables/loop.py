@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from gtmbench.bench.loop import LoopEvent
+from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.report.words.judgement import loop_text
 from gtmbench.values.channels import unit_of
 

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
-from gtmbench.bench.loop import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
+from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
 from gtmbench.detectors.accommodate import GIVEN_BACK, OUT_OF_DATE, REPLACED, SUSPECTED, UNCERTAIN
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gtmbench.bench.loop import OUT_OF_LOOP
+from gtmbench.bench.loop_flight import OUT_OF_LOOP
 from gtmbench.checks import listed
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.statistics.thresholds import rate_bound

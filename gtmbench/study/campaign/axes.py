@@ -108,7 +108,9 @@ def flights(setup: Setup, axes: Axes) -> Iterator[Setup]:
 def _in_loop(setup: Setup, stated: Setup, closed: bool | None) -> Setup:
     """Return a flight with its loop closed, open, or as the scenario states it; gains are the aircraft's that flies."""
     if closed is False or (closed is None and stated.autopilot is None):
-        return replace(setup, autopilot=None)
+        return replace(setup, autopilot=None, controller=None if closed is False else setup.controller)
+    if stated.controller is not None:
+        return setup
     own = stated.autopilot if setup.aircraft == stated.aircraft else None
     return flown_by(setup, own, setup.noise is None)
 

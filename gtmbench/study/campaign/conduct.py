@@ -15,6 +15,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from gtmbench.bench.controller import found_controller
 from gtmbench.errors import InputError
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
@@ -208,11 +209,12 @@ def versions() -> dict[str, str]:
 
 
 def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
-    """Return the files in which the user's own detectors and faults stand."""
+    """Return the files in which the user's own detectors, faults and controllers stand."""
     specs = [spec for scenario in campaign.scenarios for spec in scenario.faults]
     faults = [one.fault for spec in specs for one in (spec, *spec.also)]
     functions = [getattr(detector, "function", None) for detector in detectors.detectors.values()]
-    return files_of([*faults, *detectors.detectors.values(), *functions])
+    controllers = [found_controller(each) for scenario in campaign.scenarios if (each := scenario.setup.controller)]
+    return files_of([*faults, *detectors.detectors.values(), *functions, *controllers])
 
 
 def _worked(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
-from gtmbench.bench.loop import departed_s
+from gtmbench.bench.loop_flight import departed_s
 from gtmbench.checks import one_line
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
 from gtmbench.detectors.trials import Detection, trials_on
@@ -235,8 +235,7 @@ def _about(task: Task) -> Row:
     """Say what is flown."""
     setup = vars(task.setup)
     names = ("aircraft", "excitation", "attitude", "altitude_ft", "tas_kt", "duration_s", "seed")
-    is_closed = task.setup.autopilot is not None
-    return {"task": task.number, **{name: setup[name] for name in names}, "closed_loop": is_closed}
+    return {"task": task.number, **{name: setup[name] for name in names}, "closed_loop": task.setup.is_in_loop}
 
 
 def _of_fault(scenario: str, spec: FaultSpec) -> Row:

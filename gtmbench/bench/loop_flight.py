@@ -1,0 +1,95 @@
+"""What a flight in the loop gives: its truth, what the sensors read, and its events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.bench.airborne import Outside
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.values.channels import COMMANDS, SENSORS
+from gtmbench.values.record import Record
+
+DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoopEvent:
+    """An event in a closed-loop flight.
+
+    Attributes
+    ----------
+    time_s : float
+    kind : str
+        "departure": the aircraft is first beyond a limit of its ``[departure]``; "envelope": it left the range of its
+        model, or its estimator's theta that of Euler angles, where the flight ends; "out of loop": a fault began on a
+        channel that the autopilot doesn't read; and the events of an `Accommodation`.
+    channel : str
+    value : float or None
+        The channel's value in its unit, if it matters.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=4.0, faults=gb.SignFlip(channel="q", onset_s=2.0))
+    >>> event = flight.events[0]
+    >>> event.kind, 2.0 < event.time_s < 4.0
+    ('departure', True)
+    """
+
+    time_s: float
+    kind: str
+    channel: str
+    value: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopFlight:
+    """A flight with an autopilot in the loop.
+
+    Attributes
+    ----------
+    truth : Record
+        Every channel, as `fly` gives it; it ends early if the aircraft left its envelope.
+    sensed : Record
+        The sensor readings, noise and faults included, before any accommodation.
+    events : tuple of LoopEvent
+        In the order of their times.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flight = gb.fly_in_loop(duration_s=2.0)
+    >>> flight.departed_s is None, len(flight.truth) == len(flight.sensed)
+    (True, True)
+    >>> [name for name in flight.readings(commands=True).channels if name not in flight.sensed]
+    ['elevator', 'aileron', 'rudder', 'throttle']
+    """
+
+    truth: Record = field(repr=False)
+    sensed: Record = field(repr=False)
+    events: tuple[LoopEvent, ...]
+
+    @property
+    def departed_s(self) -> float | None:
+        """When the aircraft departed or left its envelope; None if it didn't."""
+        return departed_s(self.events)
+
+    def readings(self, *, commands: bool = False) -> Record:
+        """Return `sensed`, optionally with the surface commands."""
+        if not commands:
+            return self.sensed
+        values = np.column_stack([self.sensed.values, self.truth.matrix(COMMANDS)])
+        return Record(values, channels=(*SENSORS, *COMMANDS), sample_period_s=SAMPLE_PERIOD_S)
+
+
+def departed_s(events: Sequence[LoopEvent]) -> float | None:
+    """Return when a departure, or the end of an envelope, comes first among events; None: never."""
+    return min((event.time_s for event in events if event.kind in (DEPARTURE, ENVELOPE)), default=None)
+
+
+def event_of(kind: str, flight: Record, outside: Outside) -> LoopEvent:
+    """Return the event of a flight that is first outside of some spans."""
+    return LoopEvent(time_s=float(flight.time_s[outside.row]), kind=kind, channel=outside.channel, value=outside.value)
