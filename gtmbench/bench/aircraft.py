@@ -106,6 +106,11 @@ class Aircraft:
             raise InputError(f"'{self.name}' has no sensor chain; add a table [{CHAIN}] to its aircraft.toml")
         return self.chain if sensors == CHAIN else None
 
+    @property
+    def loop_sensors(self) -> str:
+        """The sensors that its own autopilot flies on where nobody says: its chain, if gains are known for it."""
+        return IDEAL if self.chain is None or self.chain_autopilot is None else CHAIN
+
     def autopilot_on(self, sensors: str | SensorChain) -> Autopilot | None:
         """Return the gains for some sensors: on its own chain those that were found there, if known."""
         chain = self.chain_of(sensors)

@@ -66,7 +66,7 @@ def fly_in_loop(
     noise_seed: int | None = None,
     accommodate: Accommodation | None = None,
     attitude: str | AttitudeEstimator = OWN,
-    sensors: str | SensorChain = IDEAL,
+    sensors: str | SensorChain | None = None,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> LoopFlight:
@@ -99,9 +99,10 @@ def fly_in_loop(
         references: the truth with 0.5 deg of white noise, drawn as `filtered_attitude` draws it of `noise_seed`. On a
         chain its attitude is as late as the gyros that it reads; rate, delay and quantum of phi, theta and psi aren't
         added.
-    sensors : "ideal", "chain" or SensorChain
+    sensors : "ideal", "chain" or SensorChain, optional
         The way from motion to readings: at once; the aircraft's own chain, flown with the gains that were found
-        on it; or another chain.
+        on it; or another chain. Where nobody says, the aircraft's own, if its own gains for it fly, as the GTM's do;
+        with an `autopilot` or a `controller` of yours, ideal ones.
 
     Raises
     ------
@@ -123,6 +124,8 @@ def fly_in_loop(
     (['departure'], True)
     """
     craft = load_aircraft(aircraft)
+    if sensors is None:
+        sensors = craft.loop_sensors if autopilot is None and controller is None else IDEAL
     pilot = craft.autopilot_on(sensors) if autopilot is None else autopilot
     if controller is not None:
         check_controller(controller)

@@ -120,11 +120,10 @@ def _print_modes(linear: list[Mode]) -> None:
 )
 @click.option(
     "--sensors",
-    default="ideal",
-    show_default=True,
     metavar="ideal|chain",
     help="With --closed-loop or --noise: the way from motion to readings. chain: the aircraft's own delays, "
-    "filters and sample rates, and in the loop the gains for them.",
+    "filters and sample rates, and in the loop the gains for them.  [default: chain, where "
+    "the aircraft's own autopilot flies and has gains for it; else ideal]",
 )
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
@@ -147,7 +146,7 @@ def fly_command(
     onset: float | None,
     trial: int | None,
     attitude: str,
-    sensors: str,
+    sensors: str | None,
     force: bool,
     as_json: bool,
     quiet: bool,
@@ -155,6 +154,7 @@ def fly_command(
     """Fly and write a log of the truth, or with --noise of the sensor readings; or send these live."""
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.flight import fly
+    from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
     from gtmbench.imports import load_object
     from gtmbench.report.tables.loop import event_rows
@@ -171,6 +171,7 @@ def fly_command(
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    sensors = sensors or (aircraft.loop_sensors if closed_loop and controller is None else IDEAL)
     chain = aircraft.chain_of(sensors)
     if chain is not None and noise is None and not closed_loop:
         raise InputError(f"--sensors is '{sensors}', but the truth has no sensors; add --noise t2 or --closed-loop")

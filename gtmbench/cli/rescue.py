@@ -36,10 +36,9 @@ _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 @fault_options("The fault.  [default: r's sign flips]")
 @click.option(
     "--sensors",
-    default="ideal",
-    show_default=True,
     metavar="ideal|chain",
-    help="chain: the aircraft's own delays, filters and sample rates lie between motion and readings.",
+    help="chain: the aircraft's own delays, filters and sample rates lie between motion and readings.  "
+    "[default: those of the monitor that is given; else chain, where gains are known for it]",
 )
 @click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
 @click.option(
@@ -61,7 +60,7 @@ def rescue_command(
     given: tuple[str, ...],
     onset: float | None,
     trial: int | None,
-    sensors: str,
+    sensors: str | None,
     seed: int,
     monitor_file: Path | None,
     force: bool,
@@ -73,6 +72,7 @@ def rescue_command(
     The autopilot flies on the sensor readings. On the second flight a monitor isolates the broken gyro and takes its
     reading out of the loop. `gtmbench view FILE.rrd` shows both aircraft beside each other.
     """
+    from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.detectors.accommodate import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.report.figures.rescue import rescue_figure
@@ -84,8 +84,10 @@ def rescue_command(
     silent = as_json or quiet
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:
+        kept = load_monitor(monitor_file) if monitor_file else None
+        sensors = sensors or (aircraft.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
         aircraft.chain_of(sensors)
-        monitor = load_monitor(monitor_file) if monitor_file else _calibrated(name, sensors, tell)
+        monitor = _calibrated(name, sensors, tell) if kept is None else kept
     onset_s = min(fault.onset_s for fault in faults)
     rescue = fly_rescue(
         faults,

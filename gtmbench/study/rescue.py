@@ -10,7 +10,6 @@ from pathlib import Path
 from gtmbench.bench.aircraft import Aircraft
 from gtmbench.bench.loop import fly_in_loop
 from gtmbench.bench.loop_flight import LoopFlight
-from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.detectors.accommodate import Accommodate
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -54,7 +53,7 @@ def fly_rescue(
     excitation: str = "turbulence",
     duration_s: float = 60.0,
     seed: int = 1,
-    sensors: str = IDEAL,
+    sensors: str | None = None,
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> Rescue:

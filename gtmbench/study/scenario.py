@@ -101,7 +101,7 @@ class Setup:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A scenario file: a setup and the faults to try in it, one trial each; `states_noise`: it gives snr or noise.
+    """A scenario file: a setup and the faults to try in it, one trial each; `states_...`: what it gives itself.
 
     Examples
     --------
@@ -116,6 +116,7 @@ class Scenario:
     setup: Setup
     faults: tuple[FaultSpec, ...]
     states_noise: bool = True
+    states_sensors: bool = True
 
 
 def load_scenario(source: str | Path) -> Scenario:
@@ -163,8 +164,14 @@ def scenario_of(name: str, table: dict[str, Any]) -> Scenario:
     blocks = table.pop("faults", None)
     setup = _setup(table)
     specs = _specs(blocks, setup.duration_s)
-    states_noise = "snr" in table or "noise" in table
-    return Scenario(name=name, title=title, setup=setup, faults=tuple(specs), states_noise=states_noise)
+    return Scenario(
+        name=name,
+        title=title,
+        setup=setup,
+        faults=tuple(specs),
+        states_noise="snr" in table or "noise" in table,
+        states_sensors="sensors" in table,
+    )
 
 
 def _fits_in_memory(scenario: Scenario) -> Scenario:
@@ -230,7 +237,10 @@ def _setup(table: dict[str, Any]) -> Setup:
     if "noise" in table:
         table = {**table, "snr": None}
     states_snr = "snr" in table and "noise" not in table
-    setup = _with_autopilot(with_chain(Setup(**_checked(Setup, table, "")), states_snr=states_snr), states_snr)
+    setup = Setup(**_checked(Setup, table, ""))
+    if "sensors" not in table and table.get("autopilot") == {}:  # the aircraft's own gains
+        setup = replace(setup, sensors=load_aircraft(setup.aircraft).loop_sensors)
+    setup = with_chain(_with_autopilot(setup, states_snr), states_snr=states_snr)
     for key, span in (
         ("operator.identify_s", setup.operator.identify_s),
         ("alarm.threshold_s", setup.alarm.threshold_s),
@@ -315,6 +325,8 @@ def flown_on(scenario: Scenario, aircraft: str) -> Scenario:
     setup = replace(
         scenario.setup, aircraft=setting("aircraft", aircraft), altitude_ft=None, tas_kt=None, autopilot=None
     )
+    if scenario.setup.autopilot is not None and not scenario.states_sensors:
+        setup = replace(setup, sensors=load_aircraft(setup.aircraft).loop_sensors)
     if scenario.setup.autopilot is not None:
         setup = flown_by(setup, None, states_snr=False)
     return replace(scenario, setup=with_chain(setup))

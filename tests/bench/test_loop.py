@@ -30,16 +30,27 @@ def test_without_gains_it_is_the_open_loop():
 
 
 def test_sensors_read_what_measure_makes_of_the_truth(healthy):
-    measured = gb.measure(healthy.truth, noise="t2", seed=4)
+    measured = gb.measure(healthy.truth, noise="t2", seed=4, sensors=GTM.chain)
     assert measured.channels == healthy.sensed.channels == SENSORS
     np.testing.assert_allclose(healthy.sensed.values, measured.values, rtol=0.0, atol=1e-9)
+    ideal = gb.fly_in_loop(duration_s=20.0, seed=4, sensors="ideal")
+    at_once = gb.measure(ideal.truth, noise="t2", seed=4)
+    np.testing.assert_allclose(ideal.sensed.values, at_once.values, rtol=0.0, atol=1e-9)
+
+
+def test_the_aircrafts_own_autopilot_flies_on_its_chain_and_anybody_elses_on_ideal_sensors():
+    assert same(gb.fly_in_loop(duration_s=5.0), gb.fly_in_loop(duration_s=5.0, sensors="chain"))
+    on_ideal = gb.fly_in_loop(duration_s=5.0, sensors="ideal")
+    assert same(on_ideal, gb.fly_in_loop(duration_s=5.0, autopilot=OWN))
+    without_gains = replace(GTM, chain_autopilot=None)
+    assert same(on_ideal, gb.fly_in_loop(without_gains, duration_s=5.0))
 
 
 def test_a_heading_runs_through_north():
     north = replace(GTM, psi_deg=359.5)
     flight = gb.fly_in_loop(north, duration_s=30.0)
     assert flight.truth["psi"].min() < 360.0 < flight.truth["psi"].max()
-    measured = gb.measure(flight.truth, noise="t2", seed=1)
+    measured = gb.measure(flight.truth, noise="t2", seed=1, sensors=GTM.chain)
     np.testing.assert_allclose(flight.sensed.values, measured.values, rtol=0.0, atol=1e-9)
 
 
@@ -75,7 +86,7 @@ FAULTS = (
 def test_faults_in_the_loop_do_to_its_readings_what_they_do_to_a_record():
     """The oracle is the array form, put into what sensors read on the flight that came of it."""
     flight = gb.fly_in_loop(duration_s=10.0, faults=FAULTS)
-    painted = gb.inject(gb.measure(flight.truth, noise="t2", seed=1), FAULTS)
+    painted = gb.inject(gb.measure(flight.truth, noise="t2", seed=1, sensors=GTM.chain), FAULTS)
     np.testing.assert_allclose(flight.sensed.values, painted.values, rtol=1e-9, atol=1e-9)
 
 
@@ -180,7 +191,10 @@ def test_an_accommodation_stands_between_sensors_and_autopilot():
     ("wrong", "said"),
     [
         ({"autopilot": replace(OWN, q_to_elevator_s=-3.0)}, r"the loop throws 'gtm' out of its envelope: .*gains"),
-        ({"aircraft": replace(GTM, autopilot=None)}, r"'gtm' has no autopilot; find its gains by gtmbench autopilot"),
+        (
+            {"aircraft": replace(GTM, autopilot=None, chain_autopilot=None)},
+            r"'gtm' has no autopilot; find its gains by gtmbench autopilot",
+        ),
         ({"faults": gb.Jam(channel="p", onset_s=99.0)}, r"begins at 99 s, outside"),
         ({"faults": gb.Jam(channel="north", onset_s=1.0)}, r"no sensor channel 'north'"),
         ({"faults": ["jam"]}, r"'jam' is no fault"),

@@ -65,8 +65,8 @@ def naming(gyro, time_s=ONSET_S):
     return Scripted(((time_s, (alarm(gyro, names(time_s, gyro)),)),))
 
 
-def fly(faults=(), accommodate=None, duration_s=30.0, **more):
-    return gb.fly_in_loop(duration_s=duration_s, faults=faults, accommodate=accommodate, **more)
+def fly(faults=(), accommodate=None, duration_s=30.0, *, sensors="ideal", **more):
+    return gb.fly_in_loop(duration_s=duration_s, faults=faults, accommodate=accommodate, sensors=sensors, **more)
 
 
 def told(flight):

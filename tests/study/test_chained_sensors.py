@@ -56,7 +56,8 @@ def test_sensors_that_cannot_be_meant_are_refused(keys, said):
 def test_in_the_loop_it_is_the_flight_on_the_chain_by_its_gains():
     given = scenario(sensors="chain", autopilot={})
     assert given.setup.autopilot == GTM.chain_autopilot
-    assert scenario(autopilot={}).setup.autopilot == GTM.autopilot
+    assert scenario(autopilot={}).setup == given.setup  # where nobody says
+    assert scenario(sensors="ideal", autopilot={}).setup.autopilot == GTM.autopilot
     seed = given.setup.seed + SEED_STEP * BROKEN
     alone = gb.fly_in_loop(duration_s=8.0, noise_seed=seed, sensors="chain")
     study = flown(given.setup)

@@ -98,7 +98,7 @@ def test_the_autopilot_flies_on_the_estimate():
 
 def test_a_flight_ends_where_its_estimators_euler_angles_do():
     flip = gb.SignFlip(channel="r", onset_s=20.0)
-    flight = gb.fly_in_loop(duration_s=60.0, seed=4, attitude="filter 5 s", faults=flip)
+    flight = gb.fly_in_loop(duration_s=60.0, seed=4, attitude="filter 5 s", faults=flip, sensors="ideal")
     departure, end = flight.events
     assert (departure.kind, end.kind, end.channel) == ("departure", "envelope", "theta")
     assert abs(end.value) > 85.0

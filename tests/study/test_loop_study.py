@@ -92,7 +92,7 @@ def test_results_say_what_flew(study, tmp_path):
 
     write_results(study, tmp_path)
     results = json.loads((tmp_path / "results.json").read_text())
-    assert results["setup"]["autopilot"]["q_to_elevator_s"] == 0.6
+    assert results["setup"]["autopilot"]["q_to_elevator_s"] == 0.45
     assert results["trials"][0]["departure_time_s"] == study.trials[0].departure_time_s
     assert "departure_time_s" in (tmp_path / "trials.csv").read_text().splitlines()[0]
 
@@ -122,13 +122,16 @@ def test_calibration_flies_in_the_loop(monkeypatch):
 
 
 def test_gains_in_a_scenario_overrule_the_aircrafts():
-    own = gb.load_aircraft("gtm").autopilot
-    assert scenario("loop", LOOP).setup.autopilot == own
+    gtm = gb.load_aircraft("gtm")
+    usual = scenario("loop", LOOP).setup
+    assert (usual.autopilot, usual.sensors) == (gtm.chain_autopilot, "chain")
+    ideal = scenario("ideal", 'sensors = "ideal"\n' + LOOP)
+    assert (ideal.setup.autopilot, ideal.setup.sensors) == (gtm.autopilot, "ideal")
     softer = scenario("soft", LOOP.replace("[autopilot]", "[autopilot]\nq_to_elevator_s = 0.3"))
-    assert softer.setup.autopilot == replace(own, q_to_elevator_s=0.3)
+    assert (softer.setup.autopilot, softer.setup.sensors) == (replace(gtm.autopilot, q_to_elevator_s=0.3), "ideal")
     assert (softer.setup.noise, softer.setup.snr) == ("t2", None)
     with pytest.raises(gb.InputError, match="differ in autopilot"):
-        gb.run_study([softer, scenario("loop", LOOP)], detectors=[fast])
+        gb.run_study([softer, ideal], detectors=[fast])
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from tests.helpers.rescuing import early_monitor
 @pytest.fixture(scope="module")
 def rescue():
     flip = gb.SignFlip(channel="r", onset_s=15.0)
-    return fly_rescue([flip], Accommodate(early_monitor()), duration_s=19.0)
+    return fly_rescue([flip], Accommodate(early_monitor()), duration_s=19.0, sensors="ideal")
 
 
 def test_both_flights_are_one_until_the_alarm(rescue):
@@ -37,7 +37,9 @@ def test_moments_are_told_from_the_onset_on(rescue):
 
 def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
     """The q gyro's flip leaves the envelope within half a second: that flight is much shorter than the rescued one."""
-    rescue = fly_rescue([gb.SignFlip(channel="q", onset_s=15.0)], Accommodate(early_monitor()), duration_s=19.0)
+    rescue = fly_rescue(
+        [gb.SignFlip(channel="q", onset_s=15.0)], Accommodate(early_monitor()), duration_s=19.0, sensors="ideal"
+    )
     assert shown_flight(rescue, "unaided").end_s == rescue.unaided.truth.end_s < 17.0
     assert shown_flight(rescue, "rescued").end_s == 19.0
     assert shown_flight(rescue, "unaided").start_s == shown_flight(rescue, "rescued").start_s == 10.0
