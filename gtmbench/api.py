@@ -88,6 +88,7 @@ from gtmbench.report.fleet_report import watch_fleet
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
+from gtmbench.study.limit import detection_limit
 from gtmbench.study.log.injection import ChangedColumn, inject_log
 from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.truth import ScoredLog, score_log
@@ -219,6 +220,7 @@ __all__ = [
     "decimate",
     "derivable",
     "derive",
+    "detection_limit",
     "export_c",
     "fault",
     "filtered_attitude",
