@@ -65,8 +65,13 @@ class Facts:
 class Scores:
     """The score file of a flight: shape (samples,), and by channel where it has such columns."""
 
-    values: FloatArray = field(repr=False)
+    score: FloatArray = field(repr=False)
     by_channel: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """All of them, by their names in the file."""
+        return {"score": self.score, **{f"score_{name}": values for name, values in self.by_channel.items()}}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +125,11 @@ def read_entry(folder: str | Path, definition: Definition, split: str) -> Entry:
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"{folder} is no folder; give one of score files or with an {ALARMS}" if folder.exists() else no_such(folder))
+        raise InputError(
+            f"{folder} is no folder; give one of score files or with an {ALARMS}"
+            if folder.exists()
+            else no_such(folder)
+        )
     flights = {flight.id: flight for flight in definition.flights(split)}
     facts = _facts(folder)
     if is_file(folder / ALARMS):
@@ -164,7 +173,9 @@ def _check_there(folder: Path, definition: Definition, split: str) -> None:
     for group in definition.groups:
         for path in sorted((folder / group.name / split).iterdir()):
             if path.suffix in SUFFIXES and f"{group.name}/{split}/{path.stem}" not in wanted:
-                raise InputError(f"{path}: no flight of {definition.name} is called so; score files have the flights' names")
+                raise InputError(
+                    f"{path}: no flight of {definition.name} is called so; score files have the flights' names"
+                )
 
 
 def _found(folder: Path, flight: Flight) -> Path | None:
@@ -202,7 +213,9 @@ def _scores_of(frame: pd.DataFrame, flight: Flight) -> Scores:
         if name not in frame.columns:
             raise InputError(f"it has no column {name}; write time_s and score")
     if len(frame) != flight.rows:
-        raise InputError(f"it has {len(frame)} rows and the flight {flight.rows}; write one score a sample, at its time")
+        raise InputError(
+            f"it has {len(frame)} rows and the flight {flight.rows}; write one score a sample, at its time"
+        )
     columns = {str(name): _numbers(str(name), frame[name]) for name in frame.columns}
     off = np.abs(columns["time_s"] - np.arange(flight.rows) * flight.group.sample_period_s) > _STAMP
     if off.any():
@@ -213,7 +226,7 @@ def _scores_of(frame: pd.DataFrame, flight: Flight) -> Scores:
             "flight's own times, in their order"
         )
     return Scores(
-        values=columns["score"],
+        score=columns["score"],
         by_channel={channel: columns[name] for name, channel in channels.items() if name in columns},
     )
 
@@ -272,7 +285,9 @@ def _sensors(named: str) -> tuple[str, ...]:
     sensors = tuple(each.strip() for each in named.split("|")) if named.strip() else ()
     for sensor in sensors:
         if sensor not in SENSORS:
-            raise InputError(f"no sensor is called {shown(sensor)}; there are {', '.join(SENSORS)}, and p|phi for either")
+            raise InputError(
+                f"no sensor is called {shown(sensor)}; there are {', '.join(SENSORS)}, and p|phi for either"
+            )
     return sensors
 
 
@@ -282,14 +297,14 @@ def _check_twin(entry: Entry, short: Flight, full: Flight) -> None:
         _check_same(entry.alarms, short, full, "alarms of")
         return
     _check_same(entry.names, short, full, "names in")
-    cut, whole = entry.scores(short), entry.scores(full)
-    for name, values in {"score": cut.values, **{f"score_{key}": of for key, of in cut.by_channel.items()}}.items():
-        known = (whole.values if name == "score" else whole.by_channel[name.removeprefix("score_")])[: short.rows]
-        off = np.abs(values - known) > _SAME * max(float(np.abs(known).max()), 1e-12)
+    cut, whole = entry.scores(short).columns, entry.scores(full).columns
+    for name in cut.keys() & whole.keys():
+        known = whole[name][: short.rows]
+        off = np.abs(cut[name] - known) > _SAME * max(float(np.abs(known).max()), 1e-12)
         if off.any():
             row = int(np.argmax(off))
             raise _sees_ahead(
-                f"{name} of {short.path} at {row * short.group.sample_period_s:g} s is {values[row]:.6g}, and "
+                f"{name} of {short.path} at {row * short.group.sample_period_s:g} s is {cut[name][row]:.6g}, and "
                 f"{known[row]:.6g} of {full.path}",
                 short,
             )
