@@ -5,7 +5,7 @@ from __future__ import annotations
 import platform
 import time
 from collections.abc import Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
-from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_recipe
+from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.jobs.processes import spread
@@ -26,6 +26,7 @@ from gtmbench.values.record import FloatArray, Record
 
 _NO_SCORE = 0.0  # where a statistic doesn't exist: the least that a ratio of statistic and threshold can have
 _MONITORS, _NAMES, _COSTS = "monitors", "said", "costs"
+_READ: dict[Path, Monitor] = {}
 
 
 def write_entries(
@@ -123,9 +124,11 @@ def _score(folder: Path, name: str, flight: Flight) -> Path:
     return folder / name / f"{flight.path}.parquet"
 
 
-@cache
 def _loaded(path: Path, detector: Detector) -> Monitor:
-    return load_monitor(path, detector)
+    """Return a monitor, which a process reads once."""
+    if path not in _READ:
+        _READ[path] = load_monitor(path, detector)
+    return _READ[path]
 
 
 def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detector], flight: Flight) -> None:
@@ -161,24 +164,23 @@ def scores_of(watch: Watch) -> dict[str, FloatArray]:
     by_channel: dict[str, FloatArray] = {}
     whole = np.full(len(watch.record), _NO_SCORE)
     for score in watch.scores.values():
-        values = _known(score.values / score.threshold, score.known_s, watch.record)
-        whole = np.maximum(whole, values)
-        if len(score.channels) == 1 and score.channels[0] in SENSORS:
-            name = f"score_{score.channels[0]}"
-            by_channel[name] = np.maximum(by_channel.get(name, whole * 0.0), values)
-        elif not score.channels and score.name in SENSORS:
-            by_channel[f"score_{score.name}"] = values
+        known = _known(score, watch.record)
+        whole = np.maximum(whole, known)
+        channels = score.channels or (score.name,)
+        if len(channels) == 1 and channels[0] in SENSORS:
+            name = f"score_{channels[0]}"
+            by_channel[name] = np.maximum(by_channel.get(name, known), known)
     columns = {"score": whole, **by_channel}
     return {name: values.astype(np.float32) for name, values in columns.items()}
 
 
-def _known(values: FloatArray, known_s: FloatArray, record: Record) -> FloatArray:
-    """Return values by when they are known, shape (samples,); those that aren't by the record's end are left out."""
-    there = np.isfinite(values) & np.isfinite(known_s)
-    rows = np.ceil((known_s[there] - record.start_s) / record.sample_period_s - 1e-6).astype(int)
+def _known(score: Score, record: Record) -> FloatArray:
+    """Return a statistic over its threshold by when it is known, shape (samples,); left out what isn't by the end."""
+    there, ratios = score.exists & np.isfinite(score.known_s), np.divide(score.values, score.threshold)
+    rows = np.ceil((score.known_s[there] - record.start_s) / record.sample_period_s - 1e-6).astype(int)
     within = rows < len(record)
     known = np.full(len(record), _NO_SCORE)
-    np.maximum.at(known, rows[within], values[there][within])
+    np.maximum.at(known, rows[within], ratios[there][within])
     return known
 
 

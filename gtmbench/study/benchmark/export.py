@@ -101,8 +101,7 @@ def _write(definition: Definition, folder: Path, suffix: str, flight: Flight) ->
 
 
 def _write_list(path: Path, flights: Sequence[Flight]) -> None:
-    lines = ["flight,group,split,samples,sample_period_s"]
-    for each in flights:
-        lines.append(f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}")
+    rows = [f"{each.id},{each.group.name},{each.split},{each.rows},{each.group.sample_period_s:g}" for each in flights]
+    lines = ["flight,group,split,samples,sample_period_s", *rows]
     with atomic_write(path) as aside:
         aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
