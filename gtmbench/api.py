@@ -25,6 +25,7 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
+from gtmbench.detectors.score_detector import ScoreDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
     ConvergenceWarning,
@@ -190,6 +191,7 @@ __all__ = [
     "ScaleFactor",
     "Scenario",
     "Score",
+    "ScoreDetector",
     "ScoredLog",
     "SensorChain",
     "SensorPath",

@@ -61,14 +61,14 @@ and {facts["faults"]} faults of one gyro or attitude sensor in split `{split}`:
 {chr(10).join(lines)}
 
 Channels: {", ".join(definition.channels)}.
-One fault a flight, from {onset} s on, to its end. Splits `learn`, `calibration`, `development` and `test` have published
-seeds; `private` follows from a secret whose digest is published first. Licence of the flights: CC0 1.0.
+One fault a flight, from {onset} s on, to its end. Splits `learn`, `calibration`, `development` and `test` have
+published seeds; `private` follows from a secret whose digest is published first. Licence of the flights: CC0 1.0.
 
 **What it measures.** How soon after its onset a lasting fault of one sensor is detected in open-loop flight, beside
 what is possible; whom a detector names; whether its thresholds keep the rate that they are set for.
 
-**What it doesn't.** Faults in the loop (an autopilot that flies on the broken gyro), several faults at once, faults that
-end, an attitude that an estimator makes of the gyros, noise or aircraft that nobody calibrated for, recorded flights.
+**What it doesn't.** Faults in the loop (an autopilot that flies on the broken gyro), several faults at once, faults
+that end, an attitude that an estimator makes of the gyros, noise or aircraft that nobody calibrated for, real flights.
 
 **Known artefacts.** The limit is to first order, so a lucky row may pass it on single faults. It knows what replaces a
 reading and what draws random numbers to the last bit, so `jam`, `noise`, `spikes` and the like can't be reached. On a

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.checks import keys, listed, naming
+from gtmbench.checks import keys, naming
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import find_fault
@@ -223,9 +223,7 @@ class Definition:
     def differing(self) -> str:
         """In words: which versions differ from those that the definition names; empty where none does."""
         here = {name: version(name) for name in self.versions}
-        return listed(
-            f"{name} {here[name]} instead of {has}" for name, has in self.versions.items() if here[name] != has
-        )
+        return ", ".join(f"{name} {here[name]} for {has}" for name, has in self.versions.items() if here[name] != has)
 
     def check_versions(self) -> None:
         """Refuse other versions of what flies and draws than those that give the benchmark's bits.
