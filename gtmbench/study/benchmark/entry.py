@@ -274,11 +274,11 @@ def _id(name: str, flights: Mapping[str, Flight]) -> str:
 
 def _time_s(stamp: str, flight: Flight) -> float:
     try:
-        return number("time_s", float(stamp), 0.0, flight.end_s + _STAMP)
+        given = float(stamp)
     except ValueError as error:
         raise InputError(f"time_s is {shown(stamp)}; it must be seconds") from error
-    except InputError as error:
-        raise InputError(f"flight {flight.id}: {error}") from error
+    with naming(f"flight {flight.id}"):
+        return number("time_s", given, 0.0, flight.end_s + _STAMP)
 
 
 def _sensors(named: str) -> tuple[str, ...]:
