@@ -10,7 +10,7 @@ from gtmbench.study.benchmark.definition import JUDGED_SPLITS, PRIVATE, TEST, lo
 from gtmbench.study.benchmark.flights import make, shipped_facts
 from tests.helpers.benchmarks import tiny
 
-FROZEN = "8aa8048bba00b2b8"
+FROZEN = "eb081dc7c72c04d0"
 PUBLIC = ("learn", "calibration", "development", "test")
 FULL, QUICK = load_definition(), load_definition(quick=True)
 
