@@ -95,7 +95,8 @@ def benchmark_command(
                 definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=processes, progress=tell
             )
         verdict = f"Wrote {len(flights)} flights of {definition.name}, split {split}: {export}."
-        _end(definition, split, verdict, {"out": str(export), "flights": len(flights)}, as_json=as_json, quiet=quiet)
+        own = {"out": str(export), "flights": len(flights)}
+        _end("benchmark-export", definition, split, verdict, own, as_json=as_json, quiet=quiet)
         return
     folder = Path(definition.name) if out is None else out
     named = _detectors(detectors, by_default=not entries)
@@ -107,7 +108,8 @@ def benchmark_command(
         )
     _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
     verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."
-    _end(definition, split, verdict, {"out": str(folder), "rows": _short(rows)}, as_json=as_json, quiet=quiet)
+    own = {"out": str(folder), "rows": _short(rows)}
+    _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
     if not as_json and not quiet:
         _print(rows)
 
@@ -178,11 +180,13 @@ def _print(rows: Sequence[Row]) -> None:
     print_table("by quickness", list(frame.columns), cells, right=[name for name in frame.columns if name != "entry"])
 
 
-def _end(definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool) -> None:
+def _end(
+    name: str, definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool
+) -> None:
     from gtmbench.report.words.benchmark import about
 
     if as_json:
-        print_json(envelope("benchmark", verdict, about(definition, split) | own))
+        print_json(envelope(name, verdict, about(definition, split) | own))
     elif not quiet:
         if definition.differing:
             echo(f"not {definition.name}: {definition.differing}")

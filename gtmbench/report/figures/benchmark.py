@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_RATES, _SHORTEST_S = (3e-3, 30.0), 0.01
 _BINS_S = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 
 
@@ -34,8 +35,14 @@ def benchmark_curves(rows: Sequence[Row], definition: Definition) -> Figure:
         _draw_delays(delays, row, definition, styles[row.name])
         _draw_sizes(sizes, row, styles[row.name])
     delays.set(xscale="log", yscale="log", xlabel="false alarms an hour", ylabel="median delay (s)")
+    delays.set(xlim=(_RATES[0], _RATES[1]), ylim=(_SHORTEST_S, definition.deadline_s))
     delays.axvline(definition.false_alarms_per_hour, color="0.6", lw=0.8)
-    sizes.set(xscale="log", xlabel="limit of quickest detection (s): large faults left", ylabel="share detected")
+    sizes.set(
+        xscale="log",
+        xlim=(_BINS_S[0] / 3.0, 2.0 * _BINS_S[-1]),
+        xlabel="limit of quickest detection (s): large faults left",
+        ylabel="share detected",
+    )
     sizes.set_ylim(-0.03, 1.03)
     if shown:
         figure.legend(*sizes.get_legend_handles_labels(), loc="outside right upper", fontsize=8)
@@ -45,7 +52,7 @@ def benchmark_curves(rows: Sequence[Row], definition: Definition) -> Figure:
 def _draw_delays(axis: Axes, row: Row, definition: Definition, style: dict[str, object]) -> None:
     points = [point for point in row.curve if math.isfinite(point.median_delay_s)]
     rates = [point.false_alarms.value or point.false_alarms.high for point in points]
-    delays_s = [max(point.median_delay_s, 0.01) for point in points]
+    delays_s = [max(point.median_delay_s, _SHORTEST_S) for point in points]
     axis.plot(rates, delays_s, color=style["color"], ls=style["linestyle"])
     for rate, delay_s, point in zip(rates, delays_s, points, strict=True):
         if point.allowed_per_hour == definition.false_alarms_per_hour:
