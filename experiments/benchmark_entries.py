@@ -4,9 +4,9 @@
     python experiments/benchmark_entries.py flights entries [NAME ...]
     gtmbench benchmark --quick --score entries/parity-space --score entries/imm ...
 
-The PyOD ones need `pip install pyod` (any environment with pandas and pyarrow). Settings are those of PyOD, and of the
-model-based ones the simplest that their sources' theory has. All learn on the flights of `learn` alone. Columns: p, q, r
-(deg/s) and phi, theta, psi (deg), lost samples repeated.
+The PyOD ones need `pip install pyod` (any environment with pandas and pyarrow). Settings are those of PyOD, and of
+the model-based ones the simplest that their sources' theory has. All learn on the flights of `learn` alone. Columns:
+p, q, r (deg/s) and phi, theta, psi (deg), lost samples repeated.
 
 - ``parity-space``: temporal redundancy over windows (Chow and Willsky 1984, IEEE Transactions on Automatic Control 29):
   what an angle did less what the gyros say that it did, over 0.2, 1 and 5 s.
@@ -125,9 +125,8 @@ def imm(wander: float = 0.5, switch_s: float = 60.0) -> Callable[[list[tuple[Arr
     """Return a design: two filters an axis on the summed increments, of a gyro without an error and with one."""
 
     def learn(healthy: list[tuple[Array, Array]], period_s: float) -> Score:
-        lag = np.mean(
-            [np.mean(off[1:] * off[:-1], axis=0) for off in (increments(*each, period_s) for each in healthy)], 0
-        )
+        offs = [increments(*each, period_s) for each in healthy]
+        lag = np.mean([np.mean(off[1:] * off[:-1], axis=0) for off in offs], axis=0)
         angle = np.maximum(-lag, 1e-8)  # of first differences of white noise the covariance at lag 1 is its variance
         gyro = np.maximum(np.concatenate(offs).var(axis=0) - 2.0 * angle, 1e-8)
 
