@@ -167,7 +167,7 @@ def _imm(off: Array, period_s: float, gyro: Array, angle: Array, wander: float, 
         mean = ahead + gain * innovation[..., np.newaxis]
         covariance = spread - gain[..., np.newaxis] * spread[..., np.newaxis, 0, :]
         likely = chance * np.exp(-0.5 * np.minimum(innovation**2 / variance, 600.0)) / np.sqrt(variance)
-        chance = np.maximum(likely / likely.sum(axis=0), 1e-12)
+        chance = np.maximum(likely / likely.sum(axis=0), 1e-300)
         odds[k] = np.log(chance[1] / chance[0])
     return by_axis(odds)
 

@@ -84,6 +84,16 @@ def test_a_detector_of_a_dozen_lines_enters(cli, tmp_path):
     code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "1", "--quiet")
     assert (code, err) == (0, "")
     assert "squared" in (tmp_path / "table/report.md").read_text()
+    (tmp_path / "mine.py").write_text(SQUARED.replace("** 2", "** 4"))  # its scores would be the old ones
+    code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "1")
+    assert code == 2
+    assert "holds another run" in err
+
+
+def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
+    (tmp_path / "mine.py").write_text(SQUARED)
+    code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "2", "--quiet")
+    assert (code, err) == (0, "")
 
 
 def test_a_private_split_is_judged_by_its_secret_alone(cli, tmp_path, definition):

@@ -16,6 +16,7 @@ from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write, is_file
+from gtmbench.imports import files_of, load_files
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, Definition, Flight
@@ -66,8 +67,10 @@ def write_entries(
                 (folder / name / group.name / of).mkdir(parents=True, exist_ok=True)
     flights = [flight for of in (CALIBRATION, split) for flight in definition.flights(of)]
     todo = [flight for flight in flights if not all(is_file(_score(folder, name, flight)) for name in detectors)]
+    files = files_of(detectors.values())
+    begin = partial(load_files, files) if files and processes > 1 else None  # a pickle names a module of the user's
     work = partial(_watch, definition, folder, detectors)
-    spread(work, todo, processes=processes, step="watch", progress=progress)
+    spread(work, todo, processes=processes, step="watch", progress=progress, begin=begin)
     for name, detector in detectors.items():
         _write_names(folder / name, [flight for flight in flights if flight.split == split])
         _write_facts(folder / name, name, detector, flights)

@@ -12,6 +12,7 @@ from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.shipped import code_facts
+from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import PRIVATE, Definition, secret_digest
@@ -59,7 +60,7 @@ def run_benchmark(
     given = [read_entry(entry, definition, split) for entry in entries]  # before the long work
     own = {**detectors, **({RawReading.name: RawReading()} if detectors else {})}
     _check_names([*YARDSTICKS, *own, *(entry.facts.name for entry in given)])
-    _claim(folder, definition, split)
+    _claim(folder, definition, split, digests_of(files_of(own.values())))
     flights = list(definition.flights(split))
     limits = limits_s(definition, flights, processes=processes, progress=progress)
     folders = write_yardsticks(folder / "entries", definition, split, limits)
@@ -81,28 +82,39 @@ def _check_names(names: Sequence[str]) -> None:
             raise InputError(f"two rows would be called '{name}'; give one another name in its entry.toml")
 
 
-def _claim(folder: Path, definition: Definition, split: str) -> None:
+def _claim(folder: Path, definition: Definition, split: str, files: Mapping[str, str]) -> None:
     """Begin a folder, or go on with one of the same run: the same flights, code and versions."""
+    own_files = {f"file {name}": digest for name, digest in files.items()}  # of detectors that may come later, too
     about: dict[str, Any] = {
         "benchmark": definition.name,
         "digest": definition.digest,
         "split": split,
         **({"private_seed": secret_digest(definition)} if split == PRIVATE else {}),
         **code_facts(definition.versions),
+        **own_files,
     }
     path = folder / RUN
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give another --out")
     if is_file(path):
-        try:
-            before = json.loads(path.read_text(encoding="utf-8"))
-        except ValueError as error:
-            raise InputError(f"{path} isn't what a run writes; give another --out") from error
-        changed = [key for key in about if not isinstance(before, dict) or before.get(key) != about[key]]
+        before = _read(path)
+        changed = [key for key in about if before.get(key, about[key] if key in own_files else None) != about[key]]
         if changed:
             raise InputError(f"{folder} holds another run: {', '.join(changed)} differ; give another --out")
+        about = before | about
     elif folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another --out, or an empty folder")
     folder.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as aside:
         aside.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return what a folder's run is of."""
+    try:
+        before = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{path} isn't what a run writes; give another --out") from error
+    if not isinstance(before, dict):
+        raise InputError(f"{path} isn't what a run writes; give another --out")
+    return before
