@@ -126,7 +126,8 @@ def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
 def _command(
     quick: bool, detectors: Sequence[str], entries: Sequence[Path], split: str, private_seed: Path | None
 ) -> str:
-    words = ["gtmbench benchmark", *["--quick"] * quick, *(f"--detector {each}" for each in detectors)]
+    # names alone: where files lie on this machine is nobody's business
+    words = ["gtmbench benchmark", *["--quick"] * quick, *(f"--detector {Path(each).name}" for each in detectors)]
     words += [f"--score {each.name}" for each in entries]
     if private_seed is not None:
         words.append("--private-seed FILE")
