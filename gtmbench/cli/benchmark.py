@@ -87,6 +87,8 @@ def benchmark_command(
     if private_seed is not None:
         definition, split = with_secret(definition, private_seed), PRIVATE
     processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
+    if as_csv and export is None:
+        raise InputError("--csv is the format of flights that are written; give --export DIR, too")
     if export is not None:
         if entries or detectors:
             raise InputError("--export writes flights and judges nobody; leave --score and --detector for another run")

@@ -126,6 +126,7 @@ def test_a_score_file_that_lacks_a_flight_ends_with_one_line_and_nothing_written
         ("--private-seed nowhere", "nowhere: no such file"),
         ("--detector wind --jobs 1", "no detector is called 'wind'"),
         ("--jobs 0", "--jobs is 0"),
+        ("--csv", "give --export DIR, too"),
     ],
 )
 def test_bad_input_ends_with_one_line(cli, line, said):

@@ -13,6 +13,7 @@ where it is one or the other, empty where nobody. ``entry.toml`` may say what it
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -193,12 +194,16 @@ def _score_file(folder: Path, flight: Flight) -> Path:
     return path
 
 
-def _table(path: Path) -> pd.DataFrame:
+def _table(path: Path, **how: Any) -> pd.DataFrame:
+    """Return a table as it stands; one that pandas would have to mend isn't one."""
     import pandas as pd
 
     try:
-        return pd.read_csv(path, index_col=False) if path.suffix == ".csv" else pd.read_parquet(path)
-    except (ValueError, OSError, MemoryError) as error:  # pandas' and pyarrow's own errors are among these
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
+            return pd.read_csv(path, index_col=False, **how) if path.suffix == ".csv" else pd.read_parquet(path)
+    # ValueError and OSError: pandas' and pyarrow's own errors are among these
+    except (ValueError, OSError, MemoryError, pd.errors.ParserWarning) as error:
         reason = one_line(str(error)) or type(error).__name__
         raise InputError(f"{path} isn't a readable {path.suffix[1:]} table: {reason}") from error
 
@@ -247,13 +252,8 @@ def _numbers(name: str, column: pd.Series) -> FloatArray:
 
 def _said(path: Path, flights: Mapping[str, Flight]) -> dict[str, list[Said]]:
     """Return the rows of a table of alarms or names by flight, in order of time."""
-    import pandas as pd
-
     check_size(path, "table of alarms", _LARGEST_TABLE)
-    try:
-        frame = pd.read_csv(path, index_col=False, dtype=str, keep_default_na=False)
-    except (ValueError, OSError, MemoryError) as error:
-        raise InputError(f"{path} isn't a readable csv table: {one_line(str(error))}") from error
+    frame = _table(path, dtype=str, keep_default_na=False)
     with naming(path):
         keys(dict.fromkeys(map(str, frame.columns)), ("flight", "time_s", "sensor"), there="its columns are")
         for name in ("flight", "time_s"):

@@ -98,7 +98,6 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-@pytest.mark.filterwarnings("ignore::pandas.errors.ParserWarning")
 def test_what_is_wrong_is_said_in_one_line(folder, definition, case):
     spoilt, said = BAD[case]
     spoilt(first(definition, folder)[1])
