@@ -184,13 +184,15 @@ class Definition:
         if split in JUDGED_SPLITS:
             for place in draw.permutation(len(flights))[: group.twins].tolist():
                 rows = int(draw.uniform(*_CUT) * flights[place].rows)
-                yield replace(flights[place], id=self._id(first, f"twin {place}"), rows=rows, twin=flights[place].id)
+                yield replace(
+                    flights[place], id=self._id(first, split, f"twin {place}"), rows=rows, twin=flights[place].id
+                )
 
     def _flight(self, group: Group, split: str, seed: int, place: int, case: Mapping[str, Any] | None) -> Flight:
         turn = {name: getattr(group, name) for name in ("excitations", "noise", "lost")}
         excitation, noise, lost = (values[place % len(values)] for values in turn.values())
         return Flight(
-            id=self._id(seed, split),
+            id=self._id(seed, split, split),
             group=group,
             split=split,
             seed=seed,
@@ -216,8 +218,10 @@ class Definition:
             return _whole(self.secret + f"/{number}".encode()) % 2**30
         return self.seeds[split] + number * _GROUP_SEEDS
 
-    def _id(self, seed: int, what: str) -> str:
-        return hashlib.sha256(f"{self.name}/{seed}/{what}".encode()).hexdigest()[:12]
+    def _id(self, seed: int, split: str, what: str) -> str:
+        """Return the name of a flight; of a private one it takes the secret to find the seed in it."""
+        secret = self.secret if split == PRIVATE else b""
+        return hashlib.sha256(secret + f"{self.name}/{seed}/{what}".encode()).hexdigest()[:12]
 
     @cached_property
     def differing(self) -> str:

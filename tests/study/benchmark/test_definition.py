@@ -92,6 +92,11 @@ def test_a_private_split_follows_from_its_secret_and_shares_no_seed_with_the_oth
     assert not names[0] & names[1]
     assert not names[0] & {flight.id for flight in every(FULL)}
     assert len(list(one.flights(PRIVATE))) == len(list(one.flights(TEST)))
+    for split in PUBLIC:  # a secret changes nothing else
+        assert [flight.id for flight in one.flights(split)] == [flight.id for flight in FULL.flights(split)]
+    guessed = replace(one, secret=b"")  # who finds out a seed can't find its flight's name
+    flight = next(one.flights(PRIVATE))
+    assert guessed._id(flight.seed, PRIVATE, PRIVATE) != flight.id == one._id(flight.seed, PRIVATE, PRIVATE)
 
 
 def test_a_secret_that_could_be_guessed_or_is_none_is_refused(tmp_path):
