@@ -29,6 +29,7 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
+from gtmbench.detectors.score_detector import ScoreDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
     ControllerError,
@@ -93,6 +94,7 @@ from gtmbench.report.fleet_report import watch_fleet
 from gtmbench.report.recording.read import read_recording
 from gtmbench.study.campaign.conduct import campaign
 from gtmbench.study.campaign.plan import Campaign, load_campaign
+from gtmbench.study.limit import detection_limit
 from gtmbench.study.log.injection import ChangedColumn, inject_log
 from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.truth import ScoredLog, score_log
@@ -198,6 +200,7 @@ __all__ = [
     "ScaleFactor",
     "Scenario",
     "Score",
+    "ScoreDetector",
     "ScoredLog",
     "SensorChain",
     "SensorPath",
@@ -229,6 +232,7 @@ __all__ = [
     "decimate",
     "derivable",
     "derive",
+    "detection_limit",
     "export_c",
     "fault",
     "filtered_attitude",

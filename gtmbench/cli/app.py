@@ -24,6 +24,7 @@ import click
 
 from gtmbench.checks import one_line
 from gtmbench.cli.autopilot import autopilot_command
+from gtmbench.cli.benchmark import benchmark_command
 from gtmbench.cli.calibrate import bank_command, calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
@@ -85,6 +86,7 @@ for command in (
     run_command,
     campaign_command,
     report_command,
+    benchmark_command,
     check_command,
     calibrate_command,
     bank_command,

@@ -146,6 +146,10 @@ class SimpleDetector:
             provenance=dict(provenance),
         )
 
+    def _ratios(self, record: Record, learned: Mapping[str, Any]) -> Mapping[str, ArrayLike]:
+        """Return the test statistics with threshold 1; a subclass whose `scores` have others divides by them here."""
+        return self.scores(record, learned)
+
     def _recipe(self) -> dict[str, Any]:
         return {each.name: exact(getattr(self, each.name)) for each in fields(self)} if is_dataclass(self) else {}
 
@@ -221,7 +225,7 @@ class SimpleMonitor:
         """Return the scores of a record, NaN where they aren't known by its end."""
         record.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
         scores = {}
-        for name, given in self.detector.scores(record, self.learned).items():
+        for name, given in self.detector._ratios(record, self.learned).items():
             values = np.array(given, dtype=np.float64)
             if values.shape != (len(record),):
                 raise InputError(

@@ -1,4 +1,4 @@
-"""What ships with the package: aircraft, scenarios, campaigns, banks, baselines."""
+"""What ships with the package: aircraft, scenarios, campaigns, banks, baselines, benchmarks."""
 
 from __future__ import annotations
 
@@ -47,6 +47,11 @@ def shipped_banks() -> dict[str, Path]:
 def shipped_baselines() -> dict[str, Path]:
     """Return the baselines of `gtmbench check` that come with the package, by name."""
     return {path.stem: path for path in sorted((_PACKAGE / "baselines").glob("*.toml"))}
+
+
+def shipped_benchmarks() -> dict[str, Path]:
+    """Return the definitions of benchmarks that come with the package, by name."""
+    return {path.stem: path for path in sorted((_PACKAGE / "benchmarks").glob("*.toml"))}
 
 
 def read_shipped(source: str | Path, what: str, shipped: Mapping[str, Path]) -> tuple[Path, dict[str, Any]]:

@@ -17,10 +17,12 @@ from gtmbench.cli import demo
 from gtmbench.cli.app import app
 from gtmbench.report.recording.write import write_recording
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.study.benchmark import definition
 from tests.check import test_check
 from tests.cli.test_cli import SHORT
 from tests.helpers import monitors
 from tests.helpers.autopilot_logs import ardupilot, broken
+from tests.helpers.benchmarks import finds, tiny, write_scores
 from tests.helpers.campaigns import TINY
 from tests.helpers.rescuing import early_monitor
 from tests.helpers.sealed import rerecorded
@@ -35,6 +37,8 @@ CASES = {
     "export": ("export", 0, "export ready.json --out on_board --force"),
     "bank, of a monitor": ("bank", 0, "bank ready.json"),
     "bank, listed": ("bank-list", 0, "bank"),
+    "benchmark": ("benchmark", 0, "benchmark --score entry --out table --jobs 1"),
+    "benchmark, written": ("benchmark-export", 0, "benchmark --export flights --jobs 1"),
     "calibrate": ("calibrate", 0, "calibrate healthy.csv --out m.json --force"),
     "campaign": ("campaign", 0, "campaign tiny.toml --out c --jobs 1 --resume"),
     "campaign, planned": ("campaign-plan", 0, "campaign tiny.toml --dry-run"),
@@ -116,6 +120,7 @@ def folder(tmp_path_factory):
     )
     gb.save_monitor(monitors.monitor(), made / "ready.json")
     gb.save_monitor(early_monitor(), made / "early.json")
+    write_scores(made / "entry", tiny(made, "frozen"), "test", finds)
     strict = f"{SHORT}[faults.expect.dissertation]\ndetect_within_s = 0.001\n"
     for name, text in {"tiny": TINY.replace("1:8", "1:2"), "short": SHORT, "strict": strict, "flip": FLIP}.items():
         (made / f"{name}.toml").write_text(text)
@@ -154,6 +159,7 @@ def printed(folder, cli, monkeypatch, request):
         ]
         monkeypatch.setattr(demo, "COMMANDS", shorter)
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
+        monkeypatch.setattr(definition, "shipped_benchmarks", lambda: {"gtmbench-1": folder / "frozen.toml"})
         monkeypatch.setattr("gtmbench.check.reference_run.run_reference", lambda *_, **__: groups())
         monkeypatch.setattr("gtmbench.report.viewer.viewer_command", lambda _: ["true"])
         monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)

@@ -104,6 +104,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "attitude_origin",
         "on_board",
         "driven_attitude",
+        "benchmark_entries",
         "__main__",
     }
 

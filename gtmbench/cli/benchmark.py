@@ -1,0 +1,196 @@
+"""``gtmbench benchmark``: gtmbench-1, whose flights and rules are frozen."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gtmbench.checks import whole
+from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write
+from gtmbench.jobs.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gtmbench.study.benchmark.definition import Definition
+    from gtmbench.study.benchmark.judge import Row
+
+
+@click.command("benchmark")
+@click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
+@click.option(
+    "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."
+)
+@click.option(
+    "--score",
+    "entries",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Judge the score files, or the alarms.csv, in a folder. Repeat it for several.",
+)
+@detector_option(
+    "It learns on the benchmark's flights.  [default: ours, unless --score is given]", multiple=True, calibrated=False
+)
+@click.option(
+    "--split",
+    type=click.Choice(["test", "development"]),
+    default="test",
+    show_default=True,
+    help="Which flights are judged; look at development while you build.",
+)
+@click.option(
+    "--private-seed",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Judge a private split, whose seeds follow from what the file holds.",
+)
+@click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
+@click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-1.")
+@common_options
+def benchmark_command(
+    quick: bool,
+    export: Path | None,
+    entries: tuple[Path, ...],
+    detectors: tuple[str, ...],
+    split: str,
+    private_seed: Path | None,
+    as_csv: bool,
+    out: Path | None,
+    jobs: int | None,
+    any_versions: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Judge detectors on gtmbench-1: frozen flights, one rule for thresholds, one table.
+
+    Without options our own detectors enter. A detector in Python enters with --detector, any other by files: --export
+    writes the flights, and --score judges what you make of them (docs/how_to/benchmark.md). A run that was stopped goes
+    on where it was.
+    """
+    from gtmbench.study.benchmark.definition import PRIVATE, load_definition, with_secret
+    from gtmbench.study.benchmark.export import export as export_flights
+
+    definition = load_definition(quick=quick)
+    if not any_versions:
+        definition.check_versions()
+    if private_seed is not None:
+        definition, split = with_secret(definition, private_seed), PRIVATE
+    processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
+    if as_csv and export is None:
+        raise InputError("--csv is the format of flights that are written; give --export DIR, too")
+    if export is not None:
+        if entries or detectors:
+            raise InputError("--export writes flights and judges nobody; leave --score and --detector for another run")
+        with progress_bar(silent=as_json or quiet) as tell:
+            flights = export_flights(
+                definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=processes, progress=tell
+            )
+        verdict = f"Wrote {len(flights)} flights of {definition.name}, split {split}: {export}."
+        own = {"out": str(export), "flights": len(flights)}
+        _end("benchmark-export", definition, split, verdict, own, as_json=as_json, quiet=quiet)
+        return
+    folder = Path(definition.name) if out is None else out
+    named = _detectors(detectors, by_default=not entries)
+    from gtmbench.study.benchmark.run import run_benchmark
+
+    with progress_bar(silent=as_json or quiet) as tell:
+        rows = run_benchmark(
+            definition, split, folder, detectors=named, entries=entries, processes=processes, progress=tell
+        )
+    _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
+    verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."
+    own = {"out": str(folder), "rows": _short(rows)}
+    _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
+    if not as_json and not quiet:
+        _print(rows)
+
+
+def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
+    from gtmbench.study.benchmark.run import DETECTORS
+    from gtmbench.study.watchers import resolved
+
+    if not sources and not by_default:
+        return {}
+    return resolved([*(sources or DETECTORS)])
+
+
+def _command(
+    quick: bool, detectors: Sequence[str], entries: Sequence[Path], split: str, private_seed: Path | None
+) -> str:
+    # names alone: where files lie on this machine is nobody's business
+    words = ["gtmbench benchmark", *["--quick"] * quick, *(f"--detector {Path(each).name}" for each in detectors)]
+    words += [f"--score {each.name}" for each in entries]
+    if private_seed is not None:
+        words.append("--private-seed FILE")
+    elif split != "test":
+        words.append(f"--split {split}")
+    return " ".join(words)
+
+
+def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path, command: str) -> None:
+    from gtmbench.report.figures.benchmark import benchmark_curves
+    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results, plain_results
+    from gtmbench.report.words.benchmark import citation
+
+    results = plain_results(benchmark_results(rows, definition, split))
+    texts = {
+        "report.md": benchmark_page(rows, definition, split, command) + "\n![curves](curves.png)\n",
+        "results.json": json.dumps(results, indent=1) + "\n",
+        "CITATION.cff": citation(definition, split),
+    }
+    for name, text in texts.items():
+        with atomic_write(folder / name) as aside:
+            aside.write_text(text, encoding="utf-8")
+    with atomic_write(folder / "curves.png") as aside:
+        benchmark_curves(rows, definition).savefig(aside, dpi=110, format="png")
+
+
+def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": row.name,
+            "quickness": row.quickness,
+            "spread": None if row.spread is None else list(row.spread),
+            "findable": row.findable,
+            "detected": row.detected,
+            "right": row.right,
+            "wrong": row.wrong,
+            "either": row.either,
+            "median_delay_s": row.median_delay_s,
+            "false_alarms": row.false_alarms.events,
+            "healthy_hours": row.false_alarms.hours,
+        }
+        for row in rows
+    ]
+
+
+def _print(rows: Sequence[Row]) -> None:
+    from gtmbench.report.tables.benchmark import table
+
+    frame = table(rows)
+    cells = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
+    print_table("by quickness", list(frame.columns), cells, right=[name for name in frame.columns if name != "entry"])
+
+
+def _end(
+    name: str, definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool
+) -> None:
+    from gtmbench.report.words.benchmark import about
+
+    if as_json:
+        print_json(envelope(name, verdict, about(definition, split) | own))
+    elif not quiet:
+        if definition.differing:
+            echo(f"not {definition.name}: {definition.differing}")
+        echo(verdict)

@@ -1,0 +1,1 @@
+"""The benchmark: frozen flights, score files of anybody's detector, one judge."""

@@ -1,0 +1,232 @@
+"""Detectors in Python enter the benchmark by the same files as anybody's: scores a flight, and whom they name when."""
+
+from __future__ import annotations
+
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from gtmbench.detectors.monitor_file import load_monitor, save_monitor
+from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
+from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write, is_file
+from gtmbench.imports import files_of, load_files
+from gtmbench.jobs.processes import spread
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, Definition, Flight
+from gtmbench.study.benchmark.entry import ENTRY, NAMES
+from gtmbench.study.benchmark.flights import make
+from gtmbench.values.channels import SENSORS
+from gtmbench.values.record import FloatArray, Record
+
+_NO_SCORE = 0.0  # where a statistic doesn't exist: the least that a ratio of statistic and threshold can have
+_MONITORS, _NAMES, _COSTS = "monitors", "said", "costs"
+_READ: dict[Path, Monitor] = {}
+
+
+def write_entries(
+    detectors: Mapping[str, Detector],
+    definition: Definition,
+    split: str,
+    folder: Path,
+    *,
+    processes: int = 1,
+    progress: Progress = silent,
+) -> list[Path]:
+    """Calibrate detectors on the flights to learn on, write their scores, and return the folders of their entries.
+
+    What is there already stays, so a run that was stopped goes on. A flight is flown once for all detectors.
+
+    Parameters
+    ----------
+    detectors : mapping of name to Detector
+    definition : Definition
+    split : str
+        Which is judged.
+    folder : Path
+        Of a folder each, and of the calibrated monitors.
+    processes : int
+    progress : callable
+
+    Raises
+    ------
+    InputError
+        If a detector shows no test statistic, or needs what no flight has.
+    """
+    _check(detectors, definition)
+    _learn(detectors, definition, folder, processes=processes, progress=progress)
+    for name in detectors:
+        for group in definition.groups:
+            for of in (CALIBRATION, split):
+                (folder / name / group.name / of).mkdir(parents=True, exist_ok=True)
+    flights = [flight for of in (CALIBRATION, split) for flight in definition.flights(of)]
+    todo = [flight for flight in flights if not all(is_file(_score(folder, name, flight)) for name in detectors)]
+    files = files_of(detectors.values())
+    begin = partial(load_files, files) if files and processes > 1 else None  # a pickle names a module of the user's
+    work = partial(_watch, definition, folder, detectors)
+    spread(work, todo, processes=processes, step="watch", progress=progress, begin=begin)
+    for name, detector in detectors.items():
+        _write_names(folder / name, [flight for flight in flights if flight.split == split])
+        _write_facts(folder / name, name, detector, flights)
+    return [folder / name for name in detectors]
+
+
+def _check(detectors: Mapping[str, Detector], definition: Definition) -> None:
+    for name, detector in detectors.items():
+        if not is_recipe(detector):
+            raise InputError(f"'{name}' is calibrated already; give a detector that learns on the benchmark's flights")
+        missing = [channel for channel in detector.channels if channel not in definition.channels]
+        if missing:
+            raise InputError(f"'{name}' needs {', '.join(missing)}; flights have {', '.join(definition.channels)}")
+
+
+def _learn(
+    detectors: Mapping[str, Detector], definition: Definition, folder: Path, *, processes: int, progress: Progress
+) -> None:
+    """Calibrate every detector on every group, and keep the monitors."""
+    (folder / _MONITORS).mkdir(parents=True, exist_ok=True)
+    for group in definition.groups:
+        todo = [name for name in detectors if not is_file(_monitor(folder, name, group.name))]
+        if not todo:
+            continue
+        flights = [flight for flight in definition.flights(LEARN) if flight.group == group]
+        records = spread(
+            partial(_record, definition), flights, processes=processes, step=f"fly {group.name}", progress=progress
+        )
+        for number, name in enumerate(todo):
+            progress(f"calibrate {name}", number, len(todo))
+            save_monitor(_calibrated(detectors[name], records, definition), _monitor(folder, name, group.name))
+
+
+def _calibrated(detector: Detector, records: Sequence[Record], definition: Definition) -> Monitor:
+    """Return a monitor for the benchmark's rate, or, of a detector that can't promise one, as it calibrates itself."""
+    own = [record.select(detector.channels) for record in records]
+    try:
+        return detector.calibrate(own, definition.false_alarms_per_hour)
+    except InputError as error:
+        if "can't promise" not in str(error):
+            raise
+    return detector.calibrate(own)
+
+
+def _record(definition: Definition, flight: Flight) -> Record:
+    return make(definition, flight).record
+
+
+def _monitor(folder: Path, name: str, group: str) -> Path:
+    return folder / _MONITORS / f"{name}-{group}.json"
+
+
+def _score(folder: Path, name: str, flight: Flight) -> Path:
+    return folder / name / f"{flight.path}.parquet"
+
+
+def _loaded(path: Path, detector: Detector) -> Monitor:
+    """Return a monitor, which a process reads once."""
+    if path not in _READ:
+        _READ[path] = load_monitor(path, detector)
+    return _READ[path]
+
+
+def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detector], flight: Flight) -> None:
+    """Fly a flight and write what every detector makes of it."""
+    record = make(definition, flight).record
+    for name, detector in detectors.items():
+        path = _score(folder, name, flight)
+        if is_file(path):
+            continue
+        monitor = _loaded(_monitor(folder, name, flight.group.name), detector)
+        begun_s = time.process_time()
+        watch = monitor.watch(record)
+        cost_s = time.process_time() - begun_s
+        if not watch.scores:
+            raise InputError(
+                f"'{name}' shows no test statistic, so no threshold can be set; write an alarms.csv instead"
+            )
+        frame = pd.DataFrame({"time_s": np.arange(flight.rows) * flight.group.sample_period_s, **scores_of(watch)})
+        frame.attrs = {_NAMES: _said(watch), _COSTS: cost_s}  # Parquet keeps them
+        with atomic_write(path) as aside:
+            frame.to_parquet(aside, index=False, compression="zstd")
+
+
+def scores_of(watch: Watch) -> dict[str, FloatArray]:
+    """Return the columns of a score file: the greatest of all statistics over their thresholds, and that by channel.
+
+    Each value stands in the row at which it is known.
+
+    Parameters
+    ----------
+    watch : Watch
+    """
+    by_channel: dict[str, FloatArray] = {}
+    whole = np.full(len(watch.record), _NO_SCORE)
+    for score in watch.scores.values():
+        known = _known(score, watch.record)
+        whole = np.maximum(whole, known)
+        channels = score.channels or (score.name,)
+        if len(channels) == 1 and channels[0] in SENSORS:
+            name = f"score_{channels[0]}"
+            by_channel[name] = np.maximum(by_channel.get(name, known), known)
+    columns = {"score": whole, **by_channel}
+    return {name: values.astype(np.float32) for name, values in columns.items()}
+
+
+def _known(score: Score, record: Record) -> FloatArray:
+    """Return a statistic over its threshold by when it is known, shape (samples,); left out what isn't by the end."""
+    there, ratios = score.exists & np.isfinite(score.known_s), np.divide(score.values, score.threshold)
+    rows = np.ceil((score.known_s[there] - record.start_s) / record.sample_period_s - 1e-6).astype(int)
+    within = rows < len(record)
+    known = np.full(len(record), _NO_SCORE)
+    np.maximum.at(known, rows[within], ratios[there][within])
+    return known
+
+
+def _said(watch: Watch) -> list[tuple[float, str]]:
+    """Return from when on which sensors are named."""
+    said = []
+    for alarm in watch.faults:
+        for judged in alarm.judgements:
+            named = (judged.sensor,) if judged.sensor else judged.candidates
+            said.append((judged.time_s, "|".join(named)))
+    return sorted(said)
+
+
+def _attributes(path: Path) -> dict[str, Any]:
+    import json
+
+    import pyarrow.parquet as pq
+
+    metadata = pq.read_schema(path).metadata or {}
+    return dict(json.loads(metadata.get(b"PANDAS_ATTRS", b"{}")))
+
+
+def _write_names(folder: Path, flights: Sequence[Flight]) -> None:
+    """Write whom a detector names, of all flights that are judged; nothing of one that names nobody."""
+    lines = []
+    for flight in flights:
+        said = _attributes(folder / f"{flight.path}.parquet").get(_NAMES, [])
+        lines += [f"{flight.id},{time_s!r},{named}" for time_s, named in said if time_s <= flight.end_s]
+    if lines:
+        with atomic_write(folder / NAMES) as aside:
+            aside.write_text("\n".join(["flight,time_s,sensor", *lines]) + "\n", encoding="utf-8")
+
+
+def _write_facts(folder: Path, name: str, detector: Detector, flights: Sequence[Flight]) -> None:
+    """Write the description of an entry, with what a sample cost: median over the flights."""
+    costs = [_attributes(folder / f"{flight.path}.parquet").get(_COSTS, np.nan) / flight.rows for flight in flights]
+    title = str(getattr(detector, "title", "")) or str(getattr(getattr(detector, "bank", None), "title", ""))
+    facts: dict[str, object] = {"name": name, "title": title[:150], "machine": machine()}
+    lines = [f'{key} = "{value}"' for key, value in facts.items() if value]
+    with atomic_write(folder / ENTRY) as aside:
+        aside.write_text("\n".join([*lines, f"microseconds_a_sample = {1e6 * np.median(costs):.3g}"]) + "\n", "utf-8")
+
+
+def machine() -> str:
+    """Return on what costs are measured, without the name of the machine."""
+    return f"{platform.machine()}, Python {platform.python_version()}, one core, shared"
