@@ -128,8 +128,8 @@ def report(weights: NDArray[np.float64], episodes: int, minutes: float) -> str:
         "",
         f"A linear policy of 52 weights, learnt in {minutes:g} minutes on one core ({episodes:,} episodes of "
         f"{EPISODE_S:g} s), and the GTM's autopilot in `{ID}`: turbulence, targets within 50 ft and 15 deg of trim. "
-        f"Mean reward a step (at most 1) and flights lost of {len(HELD_SEEDS)}, on seeds that nobody trained or tuned on; "
-        f"faults begin at {ONSET_S:g} s.",
+        f"Mean reward a step (at most 1) and flights lost of {len(HELD_SEEDS)}, on seeds that nobody trained or tuned "
+        f"on; faults begin at {ONSET_S:g} s.",
         "",
         "| fault | trim held | autopilot | learnt | lost: trim held, autopilot, learnt |",
         "|---|---|---|---|---|",
