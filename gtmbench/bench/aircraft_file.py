@@ -12,7 +12,7 @@ Facts = Mapping[str, Any]
 
 _OF_SMALL = {
     "spin_up": "true: its propellers are turned up before a flight, because JSBSim's own search for their speed fails",
-    "steps_a_sample": "into how many steps JSBSim divides a sample of 0.01 s: small propellers change quicker than that",
+    "steps_a_sample": "JSBSim's steps in a sample of 0.01 s: small propellers change quicker than that",
     "rudderless": "true: nothing answers the rudder command, and trim finds a sideslip instead",
 }
 _SECTIONS = {

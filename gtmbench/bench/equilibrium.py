@@ -204,7 +204,9 @@ def _misfits(fdm: jsbsim.FGFDMExec) -> list[str]:
     """Say what else about a model keeps it from flying level: its engines, its gear, its mass."""
     said = []
     motors = fdm.get_propulsion().get_num_engines()
-    if still := [number for number in range(motors) if not fdm[f"propulsion/engine[{number}]/set-running"]]:
+    engines = [f"propulsion/engine[{number}]" for number in range(motors)]
+    still = [i for i, each in enumerate(engines) if not fdm[f"{each}/set-running"] and not fdm[f"{each}/thrust-lbs"]]
+    if still:
         said.append(f"engine {', '.join(map(str, still))} isn't running")
     if any(fdm[f"forces/fb{axis}-gear-lbs"] for axis in "xyz"):
         said.append("its gear touches something in the air; check <ground_reactions>")

@@ -150,11 +150,15 @@ def _of_propellers(folder: Path, facts: Facts) -> Facts:
             is_wrong = is_wrong or bool(wrong_speeds(fdm))
     if not is_wrong:
         return {}
-    fdm = engine(replace(craft, spin_up=True))
+    craft = replace(craft, spin_up=True)
+    fdm = engine(craft)
+    throttles = [(factor, write) for column, factor, write in writers(fdm, craft) if COMMANDS[column] == "throttle"]
     with simulating(fdm, craft), silenced():
         for throttle in (20.0, 50.0, 100.0):
-            _level(fdm, replace(craft, spin_up=True), {"throttle": throttle})
-            stiffness = max(stiffness, spin_up(fdm))
+            _level(fdm, craft, {"throttle": throttle / 2.0})
+            for factor, write in throttles:
+                write(throttle * factor)
+            stiffness = max(stiffness, spin_up(fdm))  # of propellers that aren't steady yet
     steps = math.ceil(stiffness * SAMPLE_PERIOD_S / _STIFF)
     return {"spin_up": True} | ({"steps_a_sample": min(steps, MOST_STEPS)} if steps > 1 else {})
 
