@@ -46,7 +46,7 @@ _MOST_MISSING = 60
 
 _STIFF = 0.5  # of a propeller's time constant, a step of JSBSim at most
 _NOTHING = 1e-9  # ft/s2 and rad/s2: what a rudder that isn't there does
-_LIFT = (0.4, 0.6, 0.3, 0.8, 0.2)  # lift coefficients at which a trim is looked for
+_LIFT = (0.4, 0.6, 0.3, 0.8, 0.2, 0.15, 0.1)  # lift coefficients at which a trim is looked for
 _LONGEST_S = 20.0  # to look for one
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
