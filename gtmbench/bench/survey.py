@@ -171,7 +171,7 @@ def _of_rudder(folder: Path, facts: Facts) -> Facts:
         for command in craft.limits["rudder"]:
             _level(fdm, craft, {"rudder": command, "throttle": 0.0})
             turned.append([fdm[name] for name in ACCELERATIONS])
-    moved = np.abs(np.subtract(*turned))
+    moved = np.abs(np.array(turned[0]) - np.array(turned[1]))
     return {"rudderless": True} if moved.max() < _NOTHING else {}
 
 

@@ -1,4 +1,4 @@
-"""Small propellers: they stand at the speed that their power gives, trims hold, flights last, messages say the cause."""
+"""Small propellers: they turn at the speed that their power gives, trims hold, flights last, a message says why."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_a_survey_says_what_is_special_of_it(small, wing):
     assert (small.rudderless, wing.rudderless) == (False, True)
     assert small.steps_a_sample > wing.steps_a_sample
     gtm, cessna = gb.load_aircraft("gtm"), gb.load_aircraft("c172p")
-    assert not (gtm.spin_up or gtm.rudderless or cessna.spin_up or cessna.rudderless)
+    assert not any((gtm.spin_up, gtm.rudderless, cessna.spin_up, cessna.rudderless))
     assert gtm.steps_a_sample == cessna.steps_a_sample == 1
 
 
@@ -103,7 +103,7 @@ def test_a_drift_and_a_jam_of_each_gyro_are_named(small):
     assert sum(named) >= 5
 
 
-def test_facts_of_it_are_written_and_read(small, tmp_path, cli):
+def test_facts_of_it_are_written_and_read(small, cli):
     code, _, err = cli("new", "--aircraft", str(small.folder))
     assert code == 0, err
     text = (small.folder / "aircraft.toml").read_text()
