@@ -4,7 +4,7 @@ A linear policy, from what the sensors read to the commands, is learnt by augmen
 2018) in ``gtmbench/GTM-v0``: in four of five episodes some gyro breaks at a random time. Then both fly on air that
 neither the policy nor anybody else has seen, healthy and with each fault, on the same seeds.
 
-    python experiments/learnt_controller.py --minutes 4 --out experiments/reports/learnt_controller.md
+    python experiments/learnt_controller.py --minutes 4 --out experiments/reports/learnt_controller/report.md
 """
 
 from __future__ import annotations
@@ -127,16 +127,20 @@ def report(weights: NDArray[np.float64], episodes: int, minutes: float) -> str:
         "# A learnt controller beside the autopilot",
         "",
         f"A linear policy of 52 weights, learnt in {minutes:g} minutes on one core ({episodes:,} episodes of "
-        f"{EPISODE_S:g} s), and the GTM's autopilot in `{ID}`: turbulence, targets within 50 ft and 15 deg of trim. Mean "
-        f"reward a step (at most 1) and flights lost of {len(HELD_SEEDS)}, on seeds that nobody trained or tuned on; "
-        f"faults begin at {ONSET_S:g} s.",
+        f"{EPISODE_S:g} s), and the GTM's autopilot in `{ID}`: turbulence, targets within 50 ft and 15 deg of trim. "
+        f"Mean reward a step (at most 1) and flights lost of {len(HELD_SEEDS)}, on seeds that nobody trained or tuned "
+        f"on; faults begin at {ONSET_S:g} s.",
         "",
         "| fault | trim held | autopilot | learnt | lost: trim held, autopilot, learnt |",
         "|---|---|---|---|---|",
     ]
     for name, rewards, lost in compared(weights):
         lines.append(f"| {name} | {' | '.join(f'{r:.2f}' for r in rewards)} | {', '.join(map(str, lost))} |")
-    return "\n".join([*lines, "", "`python experiments/learnt_controller.py` makes this page.", ""])
+    note = (
+        "`python experiments/learnt_controller.py` makes this page. How many episodes fit into the time depends on the "
+        "machine, so another run learns another policy."
+    )
+    return "\n".join([*lines, "", note, ""])
 
 
 def main() -> None:

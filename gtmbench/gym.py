@@ -70,7 +70,7 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     aircraft, excitation, duration_s, noise, attitude, sensors
         As `Simulation` takes them; by default 60 s in turbulence.
     faults : Fault, sequence of Fault or function, optional
-        What breaks in every episode. A function gets the environment's random generator and returns the faults.
+        The faults of every episode. A function gets the environment's random generator and returns the faults.
     targets : mapping, optional
         ``altitude_ft``, ``psi_deg`` and ``tas_kt``, each a number or a span [low, high] in which every episode draws
         one, relative to trim. By default 0: what it was trimmed at.

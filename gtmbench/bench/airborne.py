@@ -116,11 +116,14 @@ class Stepping:
     def _stepper(self, airborne: Airborne) -> Callable[[Sequence[float]], None]:
         read, run, keep = airborne.read, airborne.fdm.run, self._kept.extend
         write = [to_property for _, _, to_property in airborne.write]
+        further = range(airborne.aircraft.steps_a_sample - 1)
 
         def step(values: Sequence[float]) -> None:
             for to_property, value in zip(write, values, strict=True):
                 to_property(value)
             run()
+            for _ in further:
+                run()
             self.now = now = list(map(call, read))
             keep(now)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.sensor_chain import CHAIN, IDEAL, SensorChain, chain_of_table
-from gtmbench.checks import boolean, keys, meant, number, shown, table_of, text
+from gtmbench.checks import boolean, keys, meant, number, shown, table_of, text, whole
 from gtmbench.errors import InputError
 from gtmbench.values.channels import CHANNELS, COMMANDS, SURFACES
 from gtmbench.values.record import Span
@@ -17,6 +17,7 @@ from gtmbench.values.record import Span
 SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _MOST_TIMES = 1e3
+MOST_STEPS = 100  # of JSBSim in a sample
 _UPSET: dict[str, Span] = {"phi": (-60.0, 60.0), "theta": (-45.0, 45.0)}
 _STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
 _PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
@@ -61,6 +62,12 @@ class Aircraft:
         The gains that were found on that chain; None: `autopilot` flies there, too.
     without_io : bool
         Whether the model's input and output sections are left out. Otherwise a model that has some is refused.
+    spin_up : bool
+        Whether its propellers are turned up to their speed before a flight, because JSBSim's own search fails.
+    steps_a_sample : int
+        Into how many steps JSBSim divides a sample of 0.01 s: small propellers change quicker than that.
+    rudderless : bool
+        Whether nothing answers the rudder command. Trim then finds a sideslip instead.
 
     Examples
     --------
@@ -88,6 +95,9 @@ class Aircraft:
     chain: SensorChain | None = None
     chain_autopilot: Autopilot | None = None
     without_io: bool = False
+    spin_up: bool = False
+    steps_a_sample: int = 1
+    rudderless: bool = False
 
     def chain_of(self, sensors: str | SensorChain) -> SensorChain | None:
         """Return the chain that is meant by "chain", this aircraft's own, or by itself; None: "ideal" sensors.
@@ -181,6 +191,9 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         if "chain_autopilot" in facts
         else None,
         without_io=boolean("without_io", facts.get("without_io", False)),
+        spin_up=boolean("spin_up", facts.get("spin_up", False)),
+        steps_a_sample=whole("steps_a_sample", facts.get("steps_a_sample", 1), 1, MOST_STEPS),
+        rudderless=boolean("rudderless", facts.get("rudderless", False)),
     )
     for key, (low, high) in aircraft.searched.items():
         if not low <= aircraft.guess[key] <= high:
@@ -193,6 +206,9 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
     return {
         "title": aircraft.title,
         "without_io": aircraft.without_io,
+        **({"spin_up": True} if aircraft.spin_up else {}),
+        **({"steps_a_sample": aircraft.steps_a_sample} if aircraft.steps_a_sample > 1 else {}),
+        **({"rudderless": True} if aircraft.rudderless else {}),
         "trim": {
             **{key: getattr(aircraft, key) for key in ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg")},
             "guess": dict(aircraft.guess),

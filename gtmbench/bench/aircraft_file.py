@@ -10,6 +10,11 @@ from tomlkit.items import Item
 
 Facts = Mapping[str, Any]
 
+_OF_SMALL = {
+    "spin_up": "true: its propellers are turned up before a flight, because JSBSim's own search for their speed fails",
+    "steps_a_sample": "JSBSim's steps in a sample of 0.01 s: small propellers change quicker than that",
+    "rudderless": "true: nothing answers the rudder command, and trim finds a sideslip instead",
+}
 _SECTIONS = {
     "trim": "where it is trimmed, and where the search for that begins (deg, percent of throttle)",
     "commands": "how commands reach the model: a property, and what 1 of it is in deg (of the throttle: in percent)",
@@ -53,6 +58,7 @@ def commented(facts: Facts, model: str | None = None) -> str:
         *([f"model = {_value(model)}  # a name of `gtmbench list --all`, or a folder's path"] if model else []),
         f"without_io = {_value(facts['without_io'])}  # true: leave out input and output sections, which would open "
         "ports and write files",
+        *(f"{key} = {_value(facts[key])}  # {said}" for key, said in _OF_SMALL.items() if key in facts),
     ]
     for section in _SECTIONS:
         if table := facts.get(section):

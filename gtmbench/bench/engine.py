@@ -16,6 +16,7 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
+from gtmbench.bench.propellers import spin_up
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, Role
@@ -86,7 +87,7 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     for integrator in ("rate", "position"):
         # JSBSim integrates rotation by rectangles unless told: that is 2 to 3 % of the GTM's yaw rate at 100 Hz
         fdm[f"simulation/integrator/{integrator}/rotational"] = _ADAMS_BASHFORTH_2
-    fdm.set_dt(SAMPLE_PERIOD_S)  # components take it over when they load: before load_model
+    fdm.set_dt(SAMPLE_PERIOD_S / aircraft.steps_a_sample)  # components take it over when they load: before load_model
     model = aircraft.model
     with loadable(model, without_io=aircraft.without_io) as file:
         fdm.set_aircraft_path(str(file.parent.parent))
@@ -125,11 +126,14 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
     for column, factor, write in writers(fdm, aircraft):
         write(wanted[COMMANDS[column]] * factor)
-    stand(fdm)
+    stand(fdm, spins=aircraft.spin_up)
 
 
-def stand(fdm: jsbsim.FGFDMExec) -> None:
-    """Take over the initial condition, motors running, until nothing moves any more but the aircraft."""
+def stand(fdm: jsbsim.FGFDMExec, *, spins: bool = False) -> None:
+    """Take over the initial condition, motors running, until nothing moves any more but the aircraft.
+
+    `spins` says whether its propellers are turned up by us, not by JSBSim.
+    """
     fdm.run_ic()
     propulsion = fdm.get_propulsion()
     motors = range(propulsion.get_num_engines())
@@ -138,7 +142,10 @@ def stand(fdm: jsbsim.FGFDMExec) -> None:
         if motors:
             if not all(fdm[_RUNNING.format(motor)] for motor in motors):
                 fdm[_ALL_RUN[0]] = _ALL_RUN[1]
-            propulsion.get_steady_state()
+            if spins:
+                spin_up(fdm)
+            else:
+                propulsion.get_steady_state()
         fdm.run_ic()
         now = np.array([fdm[name] for name in ACCELERATIONS])
         if np.all(np.abs(now - before) < _STANDS):

@@ -12,6 +12,7 @@ import numpy as np
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
+from gtmbench.bench.propellers import wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
@@ -70,7 +71,7 @@ def standing_again(
         aircraft.altitude_ft if altitude_ft is None else altitude_ft,
         aircraft.tas_kt if tas_kt is None else tas_kt,
     )
-    angles = {"alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
+    angles = {"beta": known.beta_deg, "alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
     fdm = engine(aircraft)
     with simulating(fdm, aircraft), silenced():
         set_condition(fdm, aircraft, fixed | angles | known.commands)
@@ -96,6 +97,8 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
+        if aircraft.rudderless:
+            return fixed | _slipping(values)
         # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
         theta = math.atan(math.tan(math.radians(values["alpha"])) * math.cos(math.radians(values["phi"])))
         return {**fixed, **values, "theta": math.degrees(theta)}
@@ -123,7 +126,16 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
             left = accelerations(fdm, x)
         if np.all(np.abs(left) < TOLERANCE):
             return fdm, _trim_flown(fdm, condition(x))
-    raise TrimError(_failure(aircraft, fixed, x, left, low, high))
+    wrong = [*wrong_speeds(searched), *_misfits(searched)]
+    raise TrimError("; ".join([_failure(aircraft, fixed, x, left, low, high), *wrong]))
+
+
+def _slipping(values: dict[str, float]) -> dict[str, float]:
+    """Return the condition of level flight with a sideslip, which stands where the rudder would."""
+    alpha, phi, beta = (math.radians(values[name]) for name in ("alpha", "phi", "rudder"))
+    across = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
+    theta = math.atan2(across, math.cos(alpha) * math.cos(beta))
+    return {**values, "beta": values["rudder"], "rudder": 0.0, "theta": math.degrees(theta)}
 
 
 def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, float]:
@@ -177,7 +189,7 @@ def _failure(
     name, what = list(ACCELERATIONS.items())[worst]
     margin = 1e-3 * (high - low)
     stuck = [
-        f"{unknown} at its limit of {value:.4g}"
+        f"{'sideslip' if aircraft.rudderless and unknown == 'rudder' else unknown} at its limit of {value:.4g}"
         for unknown, value, bottom, top, slack in zip(UNKNOWNS, x, low, high, margin, strict=True)
         if value < bottom + slack or value > top - slack
     ]
@@ -186,6 +198,21 @@ def _failure(
         f"stays at {left[worst]:.3g} {name.rsplit('-', 1)[1].replace('_sec2', '/s2')}"
         f"{', with ' + ' and '.join(stuck) if stuck else ''}"
     )
+
+
+def _misfits(fdm: jsbsim.FGFDMExec) -> list[str]:
+    """Say what else about a model keeps it from flying level: its engines, its gear, its mass."""
+    said = []
+    motors = fdm.get_propulsion().get_num_engines()
+    engines = [f"propulsion/engine[{number}]" for number in range(motors)]
+    still = [i for i, each in enumerate(engines) if not fdm[f"{each}/set-running"] and not fdm[f"{each}/thrust-lbs"]]
+    if still:
+        said.append(f"engine {', '.join(map(str, still))} isn't running")
+    if any(fdm[f"forces/fb{axis}-gear-lbs"] for axis in "xyz"):
+        said.append("its gear touches something in the air; check <ground_reactions>")
+    if not fdm["inertia/weight-lbs"] > 0.0:
+        said.append(f"its weight is {fdm['inertia/weight-lbs']:g} lbs; check <mass_balance>")
+    return said
 
 
 def _rounded(angle_deg: float) -> float:

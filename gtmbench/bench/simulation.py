@@ -72,7 +72,7 @@ class Simulation:
     duration_s : float
         How long a flight can last, in seconds.
     faults : Fault or sequence of Fault
-        What breaks at a time that is known before, in every flight. `switch_on` breaks by hand or by a rule.
+        The faults of every flight whose onset is known before. `switch_on` adds others by hand or by a rule.
     noise : "t2" or None
         The sensor noise; None: perfect sensors.
     noise_seed : int, optional
@@ -138,7 +138,7 @@ class Simulation:
         seed : int
             Of the excitation, the turbulence and the noise.
         faults : Fault or sequence of Fault, optional
-            What breaks by time from this flight on, instead of what was stated before.
+            The faults of this flight and the next ones, instead of those stated before.
 
         Raises
         ------

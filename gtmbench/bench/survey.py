@@ -7,16 +7,18 @@ import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft, aircraft_of
-from gtmbench.bench.engine import engine, set_condition, silenced, simulating, stand, writers
+from gtmbench.bench.aircraft import MOST_STEPS, SAMPLE_PERIOD_S, Aircraft, aircraft_of
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, stand, writers
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
+from gtmbench.bench.propellers import spin_up, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
@@ -42,7 +44,9 @@ _MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
 _MISSING = re.compile(r"property (\S+) does not exist")
 _MOST_MISSING = 60
 
-_LIFT = (0.4, 0.6, 0.3, 0.8, 0.2)  # lift coefficients at which a trim is looked for
+_STIFF = 0.5  # of a propeller's time constant, a step of JSBSim at most
+_NOTHING = 1e-9  # ft/s2 and rad/s2: what a rudder that isn't there does
+_LIFT = (0.4, 0.6, 0.3, 0.8, 0.2, 0.15, 0.1)  # lift coefficients at which a trim is looked for
 _LONGEST_S = 20.0  # to look for one
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
@@ -133,7 +137,42 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
         if name in facts["commands"]:
             facts["commands"][name]["unit"] = math.copysign(full_deg, facts["commands"][name]["unit"])
         facts["limits"][name] = [-full_deg, full_deg]
-    return facts
+    return facts | _of_propellers(folder, facts) | _of_rudder(folder, facts)
+
+
+def _of_propellers(folder: Path, facts: Facts) -> Facts:
+    """Say whether propellers have to be turned up, and how short JSBSim's steps have to be for them."""
+    craft = aircraft_of(folder, facts)
+    fdm, is_wrong, stiffness = engine(craft), False, 0.0
+    with simulating(fdm, craft), silenced():
+        for throttle in (20.0, 50.0, 100.0):
+            _level(fdm, craft, {"throttle": throttle})
+            is_wrong = is_wrong or bool(wrong_speeds(fdm))
+    if not is_wrong:
+        return {}
+    craft = replace(craft, spin_up=True)
+    fdm = engine(craft)
+    throttles = [(factor, write) for column, factor, write in writers(fdm, craft) if COMMANDS[column] == "throttle"]
+    with simulating(fdm, craft), silenced():
+        for throttle in (20.0, 50.0, 100.0):
+            _level(fdm, craft, {"throttle": throttle / 2.0})
+            for factor, write in throttles:
+                write(throttle * factor)
+            stiffness = max(stiffness, spin_up(fdm))  # of propellers that aren't steady yet
+    steps = math.ceil(stiffness * SAMPLE_PERIOD_S / _STIFF)
+    return {"spin_up": True} | ({"steps_a_sample": min(steps, MOST_STEPS)} if steps > 1 else {})
+
+
+def _of_rudder(folder: Path, facts: Facts) -> Facts:
+    """Say whether nothing answers the rudder command."""
+    craft = aircraft_of(folder, facts)
+    fdm, turned = engine(craft), []
+    with simulating(fdm, craft), silenced():
+        for command in craft.limits["rudder"]:
+            _level(fdm, craft, {"rudder": command, "throttle": 0.0})
+            turned.append([fdm[name] for name in ACCELERATIONS])
+    moved = np.abs(np.array(turned[0]) - np.array(turned[1]))
+    return {"rudderless": True} if moved.max() < _NOTHING else {}
 
 
 def _missing(folder: Path, facts: Facts) -> list[str]:
@@ -189,11 +228,11 @@ def _conditions(craft: Aircraft) -> Iterator[tuple[float, float]]:
     """Give altitudes (ft) and true airspeeds (kt), the likeliest first, by the wing loading."""
     fdm = engine(craft)
     with simulating(fdm, craft), silenced():
-        stand(fdm)
+        stand(fdm, spins=craft.spin_up)
         loading = fdm["inertia/weight-lbs"] / max(fdm["metrics/Sw-sqft"], 0.1)
         altitude_ft = 10_000.0 if loading > _HEAVY_LBS_FT2 else 5_000.0
         fdm["ic/h-sl-ft"] = altitude_ft
-        stand(fdm)
+        stand(fdm, spins=craft.spin_up)
         density = fdm["atmosphere/rho-slugs_ft3"]
     for lift in _LIFT:
         tas_kt = math.sqrt(2.0 * loading / (density * lift)) * CHANNELS["tas"].scale
@@ -219,7 +258,8 @@ def _scaled(craft: Aircraft) -> dict[str, float]:
             for values in (commands[:, columns] * factors).tolist():
                 for to_property, value in zip(write, values, strict=True):
                     to_property(value)
-                fdm.run()
+                for _ in range(craft.steps_a_sample):
+                    fdm.run()
                 turned.append(fdm[rate.jsbsim] * rate.scale)
         rms = float(np.std(turned))
         wanted = _TURNED_DEG_S / rms * _TRIED_SHARE * full if rms > 0.0 else np.inf

@@ -130,6 +130,13 @@ def test_the_example_is_the_file_and_short():
     assert len(example.splitlines()) <= 25
 
 
+@pytest.mark.parametrize(("name", "place"), [("pid", 0), ("lqr", 2)])
+def test_the_controllers_are_the_files_and_short(name, place):
+    example = (ROOT / f"docs/how_to/examples/{name}.py").read_text()
+    assert example == blocks(ROOT / "docs/how_to/controllers.md", "python")[place]
+    assert len(example.splitlines()) <= 36
+
+
 def test_links_lead_somewhere():
     for page in (*PAGES, ROOT / "README.md"):
         for target in re.findall(r"\]\(([^)#]+\.md)(?:#[^)]*)?\)", page.read_text()):
@@ -142,7 +149,8 @@ def test_files_that_are_named_exist():
     for page in PAGES:
         text = page.read_text()
         named = set(re.findall(r"`((?:gtmbench|aircraft|docs|experiments|faults|tests)/[\w./-]+)`", text)) - {
-            "aircraft/NAME/"
+            "aircraft/NAME/",
+            "gtmbench/GTM-v0",  # the environment's name
         }
         for room, first in re.findall(r"^\| `(gtmbench/\w+/)`[^|]*\|[^|]*\| (`[^|]*`) \|$", text, flags=re.MULTILINE):
             named |= {room + name for name in re.findall(r"`([\w./]+)`", first)}
