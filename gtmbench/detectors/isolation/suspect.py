@@ -58,7 +58,7 @@ class Left:
     def heals(self, monitor: CalibratedBank) -> bool:
         """Tell whether it is healthy by the monitor's test."""
         return all(
-            greatest(monitor, output, white, is_corrected=True) <= 1.0
+            greatest(monitor, output, white, is_corrected=True, enough=1.0) <= 1.0
             for output, white in zip(self.outputs, self.white, strict=True)
             if output in monitor.whiteners
         )
