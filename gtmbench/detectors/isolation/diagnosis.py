@@ -178,11 +178,11 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
 def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
     """Tell whether a residual is healthy once a fault is undone, or nearly all that was wrong with it has gone."""
     white = fit.left.white[fit.left.outputs.index(output)]
-    left = greatest(case.monitor, output, white, is_corrected=True)
     most = min(_LEFT * case.sickness[output], _MOST_LEFT)
     if fit.channel in case.driving:
         most = max(most, _LEFT_OF_BENT * max(case.sickness.values()))
-    return left <= max(1.0, most)
+    most = max(1.0, most)
+    return greatest(case.monitor, output, white, is_corrected=True, enough=most) <= most
 
 
 def _is_steady(case: Case, channel: str) -> bool:
@@ -364,7 +364,8 @@ def _would_heal(suspect: Suspect, output: str) -> bool:
         return False
     row = suspect.outputs.index(output)
     left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
-    return greatest(case.monitor, output, left) < max(0.5 * case.sickness[output], 1.0)
+    most = max(0.5 * case.sickness[output], 1.0)
+    return greatest(case.monitor, output, left, enough=most) < most
 
 
 def _axis(case: Case, channel: str) -> list[str]:
