@@ -67,6 +67,28 @@ def test_the_end_of_a_decided_fault_is_found():
     assert alarm.ended_s == pytest.approx(ONSET_S + 30.0, abs=1.0)
 
 
+@pytest.mark.parametrize(
+    "fault",
+    [gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3), gb.Stuck(channel="r", onset_s=ONSET_S, value=2.0)],
+    ids=["decided", "to the end"],
+)
+def test_an_alarm_says_when_it_is_judged_again_until_it_is_decided(fault):
+    record, stream = broken(fault), monitors.monitor("C").stream()
+    announced, judged = {}, {}
+    for part in (record.between(first_s, first_s + 0.5 - 0.5 * PERIOD_S) for first_s in np.arange(0.0, 140.0, 0.5)):
+        for alarm in stream.push(part):
+            assert alarm.looks_again_s is None or alarm.looks_again_s > part.end_s
+            announced.setdefault(alarm.number, []).append(alarm.looks_again_s)
+            judged[alarm.number] = [each.time_s for each in alarm.judgements[1:]]
+    first = next(alarm for alarm in stream.alarms if alarm.is_first)
+    times_s = announced[first.number]
+    assert set(judged[first.number]) <= set(times_s)
+    assert times_s[-1] is None
+    assert None not in times_s[:-1]  # nothing is said after it is decided, or after the last look
+    at_once = next(alarm for alarm in monitors.monitor("C").watch(record).alarms if alarm.is_first)
+    assert [each.time_s for each in at_once.judgements[1:]] == judged[first.number]
+
+
 def test_a_stream_decides_as_a_record_at_once_does():
     record = broken(gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3))
     monitor = monitors.monitor("C")
@@ -115,5 +137,5 @@ def test_a_bend_of_all_rows_at_once_is_that_row_by_row(bias_s):
 def test_a_spectrum_without_a_line_fits_nothing():
     """In a real log a fault began where all samples of a residual were missing."""
     spectra = noise._Spectra.of(np.ones((1, 4)), np.ones((1, 4)))
-    assert spectra.misfit(np.zeros(4), np.zeros((1, 4)), 0) == np.inf
+    assert spectra.misfits(np.zeros((1, 4)), np.zeros((1, 4)), np.array([0])) == [np.inf]
     assert spectra.misfit(np.ones(4), np.full((1, 4), 2.0), 0) < np.inf
