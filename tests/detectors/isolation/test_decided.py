@@ -138,4 +138,4 @@ def test_a_spectrum_without_a_line_fits_nothing():
     """In a real log a fault began where all samples of a residual were missing."""
     spectra = noise._Spectra.of(np.ones((1, 4)), np.ones((1, 4)))
     assert spectra.misfits(np.zeros((1, 4)), np.zeros((1, 4)), np.array([0])) == [np.inf]
-    assert spectra.misfit(np.ones(4), np.full((1, 4), 2.0), 0) < np.inf
+    assert spectra.misfits(np.ones((1, 4)), np.full((1, 4), 2.0), np.array([0])) < np.inf
