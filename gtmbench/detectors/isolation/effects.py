@@ -110,8 +110,7 @@ def outputs_of(monitor: CalibratedBank, channel: str) -> list[str]:
     return [
         spec.output
         for spec in monitor.bank.diagnostic
-        if channel == spec.output
-        or any(channel in raw_needs(name) for name in monitor.operators[spec.output].inputs)
+        if channel == spec.output or any(channel in raw_needs(name) for name in monitor.operators[spec.output].inputs)
     ]
 
 

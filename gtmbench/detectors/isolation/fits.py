@@ -122,7 +122,8 @@ def _swaps(case: Case, suspects: Sequence[Suspect], most: float) -> Iterator[Fit
     """
     for one, other in combinations(suspects, 2):
         if any({one.channel, other.channel} <= set(group) for group in PEERS):
-            if sum(case.energies[name] for name in case.residuals.raw if name not in one.outputs + other.outputs) > most:
+            entered = {*one.outputs, *other.outputs}
+            if sum(case.energies[name] for name in case.residuals.raw if name not in entered) > most:
                 continue
             left = _swapped_back(case, one.channel, other.channel)
             for channel, partner in ((one.channel, other.channel), (other.channel, one.channel)):

@@ -111,6 +111,28 @@ def test_bursts_of_a_tone_are_an_oscillation_or_of_no_kind(channel):
     assert alarm.last.kind in ("oscillation", "unknown")
 
 
+def test_an_angle_that_steps_twice_is_of_no_kind():
+    fault = gb.Bias(channel="phi", onset_s=40.0, size=1.5)
+    record = gb.inject(gb.inject(monitors.record(5000, seed=23), fault), gb.Bias(channel="phi", onset_s=44.0, size=25.0))
+    alarm = monitors.monitor("C").watch(record).faults[0]
+    assert (alarm.sensor, alarm.last.kind) == ("phi", "unknown")  # a random walk of such steps has another spectrum
+
+
+def test_noise_that_explains_a_little_of_every_axis_accuses_none_of_another():
+    """A heading with two faults in a row stirs all three axes, which noise of theta explains best."""
+
+    def flight(seed, excitation, duration_s):
+        return gb.measure(gb.fly("gtm", excitation, duration_s, seed), noise="t2", seed=seed)
+
+    monitor = gb.calibrate([flight(seed, "multisine+turbulence", 100.0) for seed in (1, 2, 3)], bank=gb.load_bank("C"))
+    healthy = flight(530_002, "dissertation+turbulence", 85.0)
+    broken = gb.inject(healthy, gb.Bias(channel="psi", onset_s=50.0, size=1.5))
+    broken = gb.inject(broken, gb.ScaleFactor(channel="psi", onset_s=58.0, factor=1.25))
+    judged = [each for alarm in monitor.watch(broken).faults for each in alarm.judgements]
+    assert {each.sensor for each in judged} <= {"psi", None}
+    assert any("psi" in each.candidates for each in judged)
+
+
 def test_noise_is_told_where_its_spectrum_fits():
     for kind, fault in (
         ("noise", gb.Noise(channel="q", onset_s=ONSET_S, deviation=4.0, seed=3)),
