@@ -113,7 +113,9 @@ def test_bursts_of_a_tone_are_an_oscillation_or_of_no_kind(channel):
 
 def test_an_angle_that_steps_twice_is_of_no_kind():
     fault = gb.Bias(channel="phi", onset_s=40.0, size=1.5)
-    record = gb.inject(gb.inject(monitors.record(5000, seed=23), fault), gb.Bias(channel="phi", onset_s=44.0, size=25.0))
+    record = gb.inject(
+        gb.inject(monitors.record(5000, seed=23), fault), gb.Bias(channel="phi", onset_s=44.0, size=25.0)
+    )
     alarm = monitors.monitor("C").watch(record).faults[0]
     assert (alarm.sensor, alarm.last.kind) == ("phi", "unknown")  # a random walk of such steps has another spectrum
 
