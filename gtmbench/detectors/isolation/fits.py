@@ -61,8 +61,6 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     if not ranking or not case.is_telling:
         return set()
     best = ranking[0]
-    if best.misfit > 1.0:  # noise that doesn't fit explains a little of everything, and proves nothing
-        return set()
     near = {fit.channel for fit in ranking if fit.bic <= best.bic + _HOPELESS}
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
