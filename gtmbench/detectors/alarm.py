@@ -110,6 +110,9 @@ class Alarm:
         When the fault ended; None while it lasts, or if its end can't be determined.
     end_known_s : float or None
         When the end was known, from which watching goes on; None before that.
+    looks_again_s : float or None
+        When it is judged again, as far as is known; until then its last judgement stands. None once it is decided, its
+        fault has ended or all looks are over, and of a detector that looks once.
 
     Examples
     --------
@@ -129,6 +132,7 @@ class Alarm:
     fault: int = -1
     ended_s: float | None = None
     end_known_s: float | None = None
+    looks_again_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.fault < 0:

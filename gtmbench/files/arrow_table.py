@@ -28,8 +28,28 @@ def table_of(rows: Sequence[Row], columns: Mapping[str, Column], *, schema: int)
     """
     import pyarrow as pa
 
-    fields = [
+    named = pa.schema(_fields(columns), metadata={"gtmbench.schema": str(schema)})
+    return pa.Table.from_pylist(list(rows), schema=named)
+
+
+def described(table: pa.Table, columns: Mapping[str, Column]) -> pa.Table:
+    """Return a table with the meanings of its columns, which parts don't repeat.
+
+    >>> columns = {"task": Column("int32", "of the run")}
+    >>> parts = table_of([{"task": 3}], columns, schema=1).to_pandas()
+    >>> import pyarrow as pa
+    >>> described(pa.table(parts), columns).schema.field("task").metadata
+    {b'meaning': b'of the run'}
+    """
+    import pyarrow as pa
+
+    return table.cast(pa.schema(_fields({name: columns[name] for name in table.column_names})))
+
+
+def _fields(columns: Mapping[str, Column]) -> list[pa.Field]:
+    import pyarrow as pa
+
+    return [
         pa.field(name, pa.type_for_alias(column.type), metadata={"meaning": column.meaning})
         for name, column in columns.items()
     ]
-    return pa.Table.from_pylist(list(rows), schema=pa.schema(fields, metadata={"gtmbench.schema": str(schema)}))

@@ -36,6 +36,8 @@ _RUN, _TASK = b"gtmbench.run", b"gtmbench.task"  # in a part's metadata: of whic
 _DIGEST = b"gtmbench.digest"  # there, too
 _PART = re.compile(r"part-(\d{6,})\.parquet")
 _LOCK = ".lock"
+# most parts hold few rows: Arrow's copy of the schema, dictionaries and statistics would be two thirds of the file
+_LEAN = {"store_schema": False, "use_dictionary": False, "write_statistics": False}
 _PATIENCE_S = 1.0  # a lock that is only looked at is held for a millisecond
 _REMEDY = "delete it, and --resume does its task anew"
 _LARGEST_MANIFEST_BYTES = 10_000_000
@@ -148,9 +150,10 @@ class Parts:
         import pyarrow.parquet as pq
 
         marks = {_RUN: self.digest(task).encode(), _TASK: str(task).encode(), _DIGEST: SLOT}
-        marked = rows.replace_schema_metadata({**(rows.schema.metadata or {}), **marks})
         content = pa.BufferOutputStream()
-        pq.write_table(marked, content, row_group_size=max(len(rows), 1), compression="zstd")
+        with pq.ParquetWriter(content, rows.schema, compression="zstd", **_LEAN) as writer:
+            writer.write_table(rows, row_group_size=max(len(rows), 1))
+            writer.add_key_value_metadata({**(rows.schema.metadata or {}), **marks})
         try:
             with atomic_write(self.path(task)) as aside:
                 aside.write_bytes(fill_slot(content.getvalue().to_pybytes()))

@@ -280,14 +280,21 @@ def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, 
 
     period_s = record.sample_period_s
 
+    @cache
+    def read(other: str) -> FloatArray:
+        return record[other] * factor_of(other)
+
+    @cache
+    def steep(other: str) -> FloatArray:
+        return _slope(read(other), period_s)
+
     def at(value: float, slope: float) -> FloatArray:
-        def read(other: str) -> FloatArray:
-            return record[other] * factor_of(other) + (value if other == channel else 0.0)
-
-        def steep(other: str) -> FloatArray:
-            return _slope(read(other), period_s) + (slope if other == channel else 0.0)
-
-        return np.asarray(PSEUDO_INPUTS[name].compute(Motion(record.channels, read, steep)))
+        motion = Motion(
+            record.channels,
+            lambda other: read(other) + value if other == channel else read(other),
+            lambda other: steep(other) + slope if other == channel else steep(other),
+        )
+        return np.asarray(PSEUDO_INPUTS[name].compute(motion))
 
     still, per_radian = at(0.0, 0.0), factor_of(channel) / factor_of(name)
     return (at(_STEP, 0.0) - still) / _STEP * per_radian, (at(0.0, _STEP) - still) / _STEP * per_radian

@@ -14,7 +14,7 @@ from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.arrow_table import Row
+from gtmbench.files.arrow_table import Row, described
 from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.parts import Parts
@@ -167,7 +167,7 @@ def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
     import pyarrow.parquet as pq
 
     table = parts.read()
-    pq.write_table(table, folder / TABLE)
+    pq.write_table(described(table, COLUMNS), folder / TABLE)
     figure = gyros_figure(table.to_pandas())
     if figure is not None:
         figure.savefig(folder / FIGURE, dpi=110)

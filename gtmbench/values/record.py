@@ -153,7 +153,9 @@ class Record:
 
     def __getitem__(self, channel: str) -> FloatArray:
         """Return one channel, shape (samples,), read-only."""
-        return self.values[:, self.columns([channel])[0]]
+        if channel not in self.channels:
+            self.columns([channel])  # refuses it
+        return self.values[:, self.channels.index(channel)]
 
     @property
     def there(self) -> BoolArray:

@@ -18,6 +18,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.files import disk
 from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
+from gtmbench.study.campaign.rows import table_of
 
 FACTS = {"campaign": {"axes": {"seed": [1, 2]}}, "versions": {"numpy": "2"}}
 ROOT = Path(__file__).parents[2]
@@ -56,6 +57,14 @@ def test_a_part_is_a_parquet_file_of_one_row_group_that_says_whose_it_is(half):
         "manifest.json",
         *(f"part-00000{task}.parquet" for task in (0, 1, 3)),
     }
+
+
+def test_a_campaigns_part_of_few_rows_costs_little_beside_them_and_is_read_as_it_was_written(tmp_path):
+    written = table_of([{"task": 0, "detector": "C", "detected": True, "detection_delay_s": 0.1 * i} for i in range(8)])
+    with begun(tmp_path / "lean") as parts:
+        parts.write(0, written)
+        assert parts.path(0).stat().st_size < 8_000  # 58 columns
+        assert parts.read().equals(written)
 
 
 def test_going_on_ends_with_the_bytes_of_an_uninterrupted_run(half, tmp_path):

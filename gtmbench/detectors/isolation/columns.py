@@ -27,6 +27,7 @@ class Columns:
 
     def __init__(self, suspect: Suspect, shapes: Mapping[str, FloatArray]) -> None:
         self.names = tuple(shapes)
+        self._place = {name: place for place, name in enumerate(self.names)}
         self._suspect = suspect
         self._fitted: dict[tuple[str, ...], tuple[FloatArray, float]] = {}
         self._y = np.nan_to_num(suspect.white).ravel()
@@ -39,7 +40,7 @@ class Columns:
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
-        chosen = [self.names.index(name) for name in names]
+        chosen = [self._place[name] for name in names]
         return np.asarray((self._of(names)[0] / self._size)[chosen])
 
     def deviances(self, sets: Iterable[tuple[str, ...]]) -> list[float]:
@@ -80,7 +81,7 @@ class Columns:
 
     def covariance(self, names: tuple[str, ...]) -> FloatArray:
         """Return the covariance of the weights of shapes, of residuals with unit noise."""
-        chosen = [self.names.index(name) for name in names]
+        chosen = [self._place[name] for name in names]
         size = self._size[chosen]
         return np.asarray(np.linalg.pinv(self._gram[np.ix_(chosen, chosen)]) / np.outer(size, size))
 

@@ -37,6 +37,7 @@ from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
+from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
@@ -183,11 +184,11 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
 def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
     """Tell whether a residual is healthy once a fault is undone, or nearly all that was wrong with it has gone."""
     white = fit.left.white[fit.left.outputs.index(output)]
-    left = greatest(case.monitor, output, white, is_corrected=True)
     most = min(_LEFT * case.sickness[output], _MOST_LEFT)
     if fit.channel in case.driving:
         most = max(most, _LEFT_OF_BENT * max(case.sickness.values()))
-    return left <= max(1.0, most)
+    most = max(1.0, most)
+    return greatest(case.monitor, output, white, is_corrected=True, enough=most) <= most
 
 
 def _is_steady(case: Case, channel: str) -> bool:
@@ -222,7 +223,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     if not good:
         return _unexplained(case, first)
     best = good[0]
-    order = _rivals(case, good)
+    order = (*_rivals(case, good), *_freer(case, best))
     untestable = _untestable(case)
     pair = {best.channel, best.partner} if best.kind == "swap" else {best.channel}
     alone = set(order) <= pair and not untestable
@@ -281,7 +282,7 @@ def _reads_anything(case: Case, first: FittedHypothesis, other: FittedHypothesis
     Noise explains whatever is left, a little better or worse as its spectrum happens to fit. What tells then is what
     the readings as a whole, beside what they should have been, do to the axes that one of the two enters.
     """
-    is_noise = 0.0 < first.misfit <= 1.0  # and fits
+    is_noise = first.kind != "oscillation" and 0.0 < first.misfit <= 1.0  # and fits; a tone has too little spectrum
     if (
         not first.is_absorbing
         or is_noise
@@ -289,19 +290,31 @@ def _reads_anything(case: Case, first: FittedHypothesis, other: FittedHypothesis
         or first.left.heals(case.monitor)
     ):
         return False
-    left = [_left_elsewhere(case, fit) for fit in (first, other)]
+    left = [_left_elsewhere(case, fit.channel, fit.estimator) for fit in (first, other)]
     return left[1] - left[0] < _FREELY
 
 
-def _left_elsewhere(case: Case, fit: FittedHypothesis) -> float:
+def _freer(case: Case, best: FittedHypothesis) -> tuple[str, ...]:
+    """Return the sensors of other axes that heal far more than the best one does, were each to read what it should.
+
+    Asked where the best one is noise that doesn't fit, which explains a little of everything.
+    """
+    if best.misfit <= 1.0 or case.driving or best.left.heals(case.monitor):
+        return ()
+    most = _left_elsewhere(case, best.channel, best.estimator) - _FREELY
+    others = [name for name in case.suspects if name not in axis_of(best.channel)]
+    return tuple(name for name in others if _left_elsewhere(case, name, None) < most)
+
+
+def _left_elsewhere(case: Case, channel: str, estimator: AttitudeEstimator | None) -> float:
     """Return what is left of all but an axis's own residuals once its suspect reads what it should."""
-    suspect = suspect_through(case, fit.channel, fit.estimator)
+    suspect = suspect_through(case, channel, estimator)
     if suspect is None:
         return np.inf
-    axis = axis_of(fit.channel)
+    axis = axis_of(channel)
     left = dict(zip(suspect.outputs, suspect.white - suspect.shown(suspect.off[np.newaxis])[0], strict=True))
     others = (output for output in case.residuals.raw if output not in axis)
-    mates = (own(name) for name in axis if name != fit.channel)
+    mates = (own(name) for name in axis if name != channel)
     return sum(energy(left.get(output, case.white[output][case.judged])) for output in others) + sum(
         case.energies.get(name, 0.0) for name in mates
     )
@@ -341,7 +354,8 @@ def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
             explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
             if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
                 return fit
-    return best
+    is_no_kind = best.kind in ("noise", "random_walk") and best.misfit > 1.0
+    return next((fit for fit in fits if fit.kind == UNKNOWN), best) if is_no_kind else best
 
 
 def _definite(fit: FittedHypothesis) -> bool:
@@ -369,7 +383,8 @@ def _would_heal(suspect: Suspect, output: str) -> bool:
         return False
     row = suspect.outputs.index(output)
     left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
-    return greatest(case.monitor, output, left) < max(0.5 * case.sickness[output], 1.0)
+    most = max(0.5 * case.sickness[output], 1.0)
+    return greatest(case.monitor, output, left, enough=most) < most
 
 
 def _axis(case: Case, channel: str) -> list[str]:

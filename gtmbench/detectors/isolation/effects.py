@@ -105,6 +105,15 @@ def powers(
     return np.asarray(np.square(np.abs(together)))
 
 
+def outputs_of(monitor: CalibratedBank, channel: str) -> list[str]:
+    """Return the residuals of a bank that a channel enters, as `paths_of` finds them."""
+    return [
+        spec.output
+        for spec in monitor.bank.diagnostic
+        if channel == spec.output or any(channel in raw_needs(name) for name in monitor.operators[spec.output].inputs)
+    ]
+
+
 def paths_of(monitor: CalibratedBank, record: Record, channel: str, virtual: FloatArray) -> list[Path]:
     """Return all ways of a channel into the residuals of a bank, about the mean of reading and virtual sensor."""
     middle = 0.5 * (record[channel] + np.where(np.isfinite(virtual), virtual, record[channel]))

@@ -49,7 +49,8 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     ranking.sort(key=lambda fit: fit.bic)
     is_open = bool(ranking) and ranking[0].is_absorbing and not ranking[0].left.heals(case.monitor)
     if is_open and "cross-axis" not in set(without):
-        ranking = sorted([*ranking, *_swaps(case, suspects)], key=lambda fit: fit.bic)
+        swaps = _swaps(case, suspects, ranking[0].bic + _HOPELESS)
+        ranking = sorted([*ranking, *swaps], key=lambda fit: fit.bic)
     return ranking
 
 
@@ -115,12 +116,18 @@ def _leaves_more(fitter: Fitter, most: float) -> bool:
     return all(noise.left.deviance + elsewhere > most for noise in fitter.noises([tuple(fitter.shapes)])[0])
 
 
-def _swaps(case: Case, suspects: Sequence[Suspect]) -> Iterator[FittedHypothesis]:
-    """Give the hypotheses that two sensors have changed places, each from both sides."""
-    for one, other in combinations([suspect.channel for suspect in suspects], 2):
-        if any({one, other} <= set(group) for group in PEERS):
-            left = _swapped_back(case, one, other)
-            for channel, partner in ((one, other), (other, one)):
+def _swaps(case: Case, suspects: Sequence[Suspect], most: float) -> Iterator[FittedHypothesis]:
+    """Give the hypotheses that two sensors have changed places, each from both sides.
+
+    Not those that leave more than so much of BIC in residuals that neither enters.
+    """
+    for one, other in combinations(suspects, 2):
+        if any({one.channel, other.channel} <= set(group) for group in PEERS):
+            entered = {*one.outputs, *other.outputs}
+            if sum(case.energies[name] for name in case.residuals.raw if name not in entered) > most:
+                continue
+            left = _swapped_back(case, one.channel, other.channel)
+            for channel, partner in ((one.channel, other.channel), (other.channel, one.channel)):
                 yield FittedHypothesis(
                     kind="swap",
                     family="cross-axis",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -242,16 +242,19 @@ class Fitter:
     def _plains(self, sets: Sequence[tuple[str, ...]]) -> list[Left]:
         new = [names for names in sets if names not in self._plain]
         for names, deviance in zip(new, self.columns.deviances(new), strict=True):
-            left = Left(deviance=deviance, outputs=self.suspect.outputs, work_out=partial(self.columns.left, names))
-            self._plain[names] = self._dense(names, left)
+            self._plain[names] = Left(
+                deviance=deviance - self._volume(names),
+                outputs=self.suspect.outputs,
+                work_out=partial(self.columns.left, names),
+            )
         return [self._plain[names] for names in sets]
 
     def noises(self, sets: Sequence[tuple[str, ...]]) -> list[tuple[NoiseFit, NoiseFit]]:
         """Return the best white noise and the best random walk beside the shapes of each of some sets."""
         new = [names for names in sets if names not in self._noises]
-        for names, fits in zip(new, self._noise.fits(self._plains(new)), strict=True):
-            white, walk = (replace(fit, left=self._dense(names, fit.left)) for fit in fits)
-            self._noises[names] = white, walk
+        for names, (white, walk) in zip(new, self._noise.fits(self._plains(new)), strict=True):
+            volume = self._volume(names)
+            self._noises[names] = (white.denser(volume), walk.denser(volume)) if volume else (white, walk)
         return [self._noises[names] for names in sets]
 
     @cached_property
@@ -259,21 +262,20 @@ class Fitter:
         """The best noise around the frequency at which the residual is strongest."""
         return self._noise.band(self.plain(), self.frequency_hz)
 
-    def _dense(self, names: tuple[str, ...], left: Left) -> Left:
-        """Make a density of what an angle's gain leaves one of what was read.
+    def _volume(self, names: tuple[str, ...]) -> float:
+        """Return by what -2 log likelihood of what an angle's gain leaves is more than that of what was read.
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
         frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are.
         """
-        channel, case = self.suspect.channel, self.suspect.case
+        channel = self.suspect.channel
         gyro = axis_of(channel)[0]
         if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
-            return left
-        weight = float(np.clip(self.weights(*names)[names.index("x")], -_MOST_GAIN, _MOST_GAIN))
+            return 0.0
+        weight = min(max(float(self.weights(*names)[names.index("x")]), -_MOST_GAIN), _MOST_GAIN)
         rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
-        volume = rows * float(np.mean(np.log(np.square(1.0 + weight * case.smoothing))))
-        return replace(left, deviance=left.deviance - volume)
+        return rows * float(np.mean(np.log(np.square(1.0 + weight * self.suspect.case.smoothing))))
 
     def left_of(self, changes: FloatArray) -> FloatArray:
         """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""

@@ -16,8 +16,12 @@ def energy(white: FloatArray) -> float:
     return float(np.sum(np.square(np.clip(white[np.isfinite(white)], -MOST, MOST))))
 
 
-def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corrected: bool = False) -> float:
+def greatest(
+    monitor: CalibratedBank, output: str, white: FloatArray, *, is_corrected: bool = False, enough: float = np.inf
+) -> float:
     """Return how far a whitened residual gets towards its thresholds, 1 being there, over windows laid end to end.
+
+    It stops at the first window that is beyond `enough`, where nobody asks how far the others are.
 
     The mean before is taken to be known, as the calibrated test knows it from the minute before an alarm. One that is
     corrected for a fault may be quiet: what was stuck had no noise. Of statistics other than the likelihood ratios the
@@ -46,4 +50,6 @@ def greatest(monitor: CalibratedBank, output: str, white: FloatArray, *, is_corr
         limits = monitor.thresholds[output]
         least = max(least, float(of_mean.max()) / limits[f"mean {window}"])
         least = max(least, float(of_energy.max()) / limits[f"energy {window}"])
+        if least > enough:
+            break
     return least

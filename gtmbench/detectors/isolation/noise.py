@@ -48,6 +48,10 @@ class NoiseFit:
     spread: float
     misfit: float
 
+    def denser(self, volume: float) -> NoiseFit:
+        """Return the fit of a density that is so much denser, in -2 log likelihood."""
+        return replace(self, left=replace(self.left, deviance=self.left.deviance - volume))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpikesFit:
@@ -89,8 +93,8 @@ class _Spectra:
         """Return -2 log likelihood of periodograms, shape (any, outputs * bins), of each variance."""
         return np.asarray(self.logs + binned @ self.inverse.T)
 
-    def misfit(self, binned: FloatArray, counts: FloatArray, place: int) -> float:
-        """Return Itakura's and Saito's distance of a periodogram from one of the spectra, over the most that is chance.
+    def misfits(self, binned: FloatArray, counts: FloatArray, places: Indices) -> FloatArray:
+        """Return Itakura's and Saito's distances of periodograms from a spectrum each, over the most that is chance.
 
         It is the sum over bins of n (r - 1 - log r) for n lines whose mean is r times the spectrum, half by chance
         of every bin. Spectra of healthy residuals are themselves known to a few percent. Without a line nothing fits.
@@ -98,10 +102,11 @@ class _Spectra:
         lines = 0.5 * counts.ravel()
         there = lines > 0.0
         if not there.any():
-            return math.inf
-        ratio = np.maximum(0.5 * binned[there] * self.inverse[place, there] / lines[there], 1e-9)
-        distance = float(np.sum(lines[there] * (ratio - 1.0 - np.log(ratio))))
-        return distance / (_CHANCE * float(np.count_nonzero(there)) + _KNOWN * float(lines.sum()))
+            return np.full(len(binned), math.inf)
+        lines = lines[there]
+        ratio = np.maximum(0.5 * binned[:, there] * self.inverse[places][:, there] / lines, 1e-9)
+        distance = np.sum(lines * (ratio - 1.0 - np.log(ratio)), axis=1)
+        return np.asarray(distance / (_CHANCE * float(len(lines)) + _KNOWN * float(lines.sum())))
 
 
 class Noise:
@@ -141,12 +146,13 @@ class Noise:
         return np.asarray(np.add.reduceat(power, edges, axis=-1).reshape(len(lefts), -1))
 
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
-        logs = np.log(spectra.variances)
-        for left, each, total in zip(lefts, binned, spectra.deviances(binned), strict=True):
-            at, spread = _bottom(logs, total)
-            noisy = replace(left, deviance=float(total.min()))
-            misfit = spectra.misfit(each, self._told, int(np.argmin(total)))
-            yield NoiseFit(left=noisy, variance=float(np.exp(at)), spread=spread, misfit=misfit)
+        logs, totals = np.log(spectra.variances), spectra.deviances(binned)
+        places = totals.argmin(axis=1)
+        misfits = spectra.misfits(binned, self._told, places).tolist()
+        for left, total, place, misfit in zip(lefts, totals, places.tolist(), misfits, strict=True):
+            at, spread = _bottom(logs, total, place)
+            noisy = Left(deviance=float(total[place]), outputs=left.outputs, work_out=left.work_out)
+            yield NoiseFit(left=noisy, variance=math.exp(at), spread=spread, misfit=misfit)
 
     @cached_property
     def _white(self) -> _Spectra:
@@ -256,9 +262,8 @@ def spikes_in(innovations: FloatArray, taps: FloatArray) -> FloatArray:
     return sizes
 
 
-def _bottom(logs: FloatArray, deviances: FloatArray) -> tuple[float, float]:
+def _bottom(logs: FloatArray, deviances: FloatArray, best: int) -> tuple[float, float]:
     """Return the logarithm of the likeliest variance, by the parabola there, and the standard error of that."""
-    best = int(np.argmin(deviances))
     if not 0 < best < len(logs) - 1:
         return float(logs[best]), float("nan")
     at, bend = vertex(logs[best - 1 : best + 2], deviances[best - 1 : best + 2])

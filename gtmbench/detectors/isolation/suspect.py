@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.bend import Bend
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, paths_of
+from gtmbench.detectors.isolation.effects import Effects, Path, bent_paths, outputs_of, paths_of
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
@@ -58,7 +58,7 @@ class Left:
     def heals(self, monitor: CalibratedBank) -> bool:
         """Tell whether it is healthy by the monitor's test."""
         return all(
-            greatest(monitor, output, white, is_corrected=True) <= 1.0
+            greatest(monitor, output, white, is_corrected=True, enough=1.0) <= 1.0
             for output, white in zip(self.outputs, self.white, strict=True)
             if output in monitor.whiteners
         )
@@ -75,8 +75,8 @@ class Suspect:
     measured, virtual : shape (rows,)
         What it read and what it should have read, from the case's `start` on.
     time_s : shape (rows,)
-    paths : list of Path
-        Into the residuals, and into its own innovations, the last.
+    find_paths : callable
+        Gives its ways into the residuals, over the whole case: of a suspect that is left out nobody asks for them.
     bend : Bend or None
         Of a gyro that drives the attitude.
     away : shape (rows,) or None
@@ -90,7 +90,7 @@ class Suspect:
     measured: FloatArray = field(repr=False)
     virtual: FloatArray = field(repr=False)
     time_s: FloatArray = field(repr=False)
-    paths: list[Path] = field(repr=False)
+    find_paths: Callable[[], Sequence[Path]] = field(repr=False)
     bend: Bend | None = field(default=None, repr=False)
     away: FloatArray | None = field(default=None, repr=False)
     near: Case | None = field(default=None, repr=False)
@@ -101,22 +101,20 @@ class Suspect:
         virtual = case.virtual.get(channel)
         if virtual is None:
             return None
-        return cls._made(case, channel, virtual, paths_of(case.monitor, case.record, channel, virtual))
+        return cls._made(case, channel, virtual, partial(paths_of, case.monitor, case.record, channel, virtual))
 
     @classmethod
     def driving(cls, case: Case, channel: str, bend: Bend, away: FloatArray | None = None) -> Suspect:
         """Return a gyro that drives the attitude through an estimator: what it should have read, its references say."""
         near = None if away is None else case.with_record(bend.record)
         virtual = (near or case).undriven(channel, bend.estimator)
-        found = bent_paths(case.monitor, bend.record, channel, virtual)
-        return cls._made(case, channel, virtual, found, bend=bend, away=away, near=near)
+        find_paths = partial(bent_paths, case.monitor, bend.record, channel, virtual)
+        return cls._made(case, channel, virtual, find_paths, bend=bend, away=away, near=near)
 
     @classmethod
-    def _made(cls, case: Case, channel: str, virtual: FloatArray, found: Sequence[Path], **more: Any) -> Suspect:
-        paths = [path.later(case.start) for path in found]
-        habit = case.habits.get(channel)
-        if habit is not None:
-            paths.append(Path(output=own(channel), kernel=habit.taps, ahead=0, of_value=1.0, of_slope=None))
+    def _made(
+        cls, case: Case, channel: str, virtual: FloatArray, find_paths: Callable[[], Sequence[Path]], **more: Any
+    ) -> Suspect:
         rows = slice(case.start, None)
         return cls(
             case=case,
@@ -124,9 +122,18 @@ class Suspect:
             measured=case.record[channel][rows],
             virtual=virtual[rows],
             time_s=case.record.time_s[rows],
-            paths=[path for path in paths if path.output in case.white],
+            find_paths=find_paths,
             **more,
         )
+
+    @cached_property
+    def paths(self) -> list[Path]:
+        """Its ways into the residuals from the case's `start` on, and into its own innovations, the last."""
+        paths = [path.later(self.case.start) for path in self.find_paths()]
+        habit = self.case.habits.get(self.channel)
+        if habit is not None:
+            paths.append(Path(output=own(self.channel), kernel=habit.taps, ahead=0, of_value=1.0, of_slope=None))
+        return [path for path in paths if path.output in self.case.white]
 
     def without(self, change: FloatArray) -> Suspect:
         """Return a driving gyro of which a change is taken out, attitude and all: what shows of the rest is linear.
@@ -188,7 +195,11 @@ class Suspect:
     @cached_property
     def outputs(self) -> tuple[str, ...]:
         """The whitened residuals that it enters, its own innovations last."""
-        return tuple(dict.fromkeys(path.output for path in self.paths))
+        if self.bend is not None:
+            return tuple(dict.fromkeys(path.output for path in self.paths))
+        own_innovations = [own(self.channel)] if self.channel in self.case.habits else []
+        entered = [*outputs_of(self.case.monitor, self.channel), *own_innovations]
+        return tuple(output for output in entered if output in self.case.white)
 
     @cached_property
     def white(self) -> FloatArray:

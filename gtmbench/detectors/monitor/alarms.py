@@ -188,7 +188,7 @@ class AlarmLogic:
 
     def _raise(self, arming: Arming, row: int) -> None:
         """Raise an alarm with a row, and disarm the residual that it is put down to."""
-        fault = self._opened(arming, row)
+        fault = self._telling(self._opened(arming, row))
         self._put(fault.alarm)
         self._open[fault.number] = fault
         self._raised = [*self._raised[-_MOST:], fault.crossing]
@@ -323,19 +323,28 @@ class AlarmLogic:
             alarm = replace(alarm, fault=leader.number)
         if judged is not None:
             alarm = replace(alarm, judgements=(*alarm.judgements, judged))
-        if alarm is not fault.alarm:
-            self._put(alarm)
-        self._open[fault.number] = replace(
-            fault,
-            alarm=alarm,
-            looks=fault.later_looks,
-            is_judged=fault.is_judged or judged is not None,
-            ruled_out=fault.ruled_out | outcome.ruled_out,
-            held=outcome.held or fault.held,
-            is_decided=fault.is_decided or outcome.is_decided,
+        looked_at = self._telling(
+            replace(
+                fault,
+                alarm=alarm,
+                looks=fault.later_looks,
+                is_judged=fault.is_judged or judged is not None,
+                ruled_out=fault.ruled_out | outcome.ruled_out,
+                held=outcome.held or fault.held,
+                is_decided=fault.is_decided or outcome.is_decided,
+            )
         )
+        if looked_at.alarm is not fault.alarm:
+            self._put(looked_at.alarm)
+        self._open[fault.number] = looked_at
         if outcome.closing is not None:
             self._close(self._open[fault.number], outcome.closing)
+
+    def _telling(self, fault: OpenFault) -> OpenFault:
+        """Return a fault whose alarm tells when it is looked at next, where that may change what is said of it."""
+        again_s = self._memory.time_s(fault.due) if fault.is_undecided else None
+        alarm = fault.alarm
+        return fault if alarm.looks_again_s == again_s else replace(fault, alarm=replace(alarm, looks_again_s=again_s))
 
     def _case(self, fault: OpenFault) -> Case:
         """Cut out what a review with this row needs."""
@@ -372,8 +381,11 @@ class AlarmLogic:
         outputs = fault.enters | {each.crossing.output for each in closed}
         for each in closed:
             del self._open[each.number]
+            alarm = each.alarm if each.alarm.looks_again_s is None else replace(each.alarm, looks_again_s=None)
             if closing.ended_s is not None:
-                self._put(replace(each.alarm, ended_s=closing.ended_s, end_known_s=closing.known_s))
+                alarm = replace(alarm, ended_s=closing.ended_s, end_known_s=closing.known_s)
+            if alarm is not each.alarm:
+                self._put(alarm)
         rows = range(fault.crossing.onset_row, self.row + 1)
         for arming in self.arming:
             if closing.anew or arming.source in outputs:

@@ -66,6 +66,11 @@ class OpenFault:
         return self.due > self.row + rows_of(HORIZONS_S[-1], self.monitor)
 
     @property
+    def is_undecided(self) -> bool:
+        """Whether the next look may change what is said of it, not only its end."""
+        return self.is_diagnosed and self.alarm.is_first and not (self.is_decided or self.is_late)
+
+    @property
     def enters(self) -> set[str]:
         """The residuals that a fault of any of its candidates enters."""
         return entered(self.monitor.bank, self.alarm.candidates)

@@ -105,7 +105,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         return Outcome()
     return Outcome(
         judgement=judged,
-        ruled_out=frozenset(hopeless(case, ranking, case.suspects)),
+        ruled_out=frozenset(hopeless(case, ranking, case.suspects) - set(judged.candidates)),
         held=_decisive(ranking, judged),
         closing=_closing(case, judged, row - fault.row),
         is_decided=_is_decided(fault, judged, row),

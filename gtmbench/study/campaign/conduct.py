@@ -37,7 +37,7 @@ _LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions rows hang on
 _KILLED = "a process was killed (no memory?); what is finished stays: go on with --resume, perhaps with fewer --jobs"
 
 
-_MOST_PARTS = 1000  # of a folder: a part costs 18 kB and a few milliseconds however many flights it holds
+_MOST_PARTS = 1000  # of a folder: a part costs 5 kB and a few milliseconds however many flights it holds
 
 
 class Crew(NamedTuple):
