@@ -64,6 +64,12 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     help="Instead of the scenarios' aircraft: a name from `gtmbench list --all`, or an aircraft's folder.",
 )
 @click.option(
+    "--sensors",
+    metavar="ideal|chain",
+    help="Instead of the scenarios' sensors. chain: the aircraft's own delays, filters and sample rates lie between "
+    "motion and readings.",
+)
+@click.option(
     "--fault",
     "given",
     multiple=True,
@@ -89,6 +95,7 @@ def run_command(
     detectors: tuple[str, ...],
     calibrated: Path | None,
     aircraft: str | None,
+    sensors: str | None,
     given: tuple[str, ...],
     onset: float | None,
     seeds: tuple[int, ...] | None,
@@ -106,12 +113,14 @@ def run_command(
     each detector and trial gets a row.
     """
     from gtmbench.study.run import run_study
-    from gtmbench.study.scenario import flown_on, load_scenario
+    from gtmbench.study.scenario import flown_on, load_scenario, sensed_by
 
     claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     if aircraft is not None:
         loaded = [flown_on(scenario, aircraft) for scenario in loaded]
+    if sensors is not None:
+        loaded = [sensed_by(scenario, sensors) for scenario in loaded]
     if given or onset is not None:
         loaded = _with_faults(loaded, given, onset)
     watching = watchers_of(detectors, calibrated)

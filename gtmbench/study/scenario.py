@@ -332,6 +332,28 @@ def flown_on(scenario: Scenario, aircraft: str) -> Scenario:
     return replace(scenario, setup=with_chain(setup))
 
 
+def sensed_by(scenario: Scenario, sensors: str) -> Scenario:
+    """Return a scenario on other sensors, in the loop by the gains for them, unless it has gains of its own.
+
+    Raises
+    ------
+    InputError
+        If there are no such sensors, the aircraft has no chain, or the noise is a share of a flight.
+
+    Examples
+    --------
+    >>> setup = sensed_by(load_scenario("in_the_loop"), "ideal").setup
+    >>> setup.sensors, setup.autopilot.lead_s
+    ('ideal', 0.0)
+    """
+    before, craft = scenario.setup, load_aircraft(scenario.setup.aircraft)
+    setup = replace(before, sensors=setting("sensors", sensors))
+    if before.autopilot is not None and before.autopilot == craft.autopilot_on(before.sensors):
+        setup = replace(setup, autopilot=craft.autopilot_on(sensors))
+    setup = with_chain(setup, states_snr=scenario.states_noise and before.noise is None)
+    return replace(scenario, setup=setup, states_sensors=True)
+
+
 def _on_readings(setup: Setup, states_snr: bool) -> Setup:
     """Return a setup in the loop with sensors for it."""
     if states_snr:

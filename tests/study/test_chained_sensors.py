@@ -10,7 +10,7 @@ from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.axes import flights
 from gtmbench.study.flights import BROKEN, SEED_STEP, fly_setup
 from gtmbench.study.healthy_records import CalibrationFlights
-from gtmbench.study.scenario import Setup, scenario_of
+from gtmbench.study.scenario import Setup, scenario_of, sensed_by
 
 GTM = gb.load_aircraft("gtm")
 FLIP = {"kind": "sign_flip", "channels": ["r"], "onset_s": 4.0}
@@ -102,6 +102,19 @@ kind = "sign_flip"
 channels = ["r"]
 onset_s = 4.0
 """
+
+
+def test_a_run_takes_other_sensors_and_the_gains_for_them(cli, tmp_path):
+    loop = scenario(autopilot={})
+    assert sensed_by(loop, "ideal").setup == scenario(sensors="ideal", autopilot={}).setup
+    assert sensed_by(sensed_by(loop, "ideal"), "chain").setup == loop.setup
+    own = scenario(sensors="chain", autopilot={"q_to_elevator_s": 0.3})
+    assert sensed_by(own, "ideal").setup.autopilot == own.setup.autopilot
+    assert sensed_by(scenario(), "chain").setup == scenario(sensors="chain").setup
+    code, _, said = cli("run", "jam", "--sensors", "chian", "--out", str(tmp_path / "out"))
+    assert (code, said.count("\n")) == (2, 1)
+    assert "'chian'" in said
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_campaign_calibrates_on_the_sensors_of_its_flights(tmp_path):

@@ -59,7 +59,7 @@ def test_a_shipped_scenario_goes_by_the_kind_of_its_fault():
 
 def test_a_shipped_scenario_flies_in_the_loop():
     scenario = load_scenario("in_the_loop")
-    assert scenario.setup.autopilot == load_aircraft("gtm").autopilot
+    assert scenario.setup.autopilot == load_aircraft("gtm").chain_autopilot
     assert {spec.channel for spec in scenario.faults} == {"p", "q", "r"}
 
 
