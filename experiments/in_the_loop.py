@@ -145,7 +145,7 @@ class Place:
         return rows
 
     def _flown(self, faults: Sequence[gb.Fault]) -> gb.LoopFlight:
-        return gb.fly_in_loop("gtm", FLOWN, self.size.duration_s, self.seed, faults=faults)
+        return gb.fly_in_loop("gtm", FLOWN, self.size.duration_s, self.seed, faults=faults, sensors="ideal")
 
     def _row(self, place: str, broken: gb.Record, fault: gb.Fault) -> Row:
         watch = self.monitor.watch(broken)
@@ -180,7 +180,7 @@ def operator_rows(seed: int, duration_s: float) -> list[Row]:
 
     def flights(number: int) -> dict[str, gb.Record]:
         own = seed + 100 * number
-        closed = gb.fly_in_loop("gtm", FLOWN, duration_s, own).sensed
+        closed = gb.fly_in_loop("gtm", FLOWN, duration_s, own, sensors="ideal").sensed
         return {"open loop": gb.measure(gb.fly("gtm", FLOWN, duration_s, own), noise="t2", seed=own), "closed": closed}
 
     known, other = flights(0), flights(1)
@@ -244,7 +244,7 @@ class Rescue:
         faults = tuple(self._faults())
         onset_s = faults[0].onset_s if faults else 0.0
         duration_s = self.size.random_s if faults else self.size.healthy_s
-        fly = partial(gb.fly_in_loop, "gtm", FLOWN, duration_s, self.seed)
+        fly = partial(gb.fly_in_loop, "gtm", FLOWN, duration_s, self.seed, sensors="ideal")
         early, plain = gb.Accommodate(self.monitors["C-early"]), gb.Accommodate(self.monitors["C"])
         flown = {NONE: fly(faults=faults), NAMED: fly(faults=faults, accommodate=early)}
         if self.part == "healthy":

@@ -201,7 +201,8 @@ def day(_folder, hours, speed=30.0):
 def _long(port, hours, speed):
     from gtmbench.link.sending import _packets
 
-    looped = gb.fly_in_loop("gtm", "multisine+turbulence", 3600.0 * hours, 35)  # without its autopilot it lands
+    # without its autopilot it lands
+    looped = gb.fly_in_loop("gtm", "multisine+turbulence", 3600.0 * hours, 35, sensors="ideal")
     record, random = looped.sensed.select(CHANNELS), np.random.default_rng(1)
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         begun_s = time.perf_counter()
