@@ -341,7 +341,7 @@ class AlarmLogic:
             self._close(self._open[fault.number], outcome.closing)
 
     def _telling(self, fault: OpenFault) -> OpenFault:
-        """Return a fault whose alarm tells when it is looked at next, where that may change what is said of it."""
+        """Return a fault whose alarm tells when it is looked at next, where that may change its verdict."""
         again_s = self._memory.time_s(fault.due) if fault.is_undecided else None
         alarm = fault.alarm
         return fault if alarm.looks_again_s == again_s else replace(fault, alarm=replace(alarm, looks_again_s=again_s))

@@ -67,7 +67,7 @@ class OpenFault:
 
     @property
     def is_undecided(self) -> bool:
-        """Whether the next look may change what is said of it, not only its end."""
+        """Whether the next look may change its verdict, not only its end."""
         return self.is_diagnosed and self.alarm.is_first and not (self.is_decided or self.is_late)
 
     @property
