@@ -5,7 +5,8 @@
 Flies the GTM in turbulence on its sensor chain (`--sensors chain`), with a monitor of bank C-early calibrated on 12
 open-loop flights of 300 s on that chain. Hard faults of gyros (sign flip, hardover of 100 deg/s, scale factor -2) are
 flown unaided, with `gb.Accommodate`, and with an oracle that takes the sensor out 0.1 s after the onset; random faults
-of gyros and of attitude angles with `gb.Accommodate`; and healthy flights. The seeds (970,001 and on) were looked at
+of gyros and of attitude angles with `gb.Accommodate`; a gyro and then, up to 10 s later, a sensor of another axis; and
+healthy flights, also with a monitor that was calibrated on ideal sensors. The seeds (970,001 and on) were looked at
 once; development used 900,001 and 910,001 and on, and an earlier version was held against 960,001 and on.
 
 By default a fraction of the issue's numbers is flown, in a quarter of an hour of one core; --full flies all.
@@ -37,7 +38,8 @@ HARD: tuple[Callable[[str, int], gb.Fault], ...] = (
     lambda channel, sign: gb.Hardover(channel=channel, onset_s=ONSET_S, limit=100.0 * sign),
     lambda channel, _: gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=-2.0),
 )
-PARTS = ("hard gyro faults", "angle faults", "gyro faults", "healthy")
+HEALTHY, OTHER = "healthy", "healthy, monitor of ideal sensors"
+PARTS = ("hard gyro faults", "angle faults", "gyro faults", "two faults", HEALTHY, OTHER)
 _ORACLE_SHARE = 0.37  # of the virtual rate, as the accommodation flies on the GTM's chain
 
 
@@ -63,21 +65,21 @@ class Oracle:
 
 
 def flown(
-    part: str, remedy: str, seed: int, faults: gb.Fault | tuple[()], remedy_of: object, duration_s: float = FLIGHT_S
+    part: str, remedy: str, seed: int, faults: tuple[gb.Fault, ...], remedy_of: object, duration_s: float = FLIGHT_S
 ) -> dict[str, object]:
     """Fly once; return what became of the aircraft, and what was done."""
     begun_s = time.process_time()
     flight = gb.fly_in_loop(
         "gtm", "turbulence", duration_s, seed, faults=faults, accommodate=remedy_of, sensors="chain"
     )
-    broken = {faults.channel} if isinstance(faults, gb.Fault) else set()
+    broken = {fault.channel for fault in faults}
     acted = [event for event in flight.events if event.kind in (SUSPECTED, REPLACED)]
     replaced = {event.channel for event in acted if event.kind == REPLACED}
     return {
         "part": part,
         "remedy": remedy,
         "seed": seed,
-        "fault": f"{faults.kind} of {faults.channel}" if isinstance(faults, gb.Fault) else "none",
+        "fault": ", ".join(f"{fault.kind} of {fault.channel}" for fault in faults) or "none",
         "departed": flight.departed_s is not None,
         "bank": bool(np.abs(flight.truth["phi"]).max() > 30.0),
         "acted": bool(acted),
@@ -88,28 +90,44 @@ def flown(
     }
 
 
+def cases(part: str, count: int) -> Iterator[tuple[int, tuple[gb.Fault, ...]]]:
+    """Give the seed and the faults of every flight of a part."""
+    first = {"hard gyro faults": 0, "angle faults": 1000, "gyro faults": 2000, "two faults": 4000}.get(part, 3000)
+    for number in range(count):
+        seed = SEED + first + number
+        random = np.random.default_rng(seed)
+        if part == "hard gyro faults":
+            yield seed, (HARD[number // 3 % 3](GYROS[number % 3], -1 if number // 9 % 2 else 1),)
+        elif part == "two faults":
+            axes, later_s = random.permutation(3)[:2], ONSET_S + float(random.uniform(0.0, 10.0))
+            second = (GYROS, ATTITUDE)[int(random.integers(2))][axes[1]]
+            yield seed, (drawn_fault(random, GYROS[axes[0]], ONSET_S), drawn_fault(random, second, later_s))
+        elif part in ("angle faults", "gyro faults"):
+            channel = str(random.choice(ATTITUDE if part == "angle faults" else GYROS))
+            yield seed, (drawn_fault(random, channel, ONSET_S),)
+        else:
+            yield seed, ()
+
+
+def accommodation(sensors: str) -> gb.Accommodate:
+    """Return an accommodation whose monitor was calibrated on some sensors."""
+    calibration = CalibrationFlights(flights=12, duration_s=300.0, seed=CALIBRATION_SEED, sensors=sensors)
+    return gb.Accommodate(gb.calibrate(calibration.sensed(SENSORS), bank=gb.load_bank("C-early")))
+
+
 def rows(full: bool, parts: Collection[str]) -> Iterator[dict[str, object]]:
     """Fly some parts."""
-    hard, angles, gyros, healthy, healthy_s = (120, 174, 326, 24, 3000.0) if full else (81, 60, 40, 4, 600.0)
-    calibration = CalibrationFlights(flights=12, duration_s=300.0, seed=CALIBRATION_SEED, sensors="chain")
-    monitor = gb.calibrate(calibration.sensed(SENSORS), bank=gb.load_bank("C-early"))
-    aided = gb.Accommodate(monitor)
-    for number in range(hard if "hard gyro faults" in parts else 0):
-        channel, sign = GYROS[number % 3], -1 if number // 9 % 2 else 1
-        fault, seed = HARD[number // 3 % 3](channel, sign), SEED + number
-        for remedy, remedy_of in (("unaided", None), ("oracle", Oracle(channel)), ("accommodated", aided)):
-            yield flown("hard gyro faults", remedy, seed, fault, remedy_of)
-    for part, count, first in (("angle faults", angles, 1000), ("gyro faults", gyros, 2000)):
-        for number in range(count if part in parts else 0):
-            seed = SEED + first + number
-            random = np.random.default_rng(seed)
-            channel = str(random.choice(ATTITUDE if part == "angle faults" else GYROS))
-            fault = drawn_fault(random, channel, ONSET_S)
-            for remedy, remedy_of in (("unaided", None), ("accommodated", aided)):
-                yield flown(part, remedy, seed, fault, remedy_of)
-    for number in range(healthy if "healthy" in parts else 0):
-        for remedy, remedy_of in (("unaided", None), ("accommodated", aided)):
-            yield flown("healthy", remedy, SEED + 3000 + number, (), remedy_of, healthy_s)
+    counts = dict(zip(PARTS, (120, 174, 326, 60, 24, 24) if full else (81, 60, 40, 30, 4, 4), strict=True))
+    for part in parts:
+        aided = accommodation("ideal" if part == OTHER else "chain")
+        duration_s = {"two faults": FLIGHT_S + 10.0}.get(part, FLIGHT_S)
+        duration_s = (3000.0 if full else 600.0) if part in (HEALTHY, OTHER) else duration_s
+        for seed, faults in cases(part, counts[part]):
+            remedies: dict[str, object] = {"unaided": None} if part != OTHER else {}
+            if part == "hard gyro faults":
+                remedies["oracle"] = Oracle(faults[0].channel)
+            for remedy, remedy_of in (remedies | {"accommodated": aided}).items():
+                yield flown(part, remedy, seed, faults, remedy_of, duration_s)
 
 
 def report(table: pd.DataFrame, full: bool) -> str:
