@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 import gtmbench as gb
@@ -62,14 +63,14 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr("gtmbench.imports._brought", {})
     (tmp_path / "pilot.py").write_text(PILOT)
     (tmp_path / "own.toml").write_text(SCENARIO.format(flown='controller = "pilot.py:Pilot"'))
-    (tmp_path / "ours.toml").write_text(SCENARIO.format(flown="[autopilot]"))
+    (tmp_path / "ours.toml").write_text(SCENARIO.format(flown='sensors = "ideal"\n[autopilot]'))
     return tmp_path
 
 
 def test_a_scenario_flies_it_as_it_flies_ours(folder):
     load_module(folder / "pilot.py")
     own, ours = (gb.run(folder / f"{name}.toml")[0] for name in ("own", "ours"))
-    assert own.record.values.tobytes() == ours.record.values.tobytes()
+    np.testing.assert_array_equal(own.record.values, ours.record.values)
     assert own.detected == ours.detected
     facts = gb.load_scenario(folder / "own.toml").setup.facts
     assert facts["controller"] == "pilot.py:Pilot"
