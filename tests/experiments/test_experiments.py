@@ -97,6 +97,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "several_imus",
         "chained_gains",
         "chain_rescue",
+        "hard_motion",
+        "learnt_controller",
         "heading_witness",
         "magnetometer_in_logs",
         "lost_samples",
