@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import PRIVATE, TEST, with_secret
-from tests.helpers.benchmarks import finds, tiny, write_scores
+from tests.helpers.small_benchmark import finds, tiny, write_scores
 
 SQUARED = """
 import gtmbench as gb

@@ -22,10 +22,10 @@ from tests.check import test_check
 from tests.cli.test_cli import SHORT
 from tests.helpers import monitors
 from tests.helpers.autopilot_logs import ardupilot, broken
-from tests.helpers.benchmarks import finds, tiny, write_scores
 from tests.helpers.campaigns import TINY
 from tests.helpers.rescuing import early_monitor
 from tests.helpers.sealed import rerecorded
+from tests.helpers.small_benchmark import finds, tiny, write_scores
 
 FIRST = ["verdict", "exit_code", "findings", "schema_version", "command"]
 ALONE = "--no-figures --no-recording --force"

@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import JUDGED_SPLITS, PRIVATE, TEST, load_definition, with_secret
 from gtmbench.study.benchmark.flights import make, shipped_facts
-from tests.helpers.benchmarks import tiny
+from tests.helpers.small_benchmark import tiny
 
 FROZEN = "eb081dc7c72c04d0"
 PUBLIC = ("learn", "calibration", "development", "test")

@@ -7,7 +7,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import CALIBRATION, TEST
 from gtmbench.study.benchmark.entry import read_entry
-from tests.helpers.benchmarks import finds, noise_of, tiny, write_scores
+from tests.helpers.small_benchmark import finds, noise_of, tiny, write_scores
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from gtmbench.study.benchmark.flights import limits_s
 from gtmbench.study.benchmark.judge import judge, places, quickness_of, ranked
 from gtmbench.study.benchmark.run import run_benchmark
 from gtmbench.study.benchmark.yardsticks import write_yardsticks
-from tests.helpers.benchmarks import finds, noise_of, tiny, write_scores
+from tests.helpers.small_benchmark import finds, noise_of, tiny, write_scores
 
 
 @pytest.fixture(scope="module")
