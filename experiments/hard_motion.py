@@ -23,13 +23,12 @@ import numpy as np
 import pandas as pd
 
 import gtmbench as gb
-from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.trim import Trim
 from gtmbench.detectors.excursion import MOTION
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
-from gtmbench.values.record import Span
 
 SEED, CALIBRATION_SEED, STUCK_S, FLIGHT_S = 985_001, 640_001, 20.0, 60.0
 SERVOS = (
@@ -52,24 +51,23 @@ Held = Callable[[float, Sequence[float], Trim], Sequence[float]]
 
 
 class Holding:
-    """An autopilot whose commands are changed on their way to the servos."""
+    """The aircraft's own autopilot, whose commands are changed on their way to the servos."""
 
-    def __init__(self, pilot: Autopilot, held: Callable[[], Held]) -> None:
-        self._pilot, self._held = pilot, held
+    def __init__(self, aircraft: Aircraft, sensors: str, held: Callable[[], Held]) -> None:
+        pilot = aircraft.autopilot_on(sensors)
+        assert pilot is not None
+        self._pilot, self._limits, self._begin = pilot, aircraft.limits, held
         self.reads = pilot.reads
 
-    def engage(
-        self, trim: Trim, limits: dict[str, Span], sample_period_s: float
-    ) -> Callable[[Sequence[float]], Sequence[float]]:
+    def start(self, trim: Trim) -> None:
         """Begin a flight."""
-        command, held, sample = self._pilot.engage(trim, limits, sample_period_s), self._held(), 0
+        self._trim, self._held = trim, self._begin()
+        self._wanted = self._pilot.engage(trim, self._limits, SAMPLE_PERIOD_S)
 
-        def commands(readings: Sequence[float]) -> Sequence[float]:
-            nonlocal sample
-            sample += 1
-            return held(sample * sample_period_s, command(readings), trim)
-
-        return commands
+    def command(self, readings: gb.Readings, time_s: float) -> Sequence[float]:
+        """Return what reaches the servos."""
+        acts_s = round(time_s + SAMPLE_PERIOD_S, 9)  # when the aircraft answers
+        return self._held(acts_s, self._wanted(readings), self._trim)
 
 
 def stuck(servos: Sequence[str]) -> Callable[[], Held]:
@@ -130,8 +128,6 @@ def rows(flights: int) -> Iterator[dict[str, object]]:
         monitor = gb.calibrate(calibration.sensed(SENSORS), bank=gb.load_bank("C-early"))
         told = {key: value for key, value in monitor.provenance.items() if key != "turning"}
         unruled = replace(monitor, provenance=told)
-        pilot = craft.autopilot_on(sensors)
-        assert pilot is not None
         ways = [("stuck servos", "+".join(servos), stuck(servos)) for servos in SERVOS]
         ways += [("rolls", f"{size:g} deg", rolled(size, 2.0 + 2.0 * (i % 2))) for i, size in enumerate(ROLLS_DEG)]
         for place, (part, how, held) in enumerate(ways):
@@ -140,7 +136,7 @@ def rows(flights: int) -> Iterator[dict[str, object]]:
                     excitation="turbulence" if number % 2 else "multisine+turbulence",
                     duration_s=FLIGHT_S,
                     seed=SEED + 100 * place + number,
-                    autopilot=Holding(pilot, held),  # type: ignore[arg-type]
+                    controller=Holding(craft, sensors, held),
                     faults=HARMLESS,
                     sensors=sensors,
                 )

@@ -100,11 +100,11 @@ class SensorPath:
         return step
 
 
-def _round(step: Step) -> Step:
+def _wrapping(step: Step) -> Step:
     """Return a step of an angle that wraps at 180 deg: nothing reads what lies between its two ends."""
     before, turned = math.nan, 0.0
 
-    def round_step(angle_deg: float, noise: float) -> float:
+    def wrapping_step(angle_deg: float, noise: float) -> float:
         nonlocal before, turned
         if abs(angle_deg - before) > 180.0:
             turned += math.copysign(360.0, before - angle_deg)
@@ -112,7 +112,7 @@ def _round(step: Step) -> Step:
         reading = step(angle_deg + turned, noise)
         return (reading + 180.0) % 360.0 - 180.0 if abs(reading) > 180.0 else reading
 
-    return round_step
+    return wrapping_step
 
 
 def _filtering(corner_hz: float | None, sample_period_s: float) -> Callable[[float], float]:
@@ -202,7 +202,7 @@ class SensorChain:
     def start(self, sample_period_s: float, channels: Sequence[str] = SENSORS) -> Chained:
         """Return a function of a sample's motion and T2's noise, each in the order of the channels."""
         steps = [
-            (column, _round(step) if name == "phi" else step)
+            (column, _wrapping(step) if name == "phi" else step)
             for column, name in enumerate(channels)
             if (path := self.paths.get(name)) is not None
             for step in (path.start(sample_period_s, _louder(name, path)),)

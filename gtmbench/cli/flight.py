@@ -164,9 +164,9 @@ def fly_command(
     check_destination(out, target, speed, force=force)
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
+    estimator_of(attitude)
     if not closed_loop:
         _check_open_loop(controller, attitude, noise, breaks=bool(given) and target is None)
-    estimator_of(attitude)
     faults = chosen_faults(given, onset, trial).faults
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
@@ -213,7 +213,7 @@ def fly_command(
 
 def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:
     """Refuse what needs --closed-loop, or sensors."""
-    from gtmbench.values.attitude import OWN, estimator_of
+    from gtmbench.values.attitude import OWN
 
     if controller is not None:
         raise InputError(f"--controller is '{controller}', but nobody flies an open loop; add --closed-loop")
@@ -221,7 +221,6 @@ def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *
         raise InputError(
             "--fault needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
         )
-    estimator_of(attitude)
     if attitude != OWN and noise is None:
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
 
