@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, is_superposed, stretches
+from gtmbench.detectors.trials import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.method.convolution import filtered
 from gtmbench.method.residual import moving_sum, residual
@@ -65,7 +65,7 @@ class NormTrials:
         known = norms[max(fault.onset_row(self._record) - self._late, 0) :]
         is_entered = fault.channel in (*self._operator.outputs, *self._operator.inputs)
         peak = float(np.fmax.reduce(known, initial=0.0)) / self._threshold if is_entered else 0.0
-        return Detection(alarm_s=self._alarm_s(fault, norms), peak_ratio=peak)
+        return Detection(alarm_s=self._alarm_s(fault, norms), peak_ratio=min(peak, FAR))
 
     def _alarm_s(self, fault: Fault, norms: FloatArray) -> float | None:
         risen = rising(norms, self._threshold) + self._late

@@ -18,6 +18,7 @@ from gtmbench.faults.fault import Fault, inject
 from gtmbench.values.record import Record
 
 TIE_S = 1e-9
+FAR = 5.0  # times its threshold: how far a score is followed where nobody asks what failed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +31,7 @@ class Detection:
         When the first alarm could be raised at or after the onset.
     peak_ratio : float
         Greatest score known at or after the onset over its threshold, of those that the sensor's fault enters, to the
-        record's end; 0 without any.
+        record's end; 0 without any. It isn't followed beyond `FAR`, and is that then.
     """
 
     alarm_s: float | None
@@ -90,7 +91,7 @@ class WatchedTrials:
         entered = [score for score in watch.scores.values() if not score.channels or changed & {*score.channels}]
         return Detection(
             alarm_s=next((alarm.time_s for alarm in watch.alarms if alarm.time_s >= fault.onset_s - TIE_S), None),
-            peak_ratio=max((score.peak(fault.onset_s) for score in entered), default=0.0),
+            peak_ratio=min(max((score.peak(fault.onset_s) for score in entered), default=0.0), FAR),
         )
 
 

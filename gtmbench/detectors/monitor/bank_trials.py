@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank, bank_residuals, without_spread
-from gtmbench.detectors.monitor.scores import crossings, residual_scores
-from gtmbench.detectors.monitor.superposition import ChangedResidual
+from gtmbench.detectors.monitor.scores import IntArray, crossings, residual_scores
+from gtmbench.detectors.monitor.superposition import ChangedResidual, ChangingResidual
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.trials import TIE_S, Detection, WatchedTrials, is_superposed, stretches
+from gtmbench.detectors.trials import FAR, TIE_S, Detection, WatchedTrials, is_superposed, stretches
 from gtmbench.faults.fault import Fault
 from gtmbench.values.record import FloatArray, Record
 
@@ -28,26 +28,6 @@ class _Changed(NamedTuple):
     residual: ChangedResidual
     begin: int
     values: FloatArray
-
-    def rows(self, known: range) -> range:
-        """Return the rows whose scores become known with some rows of the record."""
-        ahead = self.residual.ahead
-        return range(max(known.start - ahead, self.begin), max(known.stop - ahead, self.begin))
-
-    def greatest(self, known: range) -> float:
-        """Return the greatest score that becomes known with some rows."""
-        rows = self.rows(known)
-        values = self.values[: rows.stop - self.begin]
-        return self.residual.greatest(self.begin, values, rows) if rows else -np.inf
-
-    def alarm_row(self, known: range) -> int | None:
-        """Return with which of some rows the first score above 1 is known."""
-        if self.greatest(known) <= 1.0:
-            return None
-        above_rows = self.rows(known)
-        rows, scores = self.residual.scores(self.begin, self.values[: above_rows.stop - self.begin], above_rows)
-        above = np.flatnonzero(scores > 1.0)
-        return int(rows[above[0]]) + self.residual.ahead if len(above) else None
 
 
 class BankTrials:
@@ -82,30 +62,48 @@ class BankTrials:
         """Return when the first alarm could be raised at or after a fault's onset; None where none is."""
         if not self._is_simple(fault):
             return self._watched.first_alarm_s(fault)
-        for known in stretches(fault.onset_row(self._record), len(self._record)):
-            changed = self._changed(fault, known.stop)
-            if changed is None:
-                return self._watched.first_alarm_s(fault)
-            times_s = self._alarms_s(fault, changed, known)
-            if times_s:
-                return min(times_s)
-        return None
+        found = self._followed(fault, enough=0.0)
+        return self._watched.first_alarm_s(fault) if found is None else found.alarm_s
 
     def detection(self, fault: Fault) -> Detection:
         """Return that, and how far the scores went by the record's end."""
-        changed = self._changed(fault, len(self._record)) if self._is_simple(fault) else None
-        if changed is None:
-            return self._watched.detection(fault)
-        whole = range(fault.onset_row(self._record), len(self._record))
-        peak = max([0.0, *(each.greatest(whole) for each in changed)])
-        parts = stretches(whole.start, whole.stop) if peak > 1.0 else [whole]
-        found = (min(times_s) for known in parts if (times_s := self._alarms_s(fault, changed, known)))
-        return Detection(alarm_s=next(found, None), peak_ratio=peak)
+        found = self._followed(fault, enough=FAR) if self._is_simple(fault) else None
+        return self._watched.detection(fault) if found is None else found
 
-    def _alarms_s(self, fault: Fault, changed: list[_Changed], known: range) -> list[float]:
-        """Return alarms that become known with some rows, the first of each residual that the fault enters."""
-        rows = [row for each in changed if (row := each.alarm_row(known)) is not None]
-        times_s = [round(float(self._time_s[row]), 9) for row in rows]
+    def _followed(self, fault: Fault, *, enough: float) -> Detection | None:
+        """Follow the residuals that a fault enters until there was an alarm and a peak that is enough, or to the end.
+
+        None where samples miss.
+        """
+        alarm_s: float | None = None
+        peak = 0.0
+        going: list[ChangingResidual] = []
+        for known in stretches(fault.onset_row(self._record), len(self._record)):
+            changed = self._changed(fault, known.stop)
+            if changed is None:
+                return None
+            going = going or [each.residual.changed_from(each.begin) for each in changed]
+            scored = [now.push(each.values[now.row - each.begin :]) for now, each in zip(going, changed, strict=True)]
+            peak = max(peak, *(float(scores.max(initial=0.0)) for _, scores in scored))
+            if alarm_s is None:
+                alarm_s = min(self._alarms_s(fault, changed, known, scored), default=None)
+            if alarm_s is not None and peak >= enough:
+                break
+        return Detection(alarm_s=alarm_s, peak_ratio=min(peak, FAR))
+
+    def _alarms_s(
+        self, fault: Fault, changed: list[_Changed], known: range, scored: list[tuple[IntArray, FloatArray]]
+    ) -> list[float]:
+        """Return alarms that become known with some rows, the first of each residual that the fault enters.
+
+        `scored` are the rows of each of these that have a score, and the scores.
+        """
+        alarms = [
+            int(rows[np.argmax(scores > 1.0)]) + each.residual.ahead
+            for each, (rows, scores) in zip(changed, scored, strict=True)
+            if (scores > 1.0).any()
+        ]
+        times_s = [round(float(self._time_s[row]), 9) for row in alarms]
         return times_s + self._elsewhere_s(fault, changed, float(self._time_s[known.stop - 1]))
 
     def _entered(self, fault: Fault) -> tuple[str, ...]:

@@ -49,32 +49,17 @@ class ChangedResidual:
     spread: Spread | None = field(repr=False)
     before: FloatArray | None = field(default=None, repr=False)
 
-    def greatest(self, begin: int, changed: FloatArray, rows: range) -> float:
-        """Return the greatest score of some rows; -inf where there is none. Parameters are those of `scores`."""
-        return float(self.scores(begin, changed, rows)[1].max(initial=-np.inf))
-
-    def scores(self, begin: int, changed: FloatArray, rows: range) -> tuple[IntArray, FloatArray]:
-        """Return which of some rows have a score, and the scores.
-
-        Parameters
-        ----------
-        begin : int
-        changed : shape (rows from `begin` on,)
-            What the residual is instead; the last is that of the last row asked for.
-        rows : range
-            None before `begin`.
-        """
-        first = self._first(begin)
-        raw = np.concatenate([self.raw[first:begin], changed])
-        return self._scores(first, raw, self._white(first, begin, changed), rows)
+    def changed_from(self, begin: int) -> ChangingResidual:
+        """Return the residual as it is up to a row, and to be given what it is instead from there on."""
+        return ChangingResidual(self, begin)
 
     def healthy_scores(self, rows: range) -> tuple[IntArray, FloatArray]:
         """Return which of some rows have a score as the residual is, and the scores."""
-        first = self._first(rows.start)
+        first = self.first_before(rows.start)
         own = slice(first, rows.stop)
-        return self._scores(first, self.raw[own], self._healthy.between(own), rows)
+        return self.scored(first, self.raw[own], self.healthy.between(own), rows)
 
-    def _scores(self, first: int, raw: FloatArray, white: White, rows: range) -> tuple[IntArray, FloatArray]:
+    def scored(self, first: int, raw: FloatArray, white: White, rows: range) -> tuple[IntArray, FloatArray]:
         """Return which of some rows have a score, and the scores, by the residual from the row `first` on."""
         spread = None if self.spread is None else self.spread.between(slice(first, first + len(raw)))
         there, given = self._test.given(raw, white, spread)
@@ -91,26 +76,16 @@ class ChangedResidual:
         """How many rows after one its score is known."""
         return round(self.monitor.look_ahead_of(self.output) / self._period_s)
 
-    def _white(self, first: int, begin: int, changed: FloatArray) -> White:
-        """Return rows from `first` on, whitened by the noise as it is known before `begin`, then as it is learnt."""
-        if self.monitor.knows_noise:
-            return White.steady(np.concatenate([self.raw[first:begin], changed]))
-        white = self._pushed(self._noise_at(begin), begin, changed)
-        if len(white) < len(changed):  # it is still learning
-            white = White.steady(np.full(len(changed), np.nan))
-        own = white.between(slice(len(white) - len(changed), None))
-        return White.joined([self._healthy.between(slice(first, begin)), own])
-
-    def _noise_at(self, row: int) -> NoiseFollower:
+    def noise_at(self, row: int) -> NoiseFollower:
         """Return what follows the noise, as it is before a row; that is remembered, for the next trial there."""
         if row not in self._remembered:
             known = max(each for each in self._remembered if each <= row)
             noise = self._remembered[known].copy()
-            self._pushed(noise, known, self.raw[known:row])
+            self.pushed(noise, known, self.raw[known:row])
             self._remembered[row] = noise
         return self._remembered[row].copy()
 
-    def _pushed(self, noise: NoiseFollower, first: int, raw: FloatArray) -> White:
+    def pushed(self, noise: NoiseFollower, first: int, raw: FloatArray) -> White:
         """Return what rows from `first` on make known to what follows the noise."""
         return noise.push(raw, None if self.spread is None else self.spread.white[first : first + len(raw)])
 
@@ -121,22 +96,23 @@ class ChangedResidual:
         every = round(_REMEMBERED_S / self._period_s)
         for first in range(0, len(self.raw), every):
             remembered[first] = noise.copy()
-            parts.append(self._pushed(noise, first, self.raw[first : first + every]))
+            parts.append(self.pushed(noise, first, self.raw[first : first + every]))
         white = White.joined(parts)
         missing = White.steady(np.full(len(self.raw) - len(white), np.nan))
         return White.joined([white, missing]), remembered
 
     @property
-    def _healthy(self) -> White:
+    def healthy(self) -> White:
+        """As it is, whitened."""
         return White.steady(self.raw) if self.monitor.knows_noise else self._followed[0]
 
     @property
     def _remembered(self) -> dict[int, NoiseFollower]:
         return self._followed[1]
 
-    def _first(self, row: int) -> int:
+    def first_before(self, row: int) -> int:
         """Return the first row that the statistics look at from one on: missing samples are passed over."""
-        there = np.flatnonzero(np.isfinite(self._healthy.values[:row]))
+        there = np.flatnonzero(np.isfinite(self.healthy.values[:row]))
         wanted = self._test.looks_back(self._period_s)
         return int(there[-wanted]) if len(there) > wanted else 0
 
@@ -155,6 +131,48 @@ class ChangedResidual:
     @property
     def _period_s(self) -> float:
         return self.monitor.sample_period_s
+
+
+class ChangingResidual:
+    """A residual that is another from some row on, as its rows come in.
+
+    It is whitened by the noise as it is known before that row, then as it is learnt.
+
+    Parameters
+    ----------
+    residual : ChangedResidual
+        As it is without.
+    begin : int
+        The first row that is another.
+    """
+
+    def __init__(self, residual: ChangedResidual, begin: int) -> None:
+        self._residual, self._first = residual, residual.first_before(begin)
+        before = slice(self._first, begin)
+        self._raw, self._white = residual.raw[before], residual.healthy.between(before)
+        self._noise = None if residual.monitor.knows_noise else residual.noise_at(begin)
+
+    @property
+    def row(self) -> int:
+        """The next that it is given."""
+        return self._first + len(self._raw)
+
+    def push(self, raw: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return which of the next rows, of which the residual is given, have a score, and the scores."""
+        rows = range(self.row, self.row + len(raw))
+        if not rows:
+            return np.zeros(0, dtype=int), np.zeros(0)
+        self._white = White.joined([self._white, self._whitened(raw)])
+        self._raw = np.concatenate([self._raw, raw])
+        return self._residual.scored(self._first, self._raw, self._white, rows)
+
+    def _whitened(self, raw: FloatArray) -> White:
+        if self._noise is None:
+            return White.steady(raw)
+        white = self._residual.pushed(self._noise, self.row, raw)
+        if len(white) < len(raw):  # it is still learning
+            return White.steady(np.full(len(raw), np.nan))
+        return white.between(slice(len(white) - len(raw), None))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -198,7 +216,7 @@ class Superposition:
         if not self.armed[row] or stop <= row:
             return None
         begin, changed = self._changed(fault, row, stop)
-        rows, scores = self.residual.scores(begin, changed, range(begin, stop))
+        rows, scores = self.residual.changed_from(begin).push(changed)
         above = np.flatnonzero((scores > 1.0) & self.armed[rows])
         return int(rows[above[0]]) if len(above) else None
 

@@ -62,7 +62,7 @@ BLOCK_S = 0.5
 _FEWEST_ROWS = 5  # of one
 _LEAST_THERE = 0.5  # of its rows
 _GAP = 1  # blocks that are too young to be learnt: faults change them, too
-_AT_ONCE = 128  # blocks that are whitened together
+_AT_ONCE = (16, 128)  # blocks that are whitened together: after a change of state, which comes again soon, and at most
 _KEPT = MEMORY + LATE + _GAP + 16  # blocks: with those that a suspicion may take out
 _MOST_POWER, _MOST_SUM = 4.0, 6.0  # that a block, or a part of one, counts for
 _ORDER_S, _ORDERS = 0.08, (2, 16)  # of the second filter: as long as a sensor's own lag, in these bounds
@@ -124,6 +124,7 @@ class NoiseFollower:
             known = before[-self.order :]
             self._given[self.order - len(known) :] = np.column_stack([known, np.ones(len(known))])
         self._told = 0  # rows of the open block that were returned
+        self._at_once = _AT_ONCE[0]
         self.row = row  # the next that will be returned
         self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
         self._ends = Ends.nothing(self._order)
@@ -223,7 +224,9 @@ class NoiseFollower:
                 parts.append(self._opened())
                 self.row += len(parts[-1])
                 break
-            white, done = self._advance(min(blocks, _AT_ONCE))
+            asked = min(blocks, self._at_once)
+            white, done = self._advance(asked)
+            self._at_once = min(2 * self._at_once, _AT_ONCE[1]) if done == asked else _AT_ONCE[0]
             parts.append(white.between(slice(self._told, done * self._block)))
             self.row += len(parts[-1])
             self._given, self._told = self._given[done * self._block :], 0

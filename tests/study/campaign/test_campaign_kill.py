@@ -21,6 +21,7 @@ from gtmbench.cli.app import main
 from tests.helpers.campaigns import results, written
 
 ROOT = Path(__file__).parents[3]
+A_MOMENT_S = 1.1
 LONGEST_S = 0.3
 # A process that has imported everything, and forks itself for each run: importing it for each took most of the time.
 FORKS = """
@@ -100,6 +101,7 @@ def kill(times, seed, folder, said=lambda _line: None):
                 at_work = running.killed(arguments(campaign, out, jobs), out, *when)
                 kills += at_work
                 found.append(count(out))
+            time.sleep(A_MOMENT_S)  # what was made just now may be somebody's who is at work
             assert finished(campaign, out) == whole
             assert not list(out.glob(".gtmbench-*"))
             campaigns += 1
