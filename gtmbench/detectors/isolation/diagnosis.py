@@ -27,6 +27,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
 from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
+from gtmbench.detectors.isolation.excess import whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
@@ -41,7 +42,7 @@ from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
-_NEARLY = 0.97  # of what is wrong
+_NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
 _ALIKE = 200.0  # between faults that are physically the same
 _END = 20.0  # nats
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
@@ -223,11 +224,16 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     if not good:
         return _unexplained(case, first)
     best = good[0]
+    strays = [] if first.sensor is not None else _strays(case, best)
     order = (*_rivals(case, good), *_freer(case, best))
+    holder = None if first.sensor is not None else _holder(case, good, strays)
+    if holder is not None:
+        is_near = holder.channel in order or strays
+        order = (holder.channel, *(name for name in order if not is_near or name not in axis_of(holder.channel)))
+        best, strays = holder, []
     untestable = _untestable(case)
     pair = {best.channel, best.partner} if best.kind == "swap" else {best.channel}
     alone = set(order) <= pair and not untestable
-    strays = [] if first.sensor is not None else _strays(case, best)
     is_early = not (case.is_telling or best.is_shown or best.left.heals(case.monitor))
     sensor = first.sensor or (best.channel if alone and not strays and not is_early else None)
     kind = _kind(case, [fit for fit in ranking if fit.channel == best.channel])
@@ -318,6 +324,24 @@ def _left_elsewhere(case: Case, channel: str, estimator: AttitudeEstimator | Non
     return sum(energy(left.get(output, case.white[output][case.judged])) for output in others) + sum(
         case.energies.get(name, 0.0) for name in mates
     )
+
+
+def _holder(case: Case, good: Sequence[FittedHypothesis], strays: Sequence[str]) -> FittedHypothesis | None:
+    """Return the best fit of the sensor that must hold what the best one's shapes only absorb; None where that is open.
+
+    It is the one whose reading holds what the gyro and the attitude differ by. It is the angle, too, where the residual
+    of another axis is sick that it would heal: no fault of the gyro enters that. It has to explain most of what is.
+    """
+    best = good[0]
+    if not best.is_absorbing or not case.is_telling:
+        return None
+    name = whose_excess(case, best.channel)
+    if strays:
+        mates = suspects_in(case, [mate for mate in axis_of(best.channel) if mate in ANGLES and mate != best.channel])
+        healers = [mate.channel for mate in mates if all(_would_heal(mate, output) for output in strays)]
+        name = next((healer for healer in healers if name in (None, healer)), None)
+    least = _MOSTLY * (case.deviance - best.bic)
+    return next((fit for fit in good if fit.channel == name and case.deviance - fit.bic >= least), None)
 
 
 def _channels(fits: Iterable[FittedHypothesis]) -> tuple[str, ...]:

@@ -48,6 +48,8 @@ class Habit:
         Share of rows whose second difference is zero: it repeats itself, or runs dead straight.
     reach : float
         Its greatest magnitude.
+    before : shape (rows,)
+        What it read.
     is_steady : bool
         Whether its noise is as loud at all times, so that a little more or less of it tells.
     """
@@ -56,6 +58,7 @@ class Habit:
     quietest: float
     straight: float
     reach: float
+    before: FloatArray = field(repr=False)
     is_steady: bool = True
 
     @property
@@ -111,7 +114,7 @@ def habit_of(readings: FloatArray) -> Habit | None:
     quietest = min(quietest, 1.0)
     taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
     reach = float(np.nanmax(np.abs(last)))
-    return Habit(taps=taps, quietest=quietest, straight=straight, reach=reach, is_steady=is_steady)
+    return Habit(taps=taps, quietest=quietest, straight=straight, reach=reach, before=last, is_steady=is_steady)
 
 
 def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:

@@ -54,6 +54,15 @@ class Whitener:
         centred /= self.deviation
         return innovations(centred, self.coefficients)
 
+    def power(self, frequency: FloatArray) -> FloatArray:
+        """Return the spectrum of the residual at some frequencies, in radians a sample: deviation^2 / |A(w)|^2.
+
+        >>> Whitener(coefficients=np.array([1.0, -0.5]), mean=0.0, deviation=2.0).power(np.array([0.0]))
+        array([16.])
+        """
+        turns = np.exp(-1j * np.outer(frequency, np.arange(len(self.coefficients))))
+        return np.asarray(self.deviation**2 / np.square(np.abs(turns @ self.coefficients)))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class White:

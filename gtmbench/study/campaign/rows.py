@@ -42,7 +42,9 @@ COLUMNS: Mapping[str, Column] = {
     "detection_delay_s": Column("double", "since the onset, look-ahead and windows counted"),
     "look_ahead_s": Column("double", "the part of every delay that the detector waits for samples"),
     **crossings.COLUMNS,
-    "peak_ratio": Column("double", "greatest score over its threshold: since the onset, or of a healthy record"),
+    "peak_ratio": Column(
+        "double", "greatest score over its threshold, since the onset; of a trial that only detects at most 5"
+    ),
     "altered_share": Column("double", "of the samples of the fault that it changed"),
     "departure_time_s": Column("double", "when the aircraft departed, in the loop; null: it didn't"),
     "isolated": Column("bool", "whether the sensor that it names is one that had failed"),

@@ -10,7 +10,7 @@ from typing import Any
 from gtmbench.bench.loop_flight import departed_s
 from gtmbench.checks import one_line
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready, is_recipe
-from gtmbench.detectors.trials import Detection, trials_on
+from gtmbench.detectors.trials import FAR, Detection, trials_on
 from gtmbench.errors import GtmbenchError
 from gtmbench.faults.fault import Fault
 from gtmbench.files.arrow_table import Row
@@ -216,7 +216,8 @@ def _detected(detection: Detection, fault: Fault, quiet: Watch) -> Row:
 
 
 def _of_detection(judged: Row) -> Row:
-    return {name: value for name, value in judged.items() if name in _OF_DETECTION}
+    told = {name: value for name, value in judged.items() if name in _OF_DETECTION}
+    return told | {"peak_ratio": min(judged["peak_ratio"], FAR)}
 
 
 _OF_DETECTION = (

@@ -1,0 +1,100 @@
+"""Which of two readings holds what they differ by: a gyro's, or the attitude's, which tells of the same rate.
+
+What a fault adds to one of two readings p and d comes with that reading and not with the other, whatever its shape. So
+where no kind explains their difference e = p - d, its coherence with each of them tells whose it is: the share of e's
+power that a linear filter of p explains is
+
+    sum over f of |S_pe|^2 / S_pp  over  sum over f of S_ee,
+
+at the frequencies f where e is far beyond healthy noise. A fault that takes motion away, as a jam does, looks like one
+that adds it to the other reading. Therefore the healthy one must be as strong as the gyro was before the fault.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.values.channels import GYROS, axis_of
+from gtmbench.values.record import FloatArray
+
+_SEGMENT_S = 2.56
+_FEWEST = 6  # segments, which overlap by half
+_BEYOND = 4.0  # times the healthy residual's power: a fault is there
+_WITH, _WITHOUT = 0.5, 0.3  # shares of e: the least of whose it is, the most of the other
+_STRONGER = 2.5  # times the other's power where e is
+_AS_BEFORE = 0.5  # of the gyro's power before the fault, at least
+_NOTHING = 1e-300
+
+
+def whose_excess(case: Case, channel: str) -> str | None:
+    """Return which sensor of a channel's axis holds what its two readings differ by; None where that isn't clear."""
+    gyro, *angles = axis_of(channel)
+    habit = case.habits.get(gyro)
+    if gyro not in GYROS or not angles or gyro not in case.residuals.raw or habit is None or case.driving:
+        return None
+    span = max(2 * round(0.5 * _SEGMENT_S / case.period_s), 8)
+    readings = case.record[gyro][case.judged]
+    predicted = readings - (case.residuals.raw[gyro][case.judged] - case.shift[gyro])
+    healthy = case.monitor.whiteners[gyro].power(2.0 * np.pi * np.arange(2, span // 2 + 1) / span)
+    holder = held_by(readings, predicted, habit.before, healthy)
+    return None if holder is None else (gyro, angles[0])[holder]
+
+
+def held_by(readings: FloatArray, predicted: FloatArray, before: FloatArray, healthy: FloatArray) -> int | None:
+    """Return which of two readings holds what they differ by: 0 or 1; None where that isn't clear.
+
+    Parameters
+    ----------
+    readings, predicted : shape (rows,)
+        p and d.
+    before : shape (any,)
+        What was read before the fault, in the same unit.
+    healthy : shape (span // 2 - 1,)
+        The spectrum of p - d without a fault, at the frequencies of a segment of `span` rows but the two lowest.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> motion, added = rng.standard_normal((2, 2000))
+    >>> held_by(motion + 3 * added, motion, motion, np.full(127, 0.01))
+    0
+    >>> held_by(motion, motion + 3 * added, motion, np.full(127, 0.01))
+    1
+    >>> held_by(motion, 0 * motion, motion, np.full(127, 0.01)) is None  # the second is stuck
+    True
+    """
+    span = 2 * (len(healthy) + 1)
+    found = _spectra(np.array([readings, predicted, readings - predicted]), span)
+    usual = np.square(np.abs(_spectra(before[np.newaxis], span)[0]))
+    if found.shape[1] < _FEWEST or not len(usual):
+        return None
+    power = np.square(np.abs(found)).mean(axis=1) + _NOTHING
+    there = power[2] > _BEYOND * healthy
+    if not there.any():
+        return None
+    cross = np.square(np.abs((found[:2].conj() * found[2]).mean(axis=1)))
+    shares = (cross / power[:2])[:, there].sum(axis=1) / power[2, there].sum()
+    holder = int(np.argmax(shares))
+    weights = power[2, there] / power[2, there].sum()
+    stronger, as_before = (
+        float(np.exp(weights @ np.log(of[there])))
+        for of in (power[holder] / power[1 - holder], power[1 - holder] / (usual.mean(axis=0) + _NOTHING))
+    )
+    is_whose = shares[holder] >= _WITH and shares[1 - holder] <= _WITHOUT
+    return holder if is_whose and stronger >= _STRONGER and as_before >= _AS_BEFORE else None
+
+
+def _spectra(series: FloatArray, span: int) -> np.ndarray[tuple[int, int, int], np.dtype[np.complex128]]:
+    """Return the spectra of segments that overlap by half and miss no row: shape (series, segments, span // 2 - 1).
+
+    About their straight lines, by Hann's window, without the two lowest frequencies.
+    """
+    if series.shape[1] < span:
+        return np.zeros((len(series), 0, span // 2 - 1), dtype=complex)
+    cut = np.lib.stride_tricks.sliding_window_view(series, span, axis=1)[:, :: span // 2]
+    cut = cut[:, np.isfinite(cut).all(axis=(0, 2))]
+    place, window = np.linspace(-1.0, 1.0, span), np.hanning(span)
+    slope = (cut @ place) / float(place @ place)
+    flat = cut - cut.mean(axis=2, keepdims=True) - slope[:, :, np.newaxis] * place
+    return np.asarray(np.fft.rfft(flat * window, axis=2)[:, :, 2:] / np.sqrt(np.sum(window**2)))
