@@ -27,11 +27,11 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case, own
 from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
 from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
-from gtmbench.detectors.isolation.excess import whose_excess
+from gtmbench.detectors.isolation.excess import Excess, whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.readings import is_straighter
+from gtmbench.detectors.isolation.readings import ALIKE, is_straighter
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
@@ -225,8 +225,9 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
         return _unexplained(case, first)
     best = good[0]
     strays = [] if first.sensor is not None else _strays(case, best)
-    order = (*_rivals(case, good), *_freer(case, best))
-    holder = None if first.sensor is not None else _holder(case, good, strays)
+    excess = whose_excess(case, best.channel) if best.is_absorbing and first.sensor is None else None
+    order = (*_rivals(case, good, excess), *_freer(case, best))
+    holder = None if first.sensor is not None else _holder(case, good, strays, excess)
     if holder is not None:
         is_near = holder.channel in order or strays
         order = (holder.channel, *(name for name in order if not is_near or name not in axis_of(holder.channel)))
@@ -268,8 +269,8 @@ def _candidates(case: Case, order: Sequence[str], untestable: Sequence[str], *, 
     return tuple(dict.fromkeys([*order, *untestable, *(_axis(case, order[0]) if whole_axis else [])]))
 
 
-def _rivals(case: Case, good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
-    """Return the suspects that the best doesn't decisively beat, likeliest first."""
+def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None = None) -> tuple[str, ...]:
+    """Return the suspects that the best doesn't decisively beat, likeliest first; or that likely hold the excess."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
 
@@ -277,7 +278,7 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis]) -> tuple[str, ...]:
         if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE):
             return True
         is_vague = fit.bic < first.bic + _VAGUE * (case.deviance - first.bic)
-        return is_vague and _reads_anything(case, first, fit)
+        return (is_vague or (excess is not None and channel == excess.holder)) and _reads_anything(case, first, fit)
 
     return tuple(channel for channel, fit in best.items() if is_near(channel, fit))
 
@@ -321,21 +322,36 @@ def _left_elsewhere(case: Case, channel: str, estimator: AttitudeEstimator | Non
     left = dict(zip(suspect.outputs, suspect.white - suspect.shown(suspect.off[np.newaxis])[0], strict=True))
     others = (output for output in case.residuals.raw if output not in axis)
     mates = (own(name) for name in axis if name != channel)
-    return sum(energy(left.get(output, case.white[output][case.judged])) for output in others) + sum(
-        case.energies.get(name, 0.0) for name in mates
+    return (
+        sum(energy(left.get(output, case.white[output][case.judged])) for output in others)
+        + sum(case.energies.get(name, 0.0) for name in mates)
+        + _of_its_own(case, channel)
     )
 
 
-def _holder(case: Case, good: Sequence[FittedHypothesis], strays: Sequence[str]) -> FittedHypothesis | None:
+def _of_its_own(case: Case, channel: str) -> float:
+    """Return -2 log likelihood of a sensor's own noise, which may be of any level."""
+    habit, squares = case.habits.get(channel), case.energies.get(own(channel))
+    if habit is None or squares is None:
+        return 0.0
+    count = int(np.isfinite(case.white[own(channel)][case.judged]).sum())
+    level = squares * ALIKE / max(count, 1)
+    return float(habit.deviance(np.array(squares), count) if level < 1.0 else squares / level * (1.0 + np.log(level)))
+
+
+def _holder(
+    case: Case, good: Sequence[FittedHypothesis], strays: Sequence[str], excess: Excess | None
+) -> FittedHypothesis | None:
     """Return the best fit of the sensor that must hold what the best one's shapes only absorb; None where that is open.
 
-    It is the one whose reading holds what the gyro and the attitude differ by. It is the angle, too, where the residual
-    of another axis is sick that it would heal: no fault of the gyro enters that. It has to explain most of what is.
+    It is the one whose reading clearly holds what the gyro and the attitude differ by. It is the angle, too, where the
+    residual of another axis is sick that it would heal: no fault of the gyro enters that. It has to explain most of
+    what is wrong.
     """
     best = good[0]
     if not best.is_absorbing or not case.is_telling:
         return None
-    name = whose_excess(case, best.channel)
+    name = excess.holder if excess is not None and excess.is_clear else None
     if strays:
         mates = suspects_in(case, [mate for mate in axis_of(best.channel) if mate in ANGLES and mate != best.channel])
         healers = [mate.channel for mate in mates if all(_would_heal(mate, output) for output in strays)]

@@ -12,6 +12,8 @@ that adds it to the other reading. Therefore the healthy one must be as strong a
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from gtmbench.detectors.isolation.case import Case
@@ -22,13 +24,28 @@ _SEGMENT_S = 2.56
 _FEWEST = 6  # segments, which overlap by half
 _BEYOND = 4.0  # times the healthy residual's power: a fault is there
 _WITH, _WITHOUT = 0.5, 0.3  # shares of e: the least of whose it is, the most of the other
-_STRONGER = 2.5  # times the other's power where e is
-_AS_BEFORE = 0.5  # of the gyro's power before the fault, at least
+_STRONGER, _LEANING = 2.5, 1.5  # times the other's power where e is: to be clear, to be likely
+_WEAKER, _STEADY = 2.0, 1.5  # times the other's power there, that the gyro's was before the fault: at most
 _NOTHING = 1e-300
 
 
-def whose_excess(case: Case, channel: str) -> str | None:
-    """Return which sensor of a channel's axis holds what its two readings differ by; None where that isn't clear."""
+class Excess(NamedTuple):
+    """Whose the difference of two readings is.
+
+    Attributes
+    ----------
+    holder : str
+        The sensor that is likelier to hold it.
+    is_clear : bool
+        Whether it must be that one.
+    """
+
+    holder: str
+    is_clear: bool
+
+
+def whose_excess(case: Case, channel: str) -> Excess | None:
+    """Return which sensor of a channel's axis holds what its two readings differ by; None where that is open."""
     gyro, *angles = axis_of(channel)
     habit = case.habits.get(gyro)
     if gyro not in GYROS or not angles or gyro not in case.residuals.raw or habit is None or case.driving:
@@ -37,12 +54,14 @@ def whose_excess(case: Case, channel: str) -> str | None:
     readings = case.record[gyro][case.judged]
     predicted = readings - (case.residuals.raw[gyro][case.judged] - case.shift[gyro])
     healthy = case.monitor.whiteners[gyro].power(2.0 * np.pi * np.arange(2, span // 2 + 1) / span)
-    holder = held_by(readings, predicted, habit.before, healthy)
-    return None if holder is None else (gyro, angles[0])[holder]
+    found = held_by(readings, predicted, habit.before, healthy)
+    return None if found is None else Excess((gyro, angles[0])[found[0]], found[1])
 
 
-def held_by(readings: FloatArray, predicted: FloatArray, before: FloatArray, healthy: FloatArray) -> int | None:
-    """Return which of two readings holds what they differ by: 0 or 1; None where that isn't clear.
+def held_by(
+    readings: FloatArray, predicted: FloatArray, before: FloatArray, healthy: FloatArray
+) -> tuple[int, bool] | None:
+    """Return which of two readings holds what they differ by, 0 or 1, and whether that is clear; None where it is open.
 
     Parameters
     ----------
@@ -58,11 +77,12 @@ def held_by(readings: FloatArray, predicted: FloatArray, before: FloatArray, hea
     >>> rng = np.random.default_rng(1)
     >>> motion, added = rng.standard_normal((2, 2000))
     >>> held_by(motion + 3 * added, motion, motion, np.full(127, 0.01))
-    0
+    (0, True)
     >>> held_by(motion, motion + 3 * added, motion, np.full(127, 0.01))
-    1
-    >>> held_by(motion, 0 * motion, motion, np.full(127, 0.01)) is None  # the second is stuck
-    True
+    (1, True)
+    >>> held_by(motion, 1.5 * motion, motion, np.full(127, 0.01))  # likelier that than a gain of the first
+    (1, False)
+    >>> held_by(motion, 0 * motion, motion, np.full(127, 0.01))  # the second is stuck
     """
     span = 2 * (len(healthy) + 1)
     found = _spectra(np.array([readings, predicted, readings - predicted]), span)
@@ -75,14 +95,14 @@ def held_by(readings: FloatArray, predicted: FloatArray, before: FloatArray, hea
         return None
     cross = np.square(np.abs((found[:2].conj() * found[2]).mean(axis=1)))
     shares = (cross / power[:2])[:, there].sum(axis=1) / power[2, there].sum()
-    holder = int(np.argmax(shares))
     weights = power[2, there] / power[2, there].sum()
-    stronger, as_before = (
-        float(np.exp(weights @ np.log(of[there])))
-        for of in (power[holder] / power[1 - holder], power[1 - holder] / (usual.mean(axis=0) + _NOTHING))
-    )
+    levels = np.log(np.array([power[0], power[1], usual.mean(axis=0) + _NOTHING]))[:, there] @ weights
+    holder = int(levels[1] > levels[0])
+    stronger, weaker = (float(np.exp(level - levels[1 - holder])) for level in (levels[holder], levels[2]))
     is_whose = shares[holder] >= _WITH and shares[1 - holder] <= _WITHOUT
-    return holder if is_whose and stronger >= _STRONGER and as_before >= _AS_BEFORE else None
+    if is_whose and stronger >= _STRONGER and weaker <= _WEAKER:
+        return holder, True
+    return (holder, False) if stronger >= _LEANING and weaker <= _STEADY else None
 
 
 def _spectra(series: FloatArray, span: int) -> np.ndarray[tuple[int, int, int], np.dtype[np.complex128]]:

@@ -24,7 +24,8 @@ def told(seed, fault, broken=0):
     sensed = [rate, rate]
     sensed[broken] = fault(rate, rng)
     readings, predicted = (values + NOISE * rng.standard_normal(ROWS) for values in sensed)
-    return held_by(readings, predicted, before, np.full(SPAN // 2 - 1, 2.0 * NOISE**2))
+    found = held_by(readings, predicted, before, np.full(SPAN // 2 - 1, 2.0 * NOISE**2))
+    return None if found is None or not found[1] else found[0]
 
 
 def tone(frequency_hz):
@@ -73,11 +74,11 @@ def test_units_signs_and_gaps_change_nothing():
     rng = np.random.default_rng(1)
     rate, before = motion(rng), motion(rng, 3000)
     broken, healthy = bursts(rate, rng) + NOISE * rng.standard_normal(ROWS), np.full(SPAN // 2 - 1, NOISE**2)
-    assert held_by(broken, rate, before, healthy) == 0
-    assert held_by(-7.0 * broken, -7.0 * rate, 7.0 * before, 49.0 * healthy) == 0
-    assert held_by(broken + 5.0, rate - 2.0, before, healthy) == 0
+    assert held_by(broken, rate, before, healthy) == (0, True)
+    assert held_by(-7.0 * broken, -7.0 * rate, 7.0 * before, 49.0 * healthy) == (0, True)
+    assert held_by(broken + 5.0, rate - 2.0, before, healthy) == (0, True)
     broken[[300, 900]] = np.nan
-    assert held_by(broken, rate, before, healthy) == 0
+    assert held_by(broken, rate, before, healthy) == (0, True)
 
 
 @pytest.mark.parametrize("rows", [0, 200, 700])
