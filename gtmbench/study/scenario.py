@@ -247,8 +247,10 @@ def _setup(table: dict[str, Any]) -> Setup:
         ("severity_reference_s", setup.severity_reference_s),
     ):
         if not span[0] < span[1] <= setup.duration_s:
+            section, _, name = key.rpartition(".")
+            meant = "" if name in (table[section] if section in table else table) else " unless it is given"
             raise InputError(
-                f"{key} is {list(span)}, but the flight lasts {setup.duration_s:g} s (duration_s); give a start before "
+                f"{key} is {list(span)}{meant}, but the flight lasts {setup.duration_s:g} s (duration_s); give a start before "
                 "the end, both within it"
             )
     number("alarm.watch_from_s", setup.alarm.watch_from_s, 0.0, setup.duration_s)

@@ -184,7 +184,7 @@ WRONG = {  # what is written, and what the message has to name
     "identify after the end": (DRIFT + "[operator]\nidentify_s = [25, 501]", ["operator.identify_s", "500"]),
     "threshold after the end": (DRIFT + "[alarm]\nthreshold_s = [200, 501]", ["alarm.threshold_s", "500"]),
     "reference backwards": ("severity_reference_s = [9, 5]\n" + DRIFT, ["severity_reference_s", "start before"]),
-    "short flight": ("duration_s = 100\n" + DRIFT, ["operator.identify_s", "100"]),
+    "short flight": ("duration_s = 100\n" + DRIFT, ["operator.identify_s", "unless it is given", "100"]),
     "share of the wrong thing": (fault(more='slope = "20 % of rms"'), ["slope", "20 % of slew"]),
     "slew of a width": (fault("deadzone", more='half_width = "5 % of slew"'), ["half_width", "rms", "peak"]),
     "endless severity": (fault(more="slope = inf"), ["slope", "inf"]),
