@@ -1,6 +1,6 @@
 """A learnt rival enters gtmbench-1 by files: a recurrent network predicts the sensors, its smoothed errors are scores.
 
-    pip install keras jax pandas pyarrow scipy
+    pip install 'gtmbench[learnt]'
     gtmbench benchmark --quick --export flights
     KERAS_BACKEND=jax python experiments/benchmark_lstm.py flights entries
     gtmbench benchmark --quick --score entries/lstm
