@@ -58,11 +58,20 @@ def test_rflymads_topic_says_what_is_in_force(tmp_path, flight):
     assert texts == ["gyro scale factor: 1.3, 1, 0.8", "motor mode 1: 0, 1, 1, 1", "GPS noise: 2"]
 
 
-@pytest.mark.parametrize("ids", [(0, 0, 123549, 123540), ()])
+@pytest.mark.parametrize("ids", [(0, 0, 123549, 123540), (0, 0), ()])
 def test_a_log_of_rflymad_without_a_fault_tells_of_none(tmp_path, flight, ids):
     more = commanded(*[(10.0 * (k + 1), kind, 0, ()) for k, kind in enumerate(ids)]) if ids else {}
     (tmp_path / "log.ulg").write_bytes(px4(flight, more=more))
     assert told(tmp_path / "log.ulg") == []
+
+
+def test_a_hostile_topic_of_rflymads_name_costs_little(tmp_path, flight):
+    fields = ["float id", "float mode"]
+    rows = [(10.0 + 0.01 * k, float("nan") if k % 3 == 0 else 123453.0, float("nan")) for k in range(4000)]
+    (tmp_path / "log.ulg").write_bytes(px4(flight, more={"rfly_ctrl_lxl": (fields, rows)}))
+    found = gb.open_log(tmp_path / "log.ulg", needs=NEEDS).injections
+    assert 0 < len(found) <= 1000
+    assert "gyro" in {each.sensor for each in found}
 
 
 # ---- UAV-SEAD: PX4 logs, annotated beside ----

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.injections import GYRO, Injection, spells
+from gtmbench.intake.injections import GYRO, Injection
 from gtmbench.values.channels import GYROS
 from gtmbench.values.clock import FloatArray
 
 _TOPIC = "rfly_ctrl_lxl"
-_NONE, _NO_FAULT, _HOVER = 0, 123549, 123540  # ids that are no fault: nothing commanded yet, "without", a waiting time
+_NONE = 0
+_HEALTHY = (_NONE, 123549, 123540)  # ids that are no fault: nothing commanded yet, "without", a waiting time
 _IDS = {
     123450: "motor",
     123451: "propeller",
@@ -39,8 +40,8 @@ _IDS = {
     123548: "wind",
 }
 _OF_SENSORS = range(123452, 123457)
-_MODES = {3: "noise", 4: "scale factor"}  # of sensors; motors have others
-_MOST_MESSAGES = 100_000
+_MODES = {3.0: "noise", 4.0: "scale factor"}  # of sensors; motors have others
+_MOST_CHANGES = 1000  # that are looked at: nobody injects more in a flight
 _MOST_CONTROLS = 16
 
 
@@ -58,27 +59,27 @@ def rflymad_injections(
     fields = topics.get(_TOPIC, {})
     if not {"id", "mode"} <= set(fields):
         return []
-    ids = fields["id"][:_MOST_MESSAGES].astype(np.int64)
-    times_s = clocks[_TOPIC][: len(ids)]
-    found = []
-    for kind in sorted(set(ids.tolist()) - {_NONE, _NO_FAULT, _HOVER}):
-        changes = list(zip(times_s.tolist(), (ids == kind).astype(float).tolist(), strict=True))
-        for onset_s, end_s, _ in spells(changes, 0.0):
-            found.append(_injection(kind, fields, int(np.flatnonzero(times_s == onset_s)[0]), onset_s, end_s))
-    return found
+    ids, times_s = fields["id"].astype(np.int64), clocks[_TOPIC]
+    begins = np.flatnonzero(np.diff(ids, prepend=_NONE))[:_MOST_CHANGES].tolist()
+    ends_s = [*(float(times_s[row]) for row in begins[1:]), None][: len(begins)]
+    return [
+        _injection(int(ids[row]), fields, row, float(times_s[row]), end_s)
+        for row, end_s in zip(begins, ends_s, strict=True)
+        if ids[row] not in _HEALTHY
+    ]
 
 
 def _injection(
     kind: int, fields: Mapping[str, NDArray[Any]], row: int, onset_s: float, end_s: float | None
 ) -> Injection:
     """Return a fault by the first message that commands it; its parameters in the log's words, for none has a unit."""
-    mode = int(fields["mode"][row])
+    mode = float(fields["mode"][row])
     controls = [fields.get(f"controls[{place}]") for place in range(_MOST_CONTROLS)]
     values = [float(column[row]) for column in controls if column is not None]
     while values and values[-1] == 0.0:
         values.pop()
     sensor = _IDS.get(kind, f"unit {kind}")
-    said = _MODES.get(mode, f"mode {mode}") if kind in _OF_SENSORS else f"mode {mode}"
+    said = _MODES.get(mode, f"mode {mode:g}") if kind in _OF_SENSORS else f"mode {mode:g}"
     return Injection(
         sensor=sensor,
         number=None,
