@@ -73,7 +73,10 @@ def main() -> None:
             for name in sorted((name for name in quick if name in full), key=lambda name: full[name], reverse=True)
         ]
     )
-    against = [f"- {one} and {other}" for (one, other), told in pairs.items() if told == REVERSED]
+    reversed_pairs = [pair for pair, told in pairs.items() if told == REVERSED]
+    without = sorted({name for pair in reversed_pairs for name in pair if min(quick[name][1], full[name][1]) < 0.0})
+    unnumbered = sum(not set(pair).isdisjoint(without) for pair in reversed_pairs)
+    against = [f"- {one} and {other}" for one, other in reversed_pairs]
     differ = counts[SAME] + counts[REVERSED]
     text = f"""# The order of the quick table and of the full one
 
@@ -84,7 +87,12 @@ order, {counts[REVERSED]} reversed; {counts[OPEN]} overlap in one of the tables 
 {markdown(table)}
 """
     if against:
-        text += "\nReversed:\n\n" + "\n".join(against) + "\n"
+        text += (
+            f"\nReversed, {unnumbered} of {len(against)} with a row without a number in one of the tables, because it "
+            f"certainly raised\nmore false alarms than are allowed ({', '.join(without)}):\n\n"
+            + "\n".join(against)
+            + "\n"
+        )
     print(text)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "order.md").write_text(text, encoding="utf-8")
