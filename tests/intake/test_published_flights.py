@@ -65,6 +65,14 @@ def test_a_log_of_rflymad_without_a_fault_tells_of_none(tmp_path, flight, ids):
     assert told(tmp_path / "log.ulg") == []
 
 
+def test_a_slow_channel_that_ends_early_hides_no_failure(tmp_path, flight):
+    altitude = (["double alt"], [(float(at_s), 100.0 + at_s) for at_s in range(1, 121)])
+    more = commanded((20.0, 0, 0, ()), (125.0, 123450, 1, (0.0,))) | {"vehicle_global_position": altitude}
+    (tmp_path / "log.ulg").write_bytes(px4(flight, more=more))
+    (row,) = gb.score_log(tmp_path / "log.ulg", "C").rows
+    assert row.why_not == "no motor is watched"
+
+
 def test_a_hostile_topic_of_rflymads_name_costs_little(tmp_path, flight):
     fields = ["float id", "float mode"]
     rows = [(10.0 + 0.01 * k, float("nan") if k % 3 == 0 else 123453.0, float("nan")) for k in range(4000)]
