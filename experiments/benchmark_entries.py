@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -210,20 +210,27 @@ DESIGNS = {
 }
 
 
-def enter(source: Path, out: Path, name: str) -> None:
-    """Learn on each group's flights, score its others, and write an entry."""
+def enter(
+    source: Path,
+    out: Path,
+    name: str,
+    learn: Callable[[list[tuple[Array, ...]], float], Callable[..., Array]],
+    read: Callable[[Path, pd.Series], tuple[Array, ...]] = readings,
+    columns: Sequence[str] = COLUMNS,
+) -> None:
+    """Learn on each group's flights, score its others, and write an entry; `read` says what is seen of a flight."""
     spent_s = samples = 0.0
     for group in flights(source)["group"].unique():
         own = flights(source, "learn")
         own = own[own["group"] == group]
         period_s = float(own["sample_period_s"].iloc[0])
-        score = DESIGNS[name]([readings(source, flight) for _, flight in own.iterrows()], period_s)
+        score = learn([read(source, flight) for _, flight in own.iterrows()], period_s)
         for _, flight in flights(source).query("group == @group").iterrows():
-            given = readings(source, flight)
+            given = read(source, flight)
             begun_s = time.process_time()
             scores = score(*given, period_s)
             spent_s, samples = spent_s + time.process_time() - begun_s, samples + len(scores)
-            frame = pd.DataFrame(scores.astype(np.float32), columns=COLUMNS[: scores.shape[1]])
+            frame = pd.DataFrame(scores.astype(np.float32), columns=columns[: scores.shape[1]])
             frame.insert(0, "time_s", np.arange(len(frame)) * period_s)
             path = out / name / place(flight)
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -235,5 +242,5 @@ def enter(source: Path, out: Path, name: str) -> None:
 if __name__ == "__main__":
     source, out, *names = sys.argv[1:]
     for name in names or [each for each in DESIGNS if each != "pyod-ecod"]:
-        enter(Path(source), Path(out), name)
+        enter(Path(source), Path(out), name, DESIGNS[name])
         print(f"{name}: {Path(out, name)}")

@@ -41,6 +41,7 @@ SHIPPED = (
 )
 EXTRAS = {
     "logs": "h5py, mcap, openpyxl, pymavlink, serial, pyulog, rosbags",
+    "learnt": "jax",
     "rivals": "sklearn",
     "scale": "distributed",
     "theory": "cvxpy, sympy",

@@ -1,4 +1,4 @@
-"""Failures that somebody put into a flight, as its log says: what a monitor of that log can be scored on."""
+"""Failures that somebody put into a flight or saw in it, as is said: what a monitor of that log can be scored on."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ GYRO = "gyro"  # a sensor of three axes
 
 @dataclass(frozen=True, kw_only=True)
 class Injection:
-    """A sensor failure that a simulator, or an autopilot's failure injection, was commanded to make.
+    """A failure that a simulator or an autopilot was commanded to make, or that a published data set states.
 
     Attributes
     ----------
     sensor : str
-        ``gyro``, ``accelerometer``, ``magnetometer``, ...
+        ``gyro``, ``accelerometer``, ``magnetometer``, ...; what isn't a sensor in the log's words (``motor``).
     number : int or None
         The number of that sensor, from 1; None for all.
     channels : tuple of str

@@ -11,6 +11,7 @@ import numpy as np
 
 from gtmbench.checks import names, number, one_line
 from gtmbench.errors import InputError
+from gtmbench.intake.annotations import annotated_failures
 from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
@@ -152,7 +153,7 @@ def _opened(
             *_time_source(raw),
         ),
         events=events,
-        injections=_injections(raw, breaks_s, segments),
+        injections=_injections(path, raw, breaks_s, segments),
         imus=imus_of(raw),
         attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
     )
@@ -169,10 +170,12 @@ def _events(
     return of_flight(told, segments[0].start_s, segments[-1].end_s), ()
 
 
-def _injections(raw: RawLog, breaks_s: tuple[float, ...], segments: Sequence[Record]) -> tuple[Injection, ...]:
-    """Return the failures that were injected before a log's end and weren't over at its beginning."""
+def _injections(
+    path: Path, raw: RawLog, breaks_s: tuple[float, ...], segments: Sequence[Record]
+) -> tuple[Injection, ...]:
+    """Return the failures that came before a log's end and weren't over at its beginning: by itself, or beside it."""
     start_s, end_s = segments[0].start_s, segments[-1].end_s
-    told = raw.injections() if _is_placed(raw, breaks_s) else ()
+    told = (*raw.injections(), *annotated_failures(path)) if _is_placed(raw, breaks_s) else ()
     return in_time(each for each in told if each.onset_s < end_s and (each.end_s is None or each.end_s > start_s))
 
 

@@ -69,9 +69,10 @@ def test_a_common_scale_needs_somebodys_word(tmp_path, units):
     assert np.abs(log.segments[0]["q"] - factor * table.q).max() < 1e-9
 
 
-def test_jsbsims_own_output_is_read_as_it_comes(tmp_path):
+def test_jsbsims_own_output_is_read_as_it_comes(tmp_path, monkeypatch):
     import jsbsim
 
+    monkeypatch.chdir(tmp_path)  # the aircraft's own output, too, goes where it is run
     directive = '<?xml version="1.0"?><output name="own.csv" type="CSV" rate="50"><rates>ON</rates>'
     (tmp_path / "own.xml").write_text(f"{directive}<position>ON</position></output>")
     plane = jsbsim.FGFDMExec(None)

@@ -11,6 +11,7 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import is_file, is_folder, no_such
 from gtmbench.intake.formats import (
+    alfa,
     dataflash,
     excel,
     folder,
@@ -39,6 +40,7 @@ FORMATS = (
     matlab.FORMAT,
     numpy_archive.FORMAT,
     excel.FORMAT,
+    alfa.FORMAT,
     folder.FORMAT,
 )
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them

@@ -23,9 +23,11 @@ from gtmbench.intake.formats.raw import (
     euler_deg,
     in_seconds,
 )
+from gtmbench.intake.formats.rflymad_injections import rflymad_injections
 from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events
 from gtmbench.intake.formats.ulog_injections import ulog_injections
+from gtmbench.intake.injections import Injection
 from gtmbench.values.clock import FloatArray
 
 
@@ -104,8 +106,12 @@ def read_ulog(path: Path) -> RawLog:
         events=functools.partial(
             _events, topics, clocks, [(said.timestamp, said.message) for said in log.logged_messages]
         ),
-        injections=functools.partial(ulog_injections, topics, clocks),
+        injections=functools.partial(_injections, topics, clocks),
     )
+
+
+def _injections(topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray]) -> list[Injection]:
+    return [*ulog_injections(topics, clocks), *rflymad_injections(topics, clocks)]
 
 
 def _events(

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, styles: Styles) -> Figure:
     """Draw detection against false alarms, over all factors on each detector's thresholds; a marker at its own.
 
-    Healthy records end the curve on the left: a rate that none of them showed can't be drawn.
+    Healthy records end the curve on the left: a rate that none of them showed can't be drawn. The marker lies on the
+    curve, so its rate is that of records with an alarm; alarms counted one by one stand in the table.
     """
     figure, axes = panels(1, 1, beside_labels(len(detectors)))
     axis = axes[0][0]
@@ -46,8 +47,9 @@ def price_curves(detectors: Sequence[DetectorScores], target_per_hour: float, st
         axis.step(rates, shares, where="post", lw=1.8, color=own["color"], linestyle=own["linestyle"])
         silent = one.curve.detected[one.curve.alarmed == 0.0]
         ends[one.name] = float(shares[-1]) if len(shares) else float(silent[-1])
-        at_own = float(one.curve.detected[one.curve.factors >= 1.0][-1]) if (one.curve.factors >= 1.0).any() else 0.0
-        _mark(axis, one.false_alarms.value or 0.0, at_own, _place_of_none(detectors), own)
+        rate, share = float(one.curve.per_hour[one.curve.own]), float(one.curve.detected[one.curve.own])
+        if np.isfinite(rate):
+            _mark(axis, rate, share, _place_of_none(detectors), own)
     _draw_target(axis, target_per_hour)
     axis.set_ylim(0.0, 1.03)
     axis.set_ylabel("share of faults detected")

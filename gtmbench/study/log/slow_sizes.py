@@ -73,7 +73,7 @@ def _size(means: SlowMeans, axis: int, kind: str, within: int, share: float, tau
     summed = _INTEGRALS[kind](elapsed, tau_s)
     least = np.full(len(means.error), np.inf)
     for window in WINDOWS:
-        needed = np.nan_to_num(means.bounds[window] + np.abs(means.mean(window)), nan=np.inf)[:, axis]
+        needed = np.nan_to_num(means.bounds[window] + np.abs(means.mean(window)), nan=np.inf, posinf=np.inf)[:, axis]
         needed = np.concatenate([needed, np.full(within, np.inf)])
         shown = (summed[1:] - summed[np.maximum(np.arange(1, within + 1) - window, 0)]) / (window * SECOND_S)
         for later, part in enumerate(shown.tolist()):

@@ -26,6 +26,7 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
+from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.injections import GYRO, Injection
 from gtmbench.intake.open import open_log
 from gtmbench.jobs.progress import Progress, silent
@@ -35,6 +36,7 @@ from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.watchers import prepared
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 
 NAMED, EITHER_OR, CANT_TELL, WRONG, PASSED = "named", "either-or", "can't tell", "named wrong", "passed"
@@ -170,7 +172,7 @@ def score_log(
     a table tells of none
     """
     path = Path(path)
-    log = open_log(path, mapping=mapping)
+    log = _opened(path, mapping)
     if not log.injections:
         raise InputError(
             f"{path}: the log says of no failure that was injected (PX4: vehicle_command 420 or failure_injection, "
@@ -185,6 +187,14 @@ def score_log(
     return scored(
         watch_log(path, watcher, healthy=spans, mapping=mapping, rate_hz=rate_hz, attitude=attitude, progress=progress)
     )
+
+
+def _opened(path: Path, mapping: Sequence[str]) -> FlightLog:
+    """Return a log by its gyros and attitude, so that no slower channel cuts it short; with all channels otherwise."""
+    try:
+        return open_log(path, mapping=mapping, needs=[*GYROS, *ATTITUDE])
+    except InputError:
+        return open_log(path, mapping=mapping)
 
 
 def _before(injections: Sequence[Injection], start_s: float, path: Path) -> Span:

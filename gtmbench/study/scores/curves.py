@@ -21,7 +21,7 @@ _MOST = 200  # points of a curve
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """Detection against false alarms, over all factors on the thresholds, from the greatest on.
+    """Detection against false alarms, over factors on the thresholds, from the greatest on; 1 is always among them.
 
     Attributes
     ----------
@@ -39,6 +39,11 @@ class Curve:
     per_hour: FloatArray
     detected: FloatArray
 
+    @property
+    def own(self) -> int:
+        """Which point is that of the detector's own thresholds."""
+        return int(np.flatnonzero(self.factors == 1.0)[0])
+
 
 def characteristic(healthy: FloatArray, hours: float, broken: FloatArray) -> Curve | None:
     """Return a detector's curve; None where it shows no scores.
@@ -54,13 +59,14 @@ def characteristic(healthy: FloatArray, hours: float, broken: FloatArray) -> Cur
     --------
     >>> curve = characteristic(np.array([0.4, 0.8]), 0.1, np.array([0.5, 3.0]))
     >>> curve.factors.tolist(), curve.alarmed.tolist(), curve.detected.tolist()
-    ([3.0, 0.8, 0.5, 0.4], [0.0, 0.0, 0.5, 0.5], [0.0, 0.5, 0.5, 1.0])
+    ([3.0, 1.0, 0.8, 0.5, 0.4], [0.0, 0.0, 0.0, 0.5, 0.5], [0.0, 0.5, 0.5, 0.5, 1.0])
     """
     quiet, loud = np.sort(healthy[np.isfinite(healthy)]), np.sort(broken[np.isfinite(broken)])
     if not len(quiet) or not len(loud) or not quiet[-1] > 0.0 or hours <= 0.0:
         return None
     factors = np.unique([*quiet, *loud])[::-1]
     factors = factors[np.unique(np.linspace(0, len(factors) - 1, _MOST).astype(int))]
+    factors = np.unique([*factors, 1.0])[::-1]
     alarmed = 1.0 - np.searchsorted(quiet, factors, side="right") / len(quiet)
     detected = 1.0 - np.searchsorted(loud, factors, side="right") / len(loud)
     with np.errstate(divide="ignore"):

@@ -7,6 +7,8 @@ import pytest
 from scipy.stats import beta, binomtest, chi2
 
 from gtmbench.errors import InputError
+from gtmbench.report.figures.scores import price_curves
+from gtmbench.report.style import strokes
 from gtmbench.report.tables.scores import tables
 from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.study.campaign.rows import table_of
@@ -310,6 +312,25 @@ def test_the_curve_counts_what_lies_above_each_factor():
         assert detected == pytest.approx(np.mean(loud > factor))
     assert np.all(np.diff(curve.per_hour) >= 0.0)
     assert characteristic(np.full(5, np.nan), 0.1, loud) is None
+
+
+@pytest.mark.parametrize("flights", [40, 300])
+def test_the_marker_of_a_campaigns_curve_lies_on_it_at_the_detectors_own_thresholds(flights):
+    """Also where flights alarm more than once, which the counted rate tells and no curve of records does."""
+    rng = np.random.default_rng(flights)
+    peaks, broken = rng.gamma(4.0, 0.15, flights), rng.gamma(4.0, 0.4, flights)
+    rows = [
+        healthy("A", flight, peak_ratio=peak, false_alarms=3 * int(peak > 1.0), armed_hours=10.0)
+        for flight, peak in enumerate(peaks)
+    ]
+    rows += [trial("A", flight, 2.0, peak_ratio=peak) for flight, peak in enumerate(broken)]
+    figure = price_curves([only(rows, target_per_hour=1.0)], 1.0, strokes(["A"]))
+    line, *others = figure.axes[0].lines
+    marker = next(each for each in others if each.get_marker() not in ("None", "", None))
+    (rate,), (share,) = marker.get_data()
+    assert rate == pytest.approx(-np.log1p(-np.mean(peaks > 1.0)) / 10.0)
+    assert share == pytest.approx(np.mean(broken > 1.0))
+    assert min(np.hypot(line.get_xdata() - rate, line.get_ydata() - share)) < 1e-12
 
 
 def test_a_curve_tells_the_rate_of_alarms_that_come_at_random():
