@@ -33,6 +33,7 @@ _TRIED_S = 90.0
 _PROVED_S = 600.0
 _MARGIN_S, _MARGIN_STEP_S, _MARGIN_STEPS = 30.0, 0.005, 20
 _TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
+_NO_EFFECT = 1e-6  # deg/s2 by deg, ft/s2 by percent: a command that moves nothing
 _MOVED = 0.1  # RMS of a command, of its span: as bad as a channel's tolerated RMS
 
 
@@ -75,7 +76,8 @@ def find_autopilot(
     roll, dutch roll and speed, through what its surfaces and its throttle do (so signs follow from trying, too). Then
     each axis in turn is flown in turbulence with its gains in octaves, and that gain is taken whose worst neighbour,
     half or twice itself, does best: a gain with a margin on either side. At last they fly ten minutes of other air.
-    On a sensor chain the rates lead by as much as the slowest gyro is late.
+    On a sensor chain the rates lead by as much as the slowest gyro is late. An aircraft whose rudder moves nothing gets
+    no yaw damper: its gain stays 0.
 
     Parameters
     ----------
@@ -108,7 +110,8 @@ def find_autopilot(
     found = replace(similar_autopilot(linearised(craft)), lead_s=0.0 if chain is None else lateness_s(chain))
     for done, axis in enumerate(AXES):
         progress(axis, done, len(AXES) + 1)
-        found = _best(craft, found, axis, chain)
+        if any(getattr(found, gain) for gain in AXES[axis]):  # without a rudder there is no yaw damper
+            found = _best(craft, found, axis, chain)
     progress("ten minutes of turbulence", len(AXES), len(AXES) + 1)
     flight = _flown(craft, chain, found, _PROVED_S, seed=2)
     if flight is None or flight.departed_s is not None:
@@ -176,6 +179,8 @@ def _most_off(truth: Record, channel: str) -> float:
 def similar_autopilot(linear: LinearModel) -> Autopilot:
     """Return gains that are to an aircraft's motion what the GTM's are to its own.
 
+    Where the rudder moves nothing its gain is 0: there is no yaw damper.
+
     Raises
     ------
     TrimError
@@ -190,7 +195,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         "throttle": moved[STATES.index("u"), 3],
     }
     for name in COMMANDS:
-        if not abs(effect[name]) > 1e-6:
+        if not abs(effect[name]) > _NO_EFFECT and name != "rudder":
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
     pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
     roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
@@ -203,7 +208,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         "p_to_aileron_s": -2.71 * roll / effect["aileron"],
         "phi_to_aileron": -1.636 * roll**2 / effect["aileron"],
         "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / G_FT_S2,
-        "r_to_rudder_s": -4.77 * yaw / effect["rudder"],
+        "r_to_rudder_s": -4.77 * yaw / effect["rudder"] if abs(effect["rudder"]) > _NO_EFFECT else 0.0,
         "washout_s": 13.6 / yaw,
         "tas_to_throttle_percent_kt": 1.27 * speed * FT_S_PER_KT / effect["throttle"],
         "tas_integral_percent_kt_s": 1.27 * speed * FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
