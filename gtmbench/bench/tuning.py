@@ -190,7 +190,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     w, p, q, r, v = (STATES.index(name) for name in ("w", "p", "q", "r", "v"))
     effect = {
         "elevator": math.degrees(moved[q, 0]),
-        "aileron": math.degrees(moved[p, 1]),
+        "aileron": math.degrees(_roll_effect(linear)),
         "rudder": math.degrees(moved[r, 2]),
         "throttle": moved[STATES.index("u"), 3],
     }
@@ -214,6 +214,23 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         "tas_integral_percent_kt_s": 1.27 * speed * FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
     }
     return Autopilot(**{name: _rounded(gain) for name, gain in gains.items()})
+
+
+def _roll_effect(linear: LinearModel) -> float:
+    """Return what the aileron does to the roll acceleration, in rad/s2 by deg.
+
+    Where it yaws more than it rolls (two-axis models steer by the rudder, through the dihedral) the roll rate that it
+    settles at has the other sign: then that decides, as the acceleration which the roll damping would balance.
+    """
+    v, p, r = (STATES.index(name) for name in ("v", "p", "r"))
+    at_once = float(linear.input_matrix[p, 1])
+    damping = linear.state_matrix[np.ix_((v, p, r), (v, p, r))]
+    try:
+        settled = -np.linalg.solve(damping, linear.input_matrix[[v, p, r], 1])
+    except np.linalg.LinAlgError:
+        return at_once
+    balanced = -float(settled[1]) * linear.state_matrix[p, p]
+    return balanced if at_once * balanced < 0.0 else at_once
 
 
 def _rounded(gain: float) -> float:
