@@ -22,6 +22,7 @@ from gtmbench.values.record import FloatArray
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
 _MOST_STEPS = 100  # the GTM takes three
+_STEP_SETTLED = 1e-4  # of an unknown, for slopes: thrust that settles is known to 1e-9 of itself
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
 _SAME = 0.03
@@ -97,8 +98,8 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
-        if aircraft.rudderless:
-            return fixed | _slipping(values)
+        if aircraft.rudderless or aircraft.motorless:
+            return fixed | _slipping_or_gliding(aircraft, values)
         # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
         theta = math.atan(math.tan(math.radians(values["alpha"])) * math.cos(math.radians(values["phi"])))
         return {**fixed, **values, "theta": math.degrees(theta)}
@@ -114,7 +115,13 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
         with simulating(searched, aircraft), silenced():
             search = partial(accelerations, searched)
             solution = least_squares(
-                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), max_nfev=_MOST_STEPS, **_TOLERANCES
+                search,
+                guess,
+                bounds=(low, high),
+                x_scale=1.0 + np.abs(guess),
+                max_nfev=_MOST_STEPS,
+                diff_step=_STEP_SETTLED if aircraft.settle else None,
+                **_TOLERANCES,
             )
     except ValueError as error:
         raise TrimError(
@@ -130,12 +137,21 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
     raise TrimError("; ".join([_failure(aircraft, fixed, x, left, low, high), *wrong]))
 
 
-def _slipping(values: dict[str, float]) -> dict[str, float]:
-    """Return the condition of level flight with a sideslip, which stands where the rudder would."""
-    alpha, phi, beta = (math.radians(values[name]) for name in ("alpha", "phi", "rudder"))
+def _slipping_or_gliding(aircraft: Aircraft, values: dict[str, float]) -> dict[str, float]:
+    """Return the condition with a sideslip that stands where the rudder would, a path angle where the throttle would.
+
+    With a = cos(alpha) cos(beta) and b = sin(phi) sin(beta) + cos(phi) sin(alpha) cos(beta) the flight path angle is
+    sin(gamma) = a sin(theta) - b cos(theta).
+    """
+    stands = ({"beta": "rudder"} if aircraft.rudderless else {}) | ({"gamma": "throttle"} if aircraft.motorless else {})
+    given = {name: values[command] for name, command in stands.items()}
+    alpha, phi = (math.radians(values[name]) for name in ("alpha", "phi"))
+    beta, gamma = (math.radians(given.get(name, 0.0)) for name in ("beta", "gamma"))
+    along = math.cos(alpha) * math.cos(beta)
     across = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
-    theta = math.atan2(across, math.cos(alpha) * math.cos(beta))
-    return {**values, "beta": values["rudder"], "rudder": 0.0, "theta": math.degrees(theta)}
+    theta = math.atan2(across, along) + math.asin(min(max(math.sin(gamma) / math.hypot(along, across), -1.0), 1.0))
+    level = {"beta": given.get("beta", 0.0), "theta": math.degrees(theta)}
+    return {**values, **dict.fromkeys(stands.values(), 0.0), **level}
 
 
 def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, float]:
@@ -188,8 +204,11 @@ def _failure(
     worst = int(np.argmax(np.abs(left)))
     name, what = list(ACCELERATIONS.items())[worst]
     margin = 1e-3 * (high - low)
+    instead = ({"rudder": "sideslip"} if aircraft.rudderless else {}) | (
+        {"throttle": "flight path angle"} if aircraft.motorless else {}
+    )
     stuck = [
-        f"{'sideslip' if aircraft.rudderless and unknown == 'rudder' else unknown} at its limit of {value:.4g}"
+        f"{instead.get(unknown, unknown)} at its limit of {value:.4g}"
         for unknown, value, bottom, top, slack in zip(UNKNOWNS, x, low, high, margin, strict=True)
         if value < bottom + slack or value > top - slack
     ]

@@ -179,7 +179,8 @@ def _most_off(truth: Record, channel: str) -> float:
 def similar_autopilot(linear: LinearModel) -> Autopilot:
     """Return gains that are to an aircraft's motion what the GTM's are to its own.
 
-    Where the rudder moves nothing its gain is 0: there is no yaw damper.
+    Where the rudder moves nothing its gain is 0: there is no yaw damper. Where the throttle does nothing, altitude and
+    speed aren't held: the attitude of the descent is.
 
     Raises
     ------
@@ -194,8 +195,8 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
         "rudder": math.degrees(moved[r, 2]),
         "throttle": moved[STATES.index("u"), 3],
     }
-    for name in COMMANDS:
-        if not abs(effect[name]) > _NO_EFFECT and name != "rudder":
+    for name in ("elevator", "aileron"):
+        if not abs(effect[name]) > _NO_EFFECT:
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
     pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
     roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
@@ -203,16 +204,22 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     gains = {
         "q_to_elevator_s": -4.36 * pitch / effect["elevator"],
         "theta_to_elevator": -0.755 * pitch**2 / effect["elevator"],
-        "altitude_to_theta_deg_ft": 0.077 * pitch / climb_ft_s_deg,
-        "altitude_integral_deg_ft_s": 0.077 * pitch / climb_ft_s_deg * 0.0065 * pitch,
         "p_to_aileron_s": -2.71 * roll / effect["aileron"],
         "phi_to_aileron": -1.636 * roll**2 / effect["aileron"],
         "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / G_FT_S2,
-        "r_to_rudder_s": -4.77 * yaw / effect["rudder"] if abs(effect["rudder"]) > _NO_EFFECT else 0.0,
         "washout_s": 13.6 / yaw,
-        "tas_to_throttle_percent_kt": 1.27 * speed * FT_S_PER_KT / effect["throttle"],
-        "tas_integral_percent_kt_s": 1.27 * speed * FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
     }
+    if abs(effect["rudder"]) > _NO_EFFECT:
+        gains["r_to_rudder_s"] = -4.77 * yaw / effect["rudder"]
+    if abs(effect["throttle"]) > _NO_EFFECT:
+        climbs = 0.077 * pitch / climb_ft_s_deg
+        pushes = 1.27 * speed * FT_S_PER_KT / effect["throttle"]
+        gains |= {
+            "altitude_to_theta_deg_ft": climbs,
+            "altitude_integral_deg_ft_s": climbs * 0.0065 * pitch,
+            "tas_to_throttle_percent_kt": pushes,
+            "tas_integral_percent_kt_s": pushes * 0.373 * speed,
+        }
     return Autopilot(**{name: _rounded(gain) for name, gain in gains.items()})
 
 
@@ -260,7 +267,8 @@ def _cost(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None = Non
     if flight is None or flight.departed_s is not None:
         return math.inf
     truth = flight.truth
-    held = [np.sqrt(np.mean((truth[name] - truth[name][0]) ** 2)) / most for name, most in _TOLERATED.items()]
+    tolerated = {name: most for name, most in _TOLERATED.items() if name != "altitude" or not craft.motorless}
+    held = [np.sqrt(np.mean((truth[name] - truth[name][0]) ** 2)) / most for name, most in tolerated.items()]
     spans = {name: high - low for name, (low, high) in craft.limits.items()}
     moved = [np.std(truth[name]) / (_MOVED * spans[name]) for name in COMMANDS]
     return float(np.sqrt(np.mean(np.square(held + moved))))
