@@ -146,7 +146,8 @@ def stand(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> None:
             if aircraft.spin_up:
                 spin_up(fdm)
             elif aircraft.settle:
-                settle(fdm)
+                if not settle(fdm):
+                    return
             else:
                 propulsion.get_steady_state()
         fdm.run_ic()

@@ -21,7 +21,7 @@ from gtmbench.values.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
-_MOST_STEPS = 100  # the GTM takes three
+_MOST_STEPS = 30  # the GTM takes three, the slowest known aircraft 22
 _STEP_SETTLED = 1e-4  # of an unknown, for slopes: thrust that settles is known to 1e-9 of itself
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it

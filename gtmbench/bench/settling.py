@@ -18,8 +18,8 @@ _LOOKED_S, _LONGEST_S = 1.0, 90.0
 _STEADY = 1e-9  # of the thrust, over a second
 
 
-def settle(fdm: jsbsim.FGFDMExec) -> None:
-    """Run all engines until their thrust is steady, for 90 s at most; the aircraft is held meanwhile."""
+def settle(fdm: jsbsim.FGFDMExec) -> bool:
+    """Run all engines until their thrust is steady, the aircraft held; say whether it is within 90 s."""
     steps = max(round(_LOOKED_S / fdm.get_delta_t()), 1)
     with held(fdm):
         before = thrusts_lbs(fdm)
@@ -28,12 +28,11 @@ def settle(fdm: jsbsim.FGFDMExec) -> None:
                 fdm.run()
             now = thrusts_lbs(fdm)
             if all(abs(b - a) <= _STEADY * max(abs(b), 1.0) for a, b in zip(before, now, strict=True)):
-                return
+                return True
             before = now
+    return False
 
 
 def thrusts_lbs(fdm: Any) -> list[float]:
     """Return the thrust of every engine."""
-    return [
-        fdm[f"propulsion/engine[{motor}]/thrust-lbs"] for motor in range(fdm.get_propulsion().get_num_engines())
-    ]
+    return [fdm[f"propulsion/engine[{motor}]/thrust-lbs"] for motor in range(fdm.get_propulsion().get_num_engines())]

@@ -189,17 +189,17 @@ def _of_propellers(folder: Path, facts: Facts) -> Facts:
 
 
 def _of_engines(folder: Path, facts: Facts) -> Facts:
-    """Say whether engines have to settle: whether they run at another thrust than JSBSim finds for them."""
+    """Say whether engines have to settle: they can, at another thrust than JSBSim finds for them."""
     craft = aircraft_of(folder, facts)
-    fdm = engine(craft)
+    fdm, differs = engine(craft), False
     with simulating(fdm, craft), silenced():
         for throttle in (30.0, 60.0, 100.0):
             _level(fdm, craft, {"throttle": throttle})
             found = sum(thrusts_lbs(fdm))
-            settle(fdm)
-            if abs(sum(thrusts_lbs(fdm)) - found) > _UNSETTLED * fdm["inertia/weight-lbs"]:
-                return {"settle": True}
-    return {}
+            if not settle(fdm):
+                return {}
+            differs = differs or abs(sum(thrusts_lbs(fdm)) - found) > _UNSETTLED * fdm["inertia/weight-lbs"]
+    return {"settle": True} if differs else {}
 
 
 def _of_rudder(folder: Path, facts: Facts) -> Facts:
