@@ -4,9 +4,10 @@
 
 Trims each, flies it five minutes at a time under multisine and turbulence, scaled to it, reads it with the T2's noise,
 calibrates bank C on three of those flights, and breaks each gyro on two others, by a drift and by a jam. One that
-leaves its envelope open loop flies in the loop instead, all of its flights, if gains are known. Nothing was chosen with these verdicts in view; trim points were chosen so that aircraft fly. Writes report.md, with those that fail
-and why, and every trial into DIR; prints the tables, and ends with code 1 where a target is missed (never with
---quick, whose figures bound nothing).
+leaves its envelope open loop flies all of these in the loop instead, if gains are known. Nothing was chosen with these
+verdicts in view; trim points were chosen so that aircraft fly. Writes report.md, with those that fail and why, and
+every trial into DIR; prints the tables, and ends with code 1 where a target is missed (never with --quick, whose
+figures bound nothing).
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from contextlib import suppress
 from functools import partial
@@ -9,7 +10,7 @@ from functools import partial
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
 from gtmbench.bench.propellers import wrong_speeds
@@ -30,6 +31,8 @@ _FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
+_FOUND: dict[tuple[object, ...], Trim] = {}  # by all that a search depends on
+_MOST_FOUND = 64
 
 
 def trimmed_engine(
@@ -45,6 +48,8 @@ def trimmed_engine(
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     try:
+        if aircraft.settle:  # a search takes seconds
+            return _searched_once(aircraft, altitude_ft, tas_kt)
         return searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     except TrimError as error:
         fixed = _fixed(aircraft, altitude_ft, tas_kt)
@@ -72,13 +77,30 @@ def standing_again(
         aircraft.altitude_ft if altitude_ft is None else altitude_ft,
         aircraft.tas_kt if tas_kt is None else tas_kt,
     )
+    if fdm := _stood(aircraft, fixed, known):
+        return fdm, known
+    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
+
+
+def _stood(aircraft: Aircraft, fixed: dict[str, float], known: Trim) -> jsbsim.FGFDMExec | None:
+    """Return a fresh engine in a trim that was found before; None where that doesn't stand."""
     angles = {"beta": known.beta_deg, "alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
     fdm = engine(aircraft)
     with simulating(fdm, aircraft), silenced():
         set_condition(fdm, aircraft, fixed | angles | known.commands)
-    if np.all(np.abs(_accelerations(fdm)) < TOLERANCE):
+    return fdm if np.all(np.abs(_accelerations(fdm)) < TOLERANCE) else None
+
+
+def _searched_once(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Do as `searched_engine`, with one search as long as the model and what is known of it stay the same."""
+    what = (json.dumps(facts_of(aircraft)), aircraft.model, aircraft.model.stat().st_mtime_ns, altitude_ft, tas_kt)
+    if (known := _FOUND.get(what)) and (fdm := _stood(aircraft, _fixed(aircraft, altitude_ft, tas_kt), known)):
         return fdm, known
-    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
+    fdm, found = searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    if len(_FOUND) >= _MOST_FOUND:
+        _FOUND.clear()
+    _FOUND[what] = found
+    return fdm, found
 
 
 def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
