@@ -14,6 +14,7 @@ from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
 from gtmbench.bench.propellers import wrong_speeds
+from gtmbench.bench.settling import thrusts_lbs
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
@@ -249,6 +250,8 @@ def _misfits(fdm: jsbsim.FGFDMExec) -> list[str]:
     still = [i for i, each in enumerate(engines) if not fdm[f"{each}/set-running"] and not fdm[f"{each}/thrust-lbs"]]
     if still:
         said.append(f"engine {', '.join(map(str, still))} isn't running")
+    elif motors:
+        said.append(f"its engines give {sum(thrusts_lbs(fdm)):.3g} lbs of thrust")
     if any(fdm[f"forces/fb{axis}-gear-lbs"] for axis in "xyz"):
         said.append("its gear touches something in the air; check <ground_reactions>")
     if not fdm["inertia/weight-lbs"] > 0.0:
