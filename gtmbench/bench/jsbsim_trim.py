@@ -37,17 +37,18 @@ def trimmed_by_jsbsim(aircraft: Aircraft, wanted: dict[str, float]) -> tuple[jsb
     if aircraft.motorless or not all(command.property.endswith(_NORMALISED) for command in aircraft.commands.values()):
         return None
     task = json.dumps([str(aircraft.folder), facts_of(aircraft), wanted])
-    return _trimmed(aircraft, wanted) if _is_rehearsed(task, aircraft.model.stat().st_mtime_ns) else None
+    tried = _is_rehearsed(task, aircraft.model.stat().st_mtime_ns, _LONGEST_S)
+    return _trimmed(aircraft, wanted) if tried else None
 
 
 @lru_cache(maxsize=32)
-def _is_rehearsed(task: str, _modified_ns: int) -> bool:
+def _is_rehearsed(task: str, _modified_ns: int, longest_s: float) -> bool:
     """Try a trim in another process, once as long as the model stays the same."""
     rehearsal = [sys.executable, "-c", f"from {__name__} import rehearse; rehearse()"]
     beside = Path(__file__).parents[2]  # Python looks for modules where it runs: there, not among a user's files
     try:
         done = subprocess.run(
-            rehearsal, input=task, text=True, capture_output=True, timeout=_LONGEST_S, check=False, cwd=beside
+            rehearsal, input=task, text=True, capture_output=True, timeout=longest_s, check=False, cwd=beside
         )
     except (subprocess.TimeoutExpired, OSError):
         return False
