@@ -60,11 +60,11 @@ def monitor(folder):
 
 def test_it_is_rescued(folder, monitor):
     flip = gb.SignFlip(channel="r", onset_s=12.0)
-    rescue = fly_rescue([flip], Accommodate(monitor), aircraft=folder, duration_s=14.0)
+    rescue = fly_rescue([flip], Accommodate(monitor), aircraft=folder, duration_s=13.2)
     unaided, rescued = (flight.truth for flight in rescue.flights.values())
     assert rescue.unaided.departed_s is not None
     assert rescue.rescued.departed_s is None
-    assert rescued.end_s == 14.0
+    assert rescued.end_s == 13.2
     assert unaided.values[:1200].tobytes() == rescued.values[:1200].tobytes()
 
 
