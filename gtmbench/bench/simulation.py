@@ -78,7 +78,7 @@ class Simulation:
     noise_seed : int, optional
         Seed of the noise, if it differs from the flight's.
     sensors : "ideal", "chain" or SensorChain
-        As `fly_in_loop` takes them. Ideal by default, as for every controller of one's own: noisy, but neither late nor
+        As `fly_in_loop` takes them. Ideal by default, as for every controller of your own: noisy, but neither late nor
         rounded. The GTM's own autopilot flies on "chain"; compare with it on the same sensors.
     attitude, altitude_ft, tas_kt
         As `fly_in_loop` takes them.
