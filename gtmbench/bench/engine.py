@@ -95,7 +95,8 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         with simulating(fdm, aircraft), silenced() as printed:
             loaded = fdm.load_model(aircraft.name)
     if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
+        told = one_line(printed.getvalue().replace(str(file), str(model)))  # not where a copy without sections lay
+        raise GtmbenchError(f"JSBSim can't load {model}: {told or 'it says no more'}")
     fdm.disable_output()
     with simulating(fdm, aircraft):
         for name, value in aircraft.properties.items():

@@ -252,6 +252,8 @@ def _misfits(fdm: jsbsim.FGFDMExec) -> list[str]:
         said.append(f"engine {', '.join(map(str, still))} isn't running")
     elif motors:
         said.append(f"its engines give {sum(thrusts_lbs(fdm)):.3g} lbs of thrust")
+    else:
+        said.append("it has no engine, so it was tried as a glider")
     if any(fdm[f"forces/fb{axis}-gear-lbs"] for axis in "xyz"):
         said.append("its gear touches something in the air; check <ground_reactions>")
     if not fdm["inertia/weight-lbs"] > 0.0:
