@@ -68,7 +68,8 @@ class GtmEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     Parameters
     ----------
     aircraft, excitation, duration_s, noise, attitude, sensors
-        As `Simulation` takes them; by default 60 s in turbulence.
+        As `Simulation` takes them; by default 60 s in turbulence on ideal sensors. ``sensors="chain"`` gives a policy
+        what the GTM's own autopilot flies on.
     faults : Fault, sequence of Fault or function, optional
         The faults of every episode. A function gets the environment's random generator and returns the faults.
     targets : mapping, optional

@@ -155,7 +155,10 @@ class Outside:
 
 def beyond(now: Sequence[float], bounds: Sequence[Bound]) -> bool:
     """Say whether properties, as `Stepping.now` has them, lie outside of the envelope or are no numbers."""
-    return any(not low <= now[column] * scale <= high for column, scale, low, high in bounds)
+    for column, scale, low, high in bounds:  # noqa: SIM110  any() makes a generator, every step
+        if not low <= now[column] * scale <= high:
+            return True
+    return False
 
 
 def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:

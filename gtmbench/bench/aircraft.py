@@ -18,6 +18,7 @@ SAMPLE_PERIOD_S = 0.01
 UNKNOWNS = ("alpha", "phi", *COMMANDS)  # what trim solves for
 _MOST_TIMES = 1e3
 MOST_STEPS = 100  # of JSBSim in a sample
+_GLIDES: Span = (-45.0, 5.0)  # deg, the flight path angle of what has no motor
 _UPSET: dict[str, Span] = {"phi": (-60.0, 60.0), "theta": (-45.0, 45.0)}
 _STEP = r"[A-Za-z_][\w.-]*(\[\d{1,3}\])?"
 _PROPERTY = re.compile(rf"/?{_STEP}(/{_STEP})*", flags=re.ASCII)  # asked for any other, JSBSim ends the process
@@ -64,10 +65,14 @@ class Aircraft:
         Whether the model's input and output sections are left out. Otherwise a model that has some is refused.
     spin_up : bool
         Whether its propellers are turned up to their speed before a flight, because JSBSim's own search fails.
+    settle : bool
+        Whether its engines run until their thrust is steady before a flight, because JSBSim's own search fails.
     steps_a_sample : int
         Into how many steps JSBSim divides a sample of 0.01 s: small propellers change quicker than that.
     rudderless : bool
         Whether nothing answers the rudder command. Trim then finds a sideslip instead.
+    motorless : bool
+        Whether nothing answers the throttle command. Trim then finds a steady descent instead.
 
     Examples
     --------
@@ -96,8 +101,10 @@ class Aircraft:
     chain_autopilot: Autopilot | None = None
     without_io: bool = False
     spin_up: bool = False
+    settle: bool = False
     steps_a_sample: int = 1
     rudderless: bool = False
+    motorless: bool = False
 
     def chain_of(self, sensors: str | SensorChain) -> SensorChain | None:
         """Return the chain that is meant by "chain", this aircraft's own, or by itself; None: "ideal" sensors.
@@ -134,8 +141,10 @@ class Aircraft:
 
     @property
     def searched(self) -> dict[str, Span]:
-        """Where trim looks for its unknowns."""
-        return {"alpha": self.envelope["alpha"], "phi": (-60.0, 60.0), **{name: self.limits[name] for name in COMMANDS}}
+        """Where trim looks for its unknowns; a sideslip has the rudder's place, a flight path angle the throttle's."""
+        commands = {name: self.limits[name] for name in COMMANDS}
+        glides = {"throttle": _GLIDES} if self.motorless else {}
+        return {"alpha": self.envelope["alpha"], "phi": (-60.0, 60.0), **commands, **glides}
 
 
 def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
@@ -192,8 +201,10 @@ def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
         else None,
         without_io=boolean("without_io", facts.get("without_io", False)),
         spin_up=boolean("spin_up", facts.get("spin_up", False)),
+        settle=boolean("settle", facts.get("settle", False)),
         steps_a_sample=whole("steps_a_sample", facts.get("steps_a_sample", 1), 1, MOST_STEPS),
         rudderless=boolean("rudderless", facts.get("rudderless", False)),
+        motorless=boolean("motorless", facts.get("motorless", False)),
     )
     for key, (low, high) in aircraft.searched.items():
         if not low <= aircraft.guess[key] <= high:
@@ -207,8 +218,10 @@ def facts_of(aircraft: Aircraft) -> dict[str, Any]:
         "title": aircraft.title,
         "without_io": aircraft.without_io,
         **({"spin_up": True} if aircraft.spin_up else {}),
+        **({"settle": True} if aircraft.settle else {}),
         **({"steps_a_sample": aircraft.steps_a_sample} if aircraft.steps_a_sample > 1 else {}),
         **({"rudderless": True} if aircraft.rudderless else {}),
+        **({"motorless": True} if aircraft.motorless else {}),
         "trim": {
             **{key: getattr(aircraft, key) for key in ("altitude_ft", "tas_kt", "psi_deg", "latitude_deg")},
             "guess": dict(aircraft.guess),

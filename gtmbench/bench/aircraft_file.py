@@ -12,8 +12,10 @@ Facts = Mapping[str, Any]
 
 _OF_SMALL = {
     "spin_up": "true: its propellers are turned up before a flight, because JSBSim's own search for their speed fails",
+    "settle": "true: its engines run until their thrust is steady before a flight, because JSBSim's own search fails",
     "steps_a_sample": "JSBSim's steps in a sample of 0.01 s: small propellers change quicker than that",
     "rudderless": "true: nothing answers the rudder command, and trim finds a sideslip instead",
+    "motorless": "true: nothing answers the throttle command, and trim finds a steady descent (its guess: deg)",
 }
 _SECTIONS = {
     "trim": "where it is trimmed, and where the search for that begins (deg, percent of throttle)",

@@ -17,6 +17,7 @@ import numpy as np
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
 from gtmbench.bench.propellers import spin_up
+from gtmbench.bench.settling import settle
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, Role
@@ -94,17 +95,21 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
         with simulating(fdm, aircraft), silenced() as printed:
             loaded = fdm.load_model(aircraft.name)
     if not loaded:
-        raise GtmbenchError(f"JSBSim can't load {model}: {one_line(printed.getvalue()) or 'it says no more'}")
+        told = one_line(printed.getvalue().replace(str(file), str(model)))  # not where a copy without sections lay
+        raise GtmbenchError(f"JSBSim can't load {model}: {told or 'it says no more'}")
     fdm.disable_output()
     with simulating(fdm, aircraft):
         for name, value in aircraft.properties.items():
             fdm[name] = value
     properties = fdm.get_property_manager()
     needed = {channel.name: channel.jsbsim for channel in CHANNELS.values() if channel.role is not Role.COMMAND}
-    for name, jsbsims in (needed | {name: command.property for name, command in aircraft.commands.items()}).items():
+    needed |= {name: command.property for name, command in aircraft.commands.items()}
+    if aircraft.motorless:
+        del needed["throttle"]
+    for name, jsbsims in needed.items():
         if properties.get_node(jsbsims) is None:
             gliding = name == "throttle" and not fdm.get_propulsion().get_num_engines()
-            why = "; it has no motor, and nothing keeps it level" if gliding else ""
+            why = "; it has no <propulsion>: if it glides, motorless = true in its aircraft.toml" if gliding else ""
             raise GtmbenchError(f"{model} has no property '{jsbsims}', which channel '{name}' needs{why}")
     return fdm
 
@@ -126,14 +131,11 @@ def set_condition(fdm: jsbsim.FGFDMExec, aircraft: Aircraft, wanted: dict[str, f
         fdm[f"ic/{rate}-rad_sec"] = np.deg2rad(wanted.get(rate, 0.0))
     for column, factor, write in writers(fdm, aircraft):
         write(wanted[COMMANDS[column]] * factor)
-    stand(fdm, spins=aircraft.spin_up)
+    stand(fdm, aircraft)
 
 
-def stand(fdm: jsbsim.FGFDMExec, *, spins: bool = False) -> None:
-    """Take over the initial condition, motors running, until nothing moves any more but the aircraft.
-
-    `spins` says whether its propellers are turned up by us, not by JSBSim.
-    """
+def stand(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> None:
+    """Take over the initial condition, motors running steadily, until nothing moves any more but the aircraft."""
     fdm.run_ic()
     propulsion = fdm.get_propulsion()
     motors = range(propulsion.get_num_engines())
@@ -142,8 +144,11 @@ def stand(fdm: jsbsim.FGFDMExec, *, spins: bool = False) -> None:
         if motors:
             if not all(fdm[_RUNNING.format(motor)] for motor in motors):
                 fdm[_ALL_RUN[0]] = _ALL_RUN[1]
-            if spins:
+            if aircraft.spin_up:
                 spin_up(fdm)
+            elif aircraft.settle:
+                if not settle(fdm):
+                    return
             else:
                 propulsion.get_steady_state()
         fdm.run_ic()

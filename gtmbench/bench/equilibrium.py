@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from contextlib import suppress
 from functools import partial
@@ -9,10 +10,11 @@ from functools import partial
 import jsbsim
 import numpy as np
 
-from gtmbench.bench.aircraft import UNKNOWNS, Aircraft
+from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
 from gtmbench.bench.propellers import wrong_speeds
+from gtmbench.bench.settling import thrusts_lbs
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
@@ -21,7 +23,8 @@ from gtmbench.values.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
 _TOLERANCES = {"xtol": 1e-14, "ftol": 1e-15, "gtol": 1e-15}  # the search ends where nothing improves any more
-_MOST_STEPS = 100  # the GTM takes three
+_MOST_STEPS = 30  # the GTM takes three, the slowest known aircraft 22
+_STEP_SETTLED = 1e-4  # of an unknown, for slopes: thrust that settles is known to 1e-9 of itself
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
 _SAME = 0.03
@@ -29,6 +32,8 @@ _FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8
+_FOUND: dict[tuple[object, ...], Trim] = {}  # by all that a search depends on
+_MOST_FOUND = 64
 
 
 def trimmed_engine(
@@ -44,6 +49,8 @@ def trimmed_engine(
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     try:
+        if aircraft.settle:  # a search takes seconds
+            return _searched_once(aircraft, altitude_ft, tas_kt)
         return searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     except TrimError as error:
         fixed = _fixed(aircraft, altitude_ft, tas_kt)
@@ -71,13 +78,30 @@ def standing_again(
         aircraft.altitude_ft if altitude_ft is None else altitude_ft,
         aircraft.tas_kt if tas_kt is None else tas_kt,
     )
+    if fdm := _stood(aircraft, fixed, known):
+        return fdm, known
+    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
+
+
+def _stood(aircraft: Aircraft, fixed: dict[str, float], known: Trim) -> jsbsim.FGFDMExec | None:
+    """Return a fresh engine in a trim that was found before; None where that doesn't stand."""
     angles = {"beta": known.beta_deg, "alpha": known.alpha_deg, "phi": known.roll_deg, "theta": known.pitch_deg}
     fdm = engine(aircraft)
     with simulating(fdm, aircraft), silenced():
         set_condition(fdm, aircraft, fixed | angles | known.commands)
-    if np.all(np.abs(_accelerations(fdm)) < TOLERANCE):
+    return fdm if np.all(np.abs(_accelerations(fdm)) < TOLERANCE) else None
+
+
+def _searched_once(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
+    """Do as `searched_engine`, with one search as long as the model and what is known of it stay the same."""
+    what = (json.dumps(facts_of(aircraft)), aircraft.model, aircraft.model.stat().st_mtime_ns, altitude_ft, tas_kt)
+    if (known := _FOUND.get(what)) and (fdm := _stood(aircraft, _fixed(aircraft, altitude_ft, tas_kt), known)):
         return fdm, known
-    return trimmed_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)  # its controls remember the search
+    fdm, found = searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+    if len(_FOUND) >= _MOST_FOUND:
+        _FOUND.clear()
+    _FOUND[what] = found
+    return fdm, found
 
 
 def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) -> tuple[jsbsim.FGFDMExec, Trim]:
@@ -97,8 +121,8 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
 
     def condition(unknowns: FloatArray) -> dict[str, float]:
         values = dict(zip(UNKNOWNS, unknowns.tolist(), strict=True))
-        if aircraft.rudderless:
-            return fixed | _slipping(values)
+        if aircraft.rudderless or aircraft.motorless:
+            return fixed | _slipping_or_gliding(aircraft, values)
         # level flight without sideslip: tan(theta) = tan(alpha) cos(phi)
         theta = math.atan(math.tan(math.radians(values["alpha"])) * math.cos(math.radians(values["phi"])))
         return {**fixed, **values, "theta": math.degrees(theta)}
@@ -114,7 +138,13 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
         with simulating(searched, aircraft), silenced():
             search = partial(accelerations, searched)
             solution = least_squares(
-                search, guess, bounds=(low, high), x_scale=1.0 + np.abs(guess), max_nfev=_MOST_STEPS, **_TOLERANCES
+                search,
+                guess,
+                bounds=(low, high),
+                x_scale=1.0 + np.abs(guess),
+                max_nfev=_MOST_STEPS,
+                diff_step=_STEP_SETTLED if aircraft.settle else None,
+                **_TOLERANCES,
             )
     except ValueError as error:
         raise TrimError(
@@ -130,12 +160,21 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
     raise TrimError("; ".join([_failure(aircraft, fixed, x, left, low, high), *wrong]))
 
 
-def _slipping(values: dict[str, float]) -> dict[str, float]:
-    """Return the condition of level flight with a sideslip, which stands where the rudder would."""
-    alpha, phi, beta = (math.radians(values[name]) for name in ("alpha", "phi", "rudder"))
+def _slipping_or_gliding(aircraft: Aircraft, values: dict[str, float]) -> dict[str, float]:
+    """Return the condition with a sideslip that stands where the rudder would, a path angle where the throttle would.
+
+    With a = cos(alpha) cos(beta) and b = sin(phi) sin(beta) + cos(phi) sin(alpha) cos(beta) the flight path angle is
+    sin(gamma) = a sin(theta) - b cos(theta).
+    """
+    stands = ({"beta": "rudder"} if aircraft.rudderless else {}) | ({"gamma": "throttle"} if aircraft.motorless else {})
+    given = {name: values[command] for name, command in stands.items()}
+    alpha, phi = (math.radians(values[name]) for name in ("alpha", "phi"))
+    beta, gamma = (math.radians(given.get(name, 0.0)) for name in ("beta", "gamma"))
+    along = math.cos(alpha) * math.cos(beta)
     across = math.sin(phi) * math.sin(beta) + math.cos(phi) * math.sin(alpha) * math.cos(beta)
-    theta = math.atan2(across, math.cos(alpha) * math.cos(beta))
-    return {**values, "beta": values["rudder"], "rudder": 0.0, "theta": math.degrees(theta)}
+    theta = math.atan2(across, along) + math.asin(min(max(math.sin(gamma) / math.hypot(along, across), -1.0), 1.0))
+    level = {"beta": given.get("beta", 0.0), "theta": math.degrees(theta)}
+    return {**values, **dict.fromkeys(stands.values(), 0.0), **level}
 
 
 def _fixed(aircraft: Aircraft, altitude_ft: float, tas_kt: float) -> dict[str, float]:
@@ -188,8 +227,11 @@ def _failure(
     worst = int(np.argmax(np.abs(left)))
     name, what = list(ACCELERATIONS.items())[worst]
     margin = 1e-3 * (high - low)
+    instead = ({"rudder": "sideslip"} if aircraft.rudderless else {}) | (
+        {"throttle": "flight path angle"} if aircraft.motorless else {}
+    )
     stuck = [
-        f"{'sideslip' if aircraft.rudderless and unknown == 'rudder' else unknown} at its limit of {value:.4g}"
+        f"{instead.get(unknown, unknown)} at its limit of {value:.4g}"
         for unknown, value, bottom, top, slack in zip(UNKNOWNS, x, low, high, margin, strict=True)
         if value < bottom + slack or value > top - slack
     ]
@@ -208,6 +250,10 @@ def _misfits(fdm: jsbsim.FGFDMExec) -> list[str]:
     still = [i for i, each in enumerate(engines) if not fdm[f"{each}/set-running"] and not fdm[f"{each}/thrust-lbs"]]
     if still:
         said.append(f"engine {', '.join(map(str, still))} isn't running")
+    elif motors:
+        said.append(f"its engines give {sum(thrusts_lbs(fdm)):.3g} lbs of thrust")
+    else:
+        said.append("it has no engine, so it was tried as a glider")
     if any(fdm[f"forces/fb{axis}-gear-lbs"] for axis in "xyz"):
         said.append("its gear touches something in the air; check <ground_reactions>")
     if not fdm["inertia/weight-lbs"] > 0.0:

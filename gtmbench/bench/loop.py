@@ -17,7 +17,7 @@ from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, LoopEvent, LoopFlight
 from gtmbench.bench.sensing import Readings as Sample
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
-from gtmbench.bench.simulation import ATTITUDE, Simulation, checked_commands
+from gtmbench.bench.simulation import Simulation, checked_commands
 from gtmbench.errors import ControllerError, InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
@@ -145,7 +145,7 @@ def fly_in_loop(
         altitude_ft=altitude_ft,
         tas_kt=tas_kt,
     )
-    readings: Readings = simulation.reset(seed)
+    simulation.reset(seed)
     events: list[LoopEvent] = []
 
     def tell(time_s: float, kind: str, channel: str, value: float) -> None:
@@ -158,14 +158,10 @@ def fly_in_loop(
         assert pilot is not None
         command, reads = pilot.engage(simulation.trim, craft.limits, SAMPLE_PERIOD_S), pilot.reads
 
-    def wanted() -> Sequence[float]:
-        return command(readings if hand_on is None else hand_on(simulation.time_s, readings))
-
-    commands = wanted()
-    while not simulation.is_over:
-        readings = simulation.step(commands)
-        if simulation.end != ATTITUDE:  # there is something to command by
-            commands = wanted()
+    if hand_on is None:
+        commands = simulation.fly_by(command)
+    else:
+        commands = simulation.fly_by(lambda readings: command(hand_on(simulation.time_s, readings)))
     flight = simulation.flight(commands)
     _check_end(simulation, flight, "the autopilot's gains" if controller is None else "the controller")
     events += flight.events

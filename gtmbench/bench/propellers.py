@@ -11,6 +11,8 @@ h = -1/f'(w) is Newton's method, and JSBSim itself takes the step.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import jsbsim
 
@@ -43,10 +45,11 @@ def propellers(fdm: jsbsim.FGFDMExec) -> list[str]:
 
 def wrong_speeds(fdm: jsbsim.FGFDMExec) -> list[str]:
     """Say of every propeller that can't turn as it does: it stands under power, or its tips are far beyond sound."""
-    said = []
+    said, properties = [], fdm.get_property_manager()
     for number, name in enumerate(propellers(fdm)):
         engine, rpm = name.rpartition("/")[0], fdm[name]
-        power, mach = fdm[f"{engine}/power-hp"], fdm[f"{engine}/helical-tip-Mach"]
+        nodes = [properties.get_node(f"{engine}/{what}") for what in ("power-hp", "helical-tip-Mach")]
+        power, mach = (0.0 if node is None else node.get_double_value() for node in nodes)  # not every kind has both
         which = f"propeller {number}"
         if power > 0.0 and abs(rpm) < _TURNS_RPM:
             said.append(f"{which} stands still under {power:.3g} hp")
@@ -60,14 +63,21 @@ def spin_up(fdm: jsbsim.FGFDMExec) -> float:
 
     Return their stiffness -f'(w) in 1/s: JSBSim's own step must be shorter than 2 over it.
     """
-    names, period_s = propellers(fdm), fdm.get_delta_t()
+    names = propellers(fdm)
     if not names:
         return 0.0
-    before = [fdm[name] for name in _INTEGRATORS]
+    with held(fdm):
+        return _turn(fdm, names)
+
+
+@contextmanager
+def held(fdm: jsbsim.FGFDMExec) -> Iterator[None]:
+    """Keep the aircraft where it is while its engines, servos and filters run on."""
+    period_s, before = fdm.get_delta_t(), [fdm[name] for name in _INTEGRATORS]
     for name in _INTEGRATORS:
         fdm[name] = _HELD
     try:
-        return _turn(fdm, names)
+        yield
     finally:
         fdm.set_dt(period_s)
         for name, integrator in zip(_INTEGRATORS, before, strict=True):

@@ -202,7 +202,13 @@ class Sensing:
     def read(self, time_s: float, now: Sequence[float]) -> list[float] | None:
         """Return what is read of the properties of `FLOWN`; None where the attitude can't be estimated any more."""
         noises = next(self._noise)
-        psi = self._unwrapped(now[_PSI] * _SCALES[_PSI])  # JSBSim's lies in 0..360; sensors read it unwrapped
+        psi = now[_PSI] * _SCALES[_PSI]  # JSBSim's lies in 0..360; sensors read it unwrapped
+        before, self._before = self._before, psi
+        if self._turned is None:
+            self._turned = 360.0 * round((before - psi) / 360.0)
+        elif not -180.0 <= psi - before <= 180.0:
+            self._turned += 360.0 if psi < before else -360.0
+        self.psi_deg = psi = psi + self._turned
         if self._chained is None:
             sample = [value * scale + error for value, scale, error in zip(now, _SCALES, noises, strict=False)]
             sample[_PSI] = psi + noises[_PSI]
@@ -231,12 +237,3 @@ class Sensing:
 
     def _all_breakers(self) -> list[Breakers]:
         return [self._breakers] if self._estimate is None else [self._estimate.breakers, self._breakers]
-
-    def _unwrapped(self, psi: float) -> float:
-        if self._turned is None:
-            self._turned, self._before = 360.0 * round((self._before - psi) / 360.0), psi
-        if not -180.0 <= psi - self._before <= 180.0:
-            self._turned += 360.0 if psi < self._before else -360.0
-        self._before = psi
-        self.psi_deg = psi + self._turned
-        return self.psi_deg

@@ -77,7 +77,10 @@ class Simulation:
         The sensor noise; None: perfect sensors.
     noise_seed : int, optional
         Seed of the noise, if it differs from the flight's.
-    attitude, sensors, altitude_ft, tas_kt
+    sensors : "ideal", "chain" or SensorChain
+        As `fly_in_loop` takes them. Ideal by default, as for every controller of your own: noisy, but neither late nor
+        rounded. The GTM's own autopilot flies on "chain"; compare with it on the same sensors.
+    attitude, altitude_ft, tas_kt
         As `fly_in_loop` takes them.
 
     Raises
@@ -210,6 +213,47 @@ class Simulation:
         if self._waiting:
             self._ask_rules()
         return flying.readings
+
+    def fly_by(self, command: Callable[[Sequence[float]], Sequence[float]]) -> Sequence[float]:
+        """Fly to the end on what a function of the readings commands, as by calls of `step`, but quicker.
+
+        Parameters
+        ----------
+        command : function
+            Of a plain list of the readings in the order of `SENSORS`, which isn't to be changed. It returns commands as
+            `step` takes them, and is called after the last sample, too, except where an attitude can't be estimated any
+            more.
+
+        Returns
+        -------
+        sequence of four float
+            What it commanded last: what `flight` takes.
+
+        Raises
+        ------
+        InputError
+            If the commands aren't four finite numbers.
+
+        Examples
+        --------
+        >>> import gtmbench as gb
+        >>> simulation = gb.Simulation("gtm", "turbulence", duration_s=5.0)
+        >>> _ = simulation.reset(seed=1)
+        >>> level = list(simulation.trim.commands.values())
+        >>> last = simulation.fly_by(lambda readings: [level[0] + 0.5 * readings[1], *level[1:]])
+        >>> simulation.end, len(simulation.flight(last).truth)
+        ('duration', 501)
+        """
+        flying = self._flying
+        fly, limited = flying.fly, flying.limited
+        commands = command(flying.sample)
+        while flying.end is None:
+            fly(limited(checked_commands(commands)))
+            if self._waiting:
+                self._ask_rules()
+            if flying.end != ATTITUDE:  # there is something to command by
+                commands = command(flying.sample)
+        return commands
 
     @property
     def readings(self) -> Readings:
@@ -442,11 +486,11 @@ class _Flying:
         self._write = [(column, factor) for column, factor, _ in airborne.write]
         self._stepping = Stepping(airborne)
         self._sensed, self._commanded = array("d"), array("d")
-        self._plan = _plan(airborne)
+        self._coming, self._read, self._keep = _plan(airborne).__next__, sensing.read, self._sensed.extend
         self._north_east, self._summed_to = [0.0, 0.0], 0
         self._last = len(airborne.time_s) - 1
         self.row = 0
-        self.readings: Readings
+        self.sample: list[float]  # what the sensors read last, in the order of `SENSORS`
         self.end: str | None = None
         self._look()
 
@@ -474,18 +518,22 @@ class _Flying:
     def _look(self) -> None:
         """Read the sensors, and see whether the flight is over."""
         now = self._stepping.now
-        self.time_s, self._added = next(self._plan)
-        sample = self.sensing.read(self.time_s, now)
+        self.time_s, self._added = self._coming()
+        sample = self._read(self.time_s, now)
         if sample is None:
             self.end = ATTITUDE
-            self.readings = self.readings._replace(**_NO_ATTITUDE)
+            self.sample = list(self.readings._replace(**_NO_ATTITUDE))
             return
-        self._sensed.extend(sample)
-        self.readings = Readings._make(sample)
+        self._keep(sample)
+        self.sample = sample
         if beyond(now, self.airborne.bounds):
             self.end = ENVELOPE
         elif self.row == self._last:
             self.end = DURATION
+
+    @property
+    def readings(self) -> Readings:
+        return Readings._make(self.sample)
 
     def switch(self, switch: _Switch) -> None:
         """Switch a fault on, or off, from the next sample on."""
@@ -552,7 +600,8 @@ def checked_commands(commands: Sequence[float]) -> tuple[float, ...]:
     (1.0, 2.0, 3.0, 50.0)
     """
     try:
-        elevator, aileron, rudder, throttle = map(float, commands)
+        elevator, aileron, rudder, throttle = commands
+        elevator, aileron, rudder, throttle = float(elevator), float(aileron), float(rudder), float(throttle)
     except (TypeError, ValueError):
         raise _not_commands(commands) from None
     total = elevator + aileron + rudder + throttle

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
 from gtmbench.bench.propellers import spin_up, wrong_speeds
+from gtmbench.bench.settling import settle, thrusts_lbs
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
@@ -41,14 +43,18 @@ _NOMINAL_DEG = 20.0  # full deflection, where a model doesn't tell it
 # Gear up; and no fuel is burnt: else weight and trim change, and motors whose tank is small stop within the minute.
 _CRUISE = {"gear/gear-cmd-norm": 0.0, "gear/gear-pos-norm": 0.0, "propulsion/fuel_freeze": 1.0}
 _MOTOR = {"fcs/mixture-cmd-norm": 0.9, "fcs/advance-cmd-norm": 1.0}
+_GLIDES_DEG = -3.0  # where a search for a steady descent begins
 _MISSING = re.compile(r"property (\S+) does not exist")
 _MOST_MISSING = 60
 
 _STIFF = 0.5  # of a propeller's time constant, a step of JSBSim at most
+_UNSETTLED = 0.01  # of the weight: by how much an engine's thrust may differ from what JSBSim finds
 _NOTHING = 1e-9  # ft/s2 and rad/s2: what a rudder that isn't there does
 _LIFT = (0.4, 0.6, 0.3, 0.8, 0.2, 0.15, 0.1)  # lift coefficients at which a trim is looked for
-_LONGEST_S = 20.0  # to look for one
+_LONGEST_S = 10.0  # of processor time, to look for one
+_HIGH = 90.0  # percent of throttle
 _HEAVY_LBS_FT2 = 30.0  # wing loading from which an aircraft is at home at 10,000 ft, not at 5,000
+_LOW_FT = 1_000.0  # where engines have the most power
 _ENVELOPE = {"alpha": [-12.0, 25.0], "beta": [-30.0, 30.0], "phi": [-80.0, 80.0], "altitude": [0.0, 60000.0]}
 _GUESS = {"alpha": 3.0, "phi": 0.0, "elevator": 0.0, "aileron": 0.0, "rudder": 0.0, "throttle": 50.0}
 
@@ -91,19 +97,27 @@ def survey(
         facts["trim"] |= dict(zip(("altitude_ft", "tas_kt"), tried[0], strict=True))
         return facts
     guess = {"alpha": found.alpha_deg, "phi": found.roll_deg, **found.commands}
+    if facts.get("motorless"):
+        guess["throttle"] = found.gamma_deg
     facts["trim"] |= {"altitude_ft": found.altitude_ft, "tas_kt": round(found.tas_kt, 6)}
     facts["trim"]["guess"] = {name: round(value, 4) + 0.0 for name, value in guess.items()}
     return facts | {"excitation": _scaled(aircraft_of(folder, facts))}
 
 
 def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
-    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
-    until = time.monotonic() + _LONGEST_S
+    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search.
+
+    Engines whose thrust settles give less of it for more throttle where a propeller's blades are at their stop: there
+    a search can only begin at high power.
+    """
+    until_s = time.process_time() + _LONGEST_S
+    craft = aircraft_of(folder, facts)
+    begun = [craft, replace(craft, guess=craft.guess | {"throttle": _HIGH})] if craft.settle else [craft]
     for search, some in ((searched_engine, conditions), (trimmed_engine, conditions[:1])):
-        for altitude_ft, tas_kt in some:
-            if time.monotonic() < until:
+        for (altitude_ft, tas_kt), each in product(some, begun if search is searched_engine else [craft]):
+            if time.process_time() < until_s:
                 with suppress(GtmbenchError):
-                    return search(aircraft_of(folder, facts), altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
+                    return search(each, altitude_ft=altitude_ft, tas_kt=tas_kt)[1]
     return None
 
 
@@ -128,7 +142,12 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
         fdm = engine(aircraft_of(folder, facts | {"commands": {}}))  # the channel table's, as the GTM has them
         facts["commands"] = {}
     except GtmbenchError:
-        fdm = engine(aircraft_of(folder, facts))
+        gliding = _gliding(facts)
+        fdm = engine(aircraft_of(folder, gliding))
+        if fdm.get_propulsion().get_num_engines():
+            fdm = engine(aircraft_of(folder, facts))
+        else:
+            facts = gliding
         for motor in range(fdm.get_propulsion().get_num_engines()):
             facts["properties"] |= {f"{name}[{motor}]" if motor else name: value for name, value in _MOTOR.items()}
     facts["properties"] |= properties or {}
@@ -140,6 +159,12 @@ def outline(folder: Path, *, without_io: bool = False, properties: Mapping[str, 
     return facts | _of_propellers(folder, facts) | _of_rudder(folder, facts)
 
 
+def _gliding(facts: Facts) -> Facts:
+    """Return the facts of what has no motor."""
+    guess = facts["trim"]["guess"] | {"throttle": _GLIDES_DEG}
+    return facts | {"motorless": True, "trim": facts["trim"] | {"guess": guess}}
+
+
 def _of_propellers(folder: Path, facts: Facts) -> Facts:
     """Say whether propellers have to be turned up, and how short JSBSim's steps have to be for them."""
     craft = aircraft_of(folder, facts)
@@ -149,7 +174,7 @@ def _of_propellers(folder: Path, facts: Facts) -> Facts:
             _level(fdm, craft, {"throttle": throttle})
             is_wrong = is_wrong or bool(wrong_speeds(fdm))
     if not is_wrong:
-        return {}
+        return _of_engines(folder, facts)
     craft = replace(craft, spin_up=True)
     fdm = engine(craft)
     throttles = [(factor, write) for column, factor, write in writers(fdm, craft) if COMMANDS[column] == "throttle"]
@@ -161,6 +186,20 @@ def _of_propellers(folder: Path, facts: Facts) -> Facts:
             stiffness = max(stiffness, spin_up(fdm))  # of propellers that aren't steady yet
     steps = math.ceil(stiffness * SAMPLE_PERIOD_S / _STIFF)
     return {"spin_up": True} | ({"steps_a_sample": min(steps, MOST_STEPS)} if steps > 1 else {})
+
+
+def _of_engines(folder: Path, facts: Facts) -> Facts:
+    """Say whether engines have to settle: they can, at another thrust than JSBSim finds for them."""
+    craft = aircraft_of(folder, facts)
+    fdm, differs = engine(craft), False
+    with simulating(fdm, craft), silenced():
+        for throttle in (30.0, 60.0, 100.0):
+            _level(fdm, craft, {"throttle": throttle})
+            found = sum(thrusts_lbs(fdm))
+            if not settle(fdm):
+                return {}
+            differs = differs or abs(sum(thrusts_lbs(fdm)) - found) > _UNSETTLED * fdm["inertia/weight-lbs"]
+    return {"settle": True} if differs else {}
 
 
 def _of_rudder(folder: Path, facts: Facts) -> Facts:
@@ -228,13 +267,14 @@ def _conditions(craft: Aircraft) -> Iterator[tuple[float, float]]:
     """Give altitudes (ft) and true airspeeds (kt), the likeliest first, by the wing loading."""
     fdm = engine(craft)
     with simulating(fdm, craft), silenced():
-        stand(fdm, spins=craft.spin_up)
+        stand(fdm, craft)
         loading = fdm["inertia/weight-lbs"] / max(fdm["metrics/Sw-sqft"], 0.1)
-        altitude_ft = 10_000.0 if loading > _HEAVY_LBS_FT2 else 5_000.0
-        fdm["ic/h-sl-ft"] = altitude_ft
-        stand(fdm, spins=craft.spin_up)
-        density = fdm["atmosphere/rho-slugs_ft3"]
-    for lift in _LIFT:
+        densities = {}
+        for altitude_ft in (10_000.0 if loading > _HEAVY_LBS_FT2 else 5_000.0, _LOW_FT):
+            fdm["ic/h-sl-ft"] = altitude_ft
+            stand(fdm, craft)
+            densities[altitude_ft] = fdm["atmosphere/rho-slugs_ft3"]
+    for (altitude_ft, density), lift in product(densities.items(), _LIFT):
         tas_kt = math.sqrt(2.0 * loading / (density * lift)) * CHANNELS["tas"].scale
         yield altitude_ft, float(np.clip(round(tas_kt), 5.0, 2000.0))
 

@@ -33,6 +33,7 @@ _TRIED_S = 90.0
 _PROVED_S = 600.0
 _MARGIN_S, _MARGIN_STEP_S, _MARGIN_STEPS = 30.0, 0.005, 20
 _TOLERATED = {"altitude": 20.0, "tas": 5.0, "phi": 5.0, "psi": 5.0, "p": 5.0, "q": 2.0, "r": 2.0}  # RMS, by channel
+_NO_EFFECT = 1e-6  # deg/s2 by deg, ft/s2 by percent: a command that moves nothing
 _MOVED = 0.1  # RMS of a command, of its span: as bad as a channel's tolerated RMS
 
 
@@ -75,7 +76,8 @@ def find_autopilot(
     roll, dutch roll and speed, through what its surfaces and its throttle do (so signs follow from trying, too). Then
     each axis in turn is flown in turbulence with its gains in octaves, and that gain is taken whose worst neighbour,
     half or twice itself, does best: a gain with a margin on either side. At last they fly ten minutes of other air.
-    On a sensor chain the rates lead by as much as the slowest gyro is late.
+    On a sensor chain the rates lead by as much as the slowest gyro is late. An aircraft whose rudder moves nothing gets
+    no yaw damper: its gain stays 0.
 
     Parameters
     ----------
@@ -108,7 +110,8 @@ def find_autopilot(
     found = replace(similar_autopilot(linearised(craft)), lead_s=0.0 if chain is None else lateness_s(chain))
     for done, axis in enumerate(AXES):
         progress(axis, done, len(AXES) + 1)
-        found = _best(craft, found, axis, chain)
+        if any(getattr(found, gain) for gain in AXES[axis]):  # without a rudder there is no yaw damper
+            found = _best(craft, found, axis, chain)
     progress("ten minutes of turbulence", len(AXES), len(AXES) + 1)
     flight = _flown(craft, chain, found, _PROVED_S, seed=2)
     if flight is None or flight.departed_s is not None:
@@ -176,6 +179,9 @@ def _most_off(truth: Record, channel: str) -> float:
 def similar_autopilot(linear: LinearModel) -> Autopilot:
     """Return gains that are to an aircraft's motion what the GTM's are to its own.
 
+    Where the rudder moves nothing its gain is 0: there is no yaw damper. Where the throttle does nothing, altitude and
+    speed aren't held: the attitude of the descent is.
+
     Raises
     ------
     TrimError
@@ -185,12 +191,12 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     w, p, q, r, v = (STATES.index(name) for name in ("w", "p", "q", "r", "v"))
     effect = {
         "elevator": math.degrees(moved[q, 0]),
-        "aileron": math.degrees(moved[p, 1]),
+        "aileron": math.degrees(_roll_effect(linear)),
         "rudder": math.degrees(moved[r, 2]),
         "throttle": moved[STATES.index("u"), 3],
     }
-    for name in COMMANDS:
-        if not abs(effect[name]) > 1e-6:
+    for name in ("elevator", "aileron"):
+        if not abs(effect[name]) > _NO_EFFECT:
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
     pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
     roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
@@ -198,17 +204,40 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     gains = {
         "q_to_elevator_s": -4.36 * pitch / effect["elevator"],
         "theta_to_elevator": -0.755 * pitch**2 / effect["elevator"],
-        "altitude_to_theta_deg_ft": 0.077 * pitch / climb_ft_s_deg,
-        "altitude_integral_deg_ft_s": 0.077 * pitch / climb_ft_s_deg * 0.0065 * pitch,
         "p_to_aileron_s": -2.71 * roll / effect["aileron"],
         "phi_to_aileron": -1.636 * roll**2 / effect["aileron"],
         "psi_to_phi": 0.0228 * roll * linear.speed_ft_s / G_FT_S2,
-        "r_to_rudder_s": -4.77 * yaw / effect["rudder"],
         "washout_s": 13.6 / yaw,
-        "tas_to_throttle_percent_kt": 1.27 * speed * FT_S_PER_KT / effect["throttle"],
-        "tas_integral_percent_kt_s": 1.27 * speed * FT_S_PER_KT / effect["throttle"] * 0.373 * speed,
     }
+    if abs(effect["rudder"]) > _NO_EFFECT:
+        gains["r_to_rudder_s"] = -4.77 * yaw / effect["rudder"]
+    if abs(effect["throttle"]) > _NO_EFFECT:
+        climbs = 0.077 * pitch / climb_ft_s_deg
+        pushes = 1.27 * speed * FT_S_PER_KT / effect["throttle"]
+        gains |= {
+            "altitude_to_theta_deg_ft": climbs,
+            "altitude_integral_deg_ft_s": climbs * 0.0065 * pitch,
+            "tas_to_throttle_percent_kt": pushes,
+            "tas_integral_percent_kt_s": pushes * 0.373 * speed,
+        }
     return Autopilot(**{name: _rounded(gain) for name, gain in gains.items()})
+
+
+def _roll_effect(linear: LinearModel) -> float:
+    """Return what the aileron does to the roll acceleration, in rad/s2 by deg.
+
+    Where it yaws more than it rolls (two-axis models steer by the rudder, through the dihedral) the roll rate that it
+    settles at has the other sign: then that decides, as the acceleration which the roll damping would balance.
+    """
+    v, p, r = (STATES.index(name) for name in ("v", "p", "r"))
+    at_once = float(linear.input_matrix[p, 1])
+    damping = linear.state_matrix[np.ix_((v, p, r), (v, p, r))]
+    try:
+        settled = -np.linalg.solve(damping, linear.input_matrix[[v, p, r], 1])
+    except np.linalg.LinAlgError:
+        return at_once
+    balanced = -float(settled[1]) * linear.state_matrix[p, p]
+    return balanced if at_once * balanced < 0.0 else at_once
 
 
 def _rounded(gain: float) -> float:
@@ -238,7 +267,8 @@ def _cost(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None = Non
     if flight is None or flight.departed_s is not None:
         return math.inf
     truth = flight.truth
-    held = [np.sqrt(np.mean((truth[name] - truth[name][0]) ** 2)) / most for name, most in _TOLERATED.items()]
+    tolerated = {name: most for name, most in _TOLERATED.items() if name != "altitude" or not craft.motorless}
+    held = [np.sqrt(np.mean((truth[name] - truth[name][0]) ** 2)) / most for name, most in tolerated.items()]
     spans = {name: high - low for name, (low, high) in craft.limits.items()}
     moved = [np.std(truth[name]) / (_MOVED * spans[name]) for name in COMMANDS]
     return float(np.sqrt(np.mean(np.square(held + moved))))

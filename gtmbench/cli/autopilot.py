@@ -67,6 +67,8 @@ def autopilot_command(
         echo(verdict)
         rates = ", ".join(f"{name} {rms:.2f}" for name, rms in tuned.rates_deg_s.items())
         echo(f"rates, RMS: {rates} deg/s; all gyros and angles may come {1e3 * tuned.delay_margin_s:.0f} ms later")
+        if not tuned.autopilot.r_to_rudder_s:
+            echo("no yaw damper: nothing answers the rudder")
         echo(text.rstrip())
         echo(
             f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")

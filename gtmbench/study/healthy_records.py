@@ -17,12 +17,13 @@ from gtmbench.bench.excitation import parts_of
 from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.bench.loop import GAINS_WANTED, fly_in_loop
 from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.checks import meant, naming, number, whole
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector
-from gtmbench.errors import InputError
+from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -43,6 +44,8 @@ _KILLED = "a process that flew was killed (no memory?); close others, or fly few
 @dataclass(frozen=True, kw_only=True)
 class CalibrationFlights:
     """Flights to calibrate on, one a seed: of excitation, turbulence, noise and imperfections.
+
+    An aircraft that leaves its envelope open loop is flown by its own autopilot, if it has one.
 
     Parameters
     ----------
@@ -211,12 +214,23 @@ def _common(imperfections: Imperfections) -> dict[str, str]:
 
 def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
     flights, channels, seed = task
-    flight = fly(flights.aircraft, flights.excitation, flights.duration_s, seed)
+    flight = _truth(flights, seed)
     chain = load_aircraft(flights.aircraft).chain_of(flights.sensors)
     measured = measure(flight, noise=flights.noise, seed=seed, commands=True, sensors=chain)
     gyros = _with(measured, flights.imperfections, seed)  # an estimator reads them as they are
     estimated = estimated_attitude(gyros, flight, flights.attitude, seed)
     return with_late_attitude(estimated, flights.attitude_late_s).select(channels)
+
+
+def _truth(flights: CalibrationFlights, seed: int) -> Record:
+    """Fly open loop; where that leaves the envelope, with the aircraft's autopilot."""
+    how = (flights.aircraft, flights.excitation, flights.duration_s, seed)
+    try:
+        return fly(*how)
+    except EnvelopeError as error:
+        if load_aircraft(flights.aircraft).autopilot is None:
+            raise EnvelopeError(f"{error}; or {GAINS_WANTED}: then it is flown in the loop") from error
+        return fly_in_loop(*how).truth
 
 
 def _with(record: Record, imperfections: Imperfections, seed: int) -> Record:

@@ -115,9 +115,9 @@ def test_a_folder_without_facts_is_surveyed(copied):
 
 
 def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
-    code, _, err = cli("trim", "--aircraft", "sgs126")  # a glider
+    code, _, err = cli("trim", "--aircraft", "weather-balloon")
     assert code == 2
-    assert "it has no motor" in err
+    assert "flight path angle at its limit of 5" in err
     code, _, err = cli("trim", "--aircraft", "p51d", "--tas", "350")
     assert code == 2
     assert "at 10000 ft and 350 kt" in err

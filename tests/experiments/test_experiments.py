@@ -102,6 +102,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "heading_witness",
         "magnetometer_in_logs",
         "lost_samples",
+        "small_uavs",
         "yardstick",
         "attitude_origin",
         "on_board",

@@ -1,6 +1,6 @@
 """A small electric aircraft, written here: 2 kg, a wing of 1.5 m, a propeller of so little inertia that it is stiff."""
 
-_METRICS = """<metrics>
+_MASS = """<metrics>
  <wingarea unit="M2">0.45</wingarea><wingspan unit="M">1.5</wingspan><chord unit="M">0.3</chord>
  <location name="AERORP" unit="M"><x>0</x><y>0</y><z>0</z></location>
 </metrics>
@@ -10,7 +10,8 @@ _METRICS = """<metrics>
  <location name="CG" unit="M"><x>0</x><y>0</y><z>0</z></location>
 </mass_balance>
 <ground_reactions/>
-<propulsion><engine file="motor"><feed>0</feed><thruster file="blades">
+"""
+_MOTOR = """<propulsion><engine file="motor"><feed>0</feed><thruster file="blades">
  <location unit="M"><x>-0.4</x><y>0</y><z>0</z></location>
  <orient unit="DEG"><roll>0</roll><pitch>0</pitch><yaw>0</yaw></orient>
  <sense>1</sense></thruster></engine></propulsion>
@@ -44,7 +45,7 @@ _RUDDER = (-0.06, ("metrics/bw-ft", "fcs/rudder-pos-rad"))
 POWER_W, DIAMETER_M, CP, CT = 300.0, 0.25, 0.05, 0.1
 
 
-def write_uav(root, name="smallish", *, rudder=True, blades_ixx_kg_m2=4e-6, mass_kg=2.0):
+def write_uav(root, name="smallish", *, rudder=True, motor=True, blades_ixx_kg_m2=4e-6, mass_kg=2.0):
     """Write the model into root/aircraft/NAME and root/engine; return its folder."""
     folder, engines = root / "aircraft" / name, root / "engine"
     folder.mkdir(parents=True)
@@ -73,7 +74,7 @@ def write_uav(root, name="smallish", *, rudder=True, blades_ixx_kg_m2=4e-6, mass
     (folder / f"{name}.xml").write_text(
         f'<?xml version="1.0"?><fdm_config name="{name}" version="2.0" release="BETA">'
         f"<fileheader><author>gtmbench</author><description>A small UAV</description></fileheader>"
-        f'{_METRICS.format(mass=mass_kg)}<flight_control name="direct">{control}</flight_control>'
+        f'{_MASS.format(mass=mass_kg)}{_MOTOR if motor else ""}<flight_control name="direct">{control}</flight_control>'
         f"<aerodynamics>{axes}</aerodynamics></fdm_config>"
     )
     return folder

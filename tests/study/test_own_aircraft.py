@@ -1,0 +1,100 @@
+"""A user's own small aircraft wherever an aircraft's name is: rescues, campaigns, calibration."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.bench.aircraft_file import autopilot_table, commented
+from gtmbench.bench.modes import linearised
+from gtmbench.bench.survey import survey
+from gtmbench.bench.tuning import similar_autopilot
+from gtmbench.detectors.accommodate import Accommodate
+from gtmbench.errors import EnvelopeError
+from gtmbench.study import healthy_records
+from gtmbench.study.healthy_records import CalibrationFlights
+from gtmbench.study.rescue import fly_rescue
+from tests.helpers.small_uav import write_uav
+
+CAMPAIGN = """
+title = "a small one"
+aircraft = "{aircraft}"
+detectors = ["C"]
+isolate = true
+duration_s = 60.0
+noise = "t2"
+severity_reference_s = [5.0, 20.0]
+[operator]
+identify_s = [5.0, 20.0]
+[alarm]
+threshold_s = [20.0, 25.0]
+watch_from_s = 5.0
+healthy_records = 1
+[axes]
+closed_loop = [true]
+[calibration]
+flights = 2
+duration_s = 60.0
+[[faults]]
+kind = "jam"
+channels = ["q"]
+onset_s = 40.0
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A small UAV whose aircraft.toml has gains."""
+    folder = write_uav(tmp_path_factory.mktemp("fleet"))
+    gains = similar_autopilot(linearised(gb.load_aircraft(folder)))
+    (folder / "aircraft.toml").write_text(commented(survey(folder)) + autopilot_table(vars(gains)))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def monitor(folder):
+    flights = CalibrationFlights(flights=2, duration_s=60.0, aircraft=str(folder))
+    recipe = gb.BankDetector(bank=gb.load_bank("C-early"))
+    return recipe.calibrate(flights.records(recipe))
+
+
+def test_it_is_rescued(folder, monitor):
+    flip = gb.SignFlip(channel="r", onset_s=12.0)
+    rescue = fly_rescue([flip], Accommodate(monitor), aircraft=folder, duration_s=12.9)
+    unaided, rescued = (flight.truth for flight in rescue.flights.values())
+    assert {event.channel for event in rescue.rescued.events} == {"r", "psi"}  # whom it takes out of the loop
+    assert not rescue.unaided.events
+    same = round(rescue.rescued.events[0].time_s / 0.01)
+    assert unaided.values[:same].tobytes() == rescued.values[:same].tobytes()
+    assert np.abs(rescued["r"]).max() < np.abs(unaided["r"]).max()
+
+
+def test_without_gains_it_is_told_how_to_find_some(cli, tmp_path):
+    bare = write_uav(tmp_path / "fleet")
+    code, _, err = cli("rescue", "--aircraft", bare, "--calibrated", "none.json")
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_a_campaign_flies_it(cli, folder, tmp_path):
+    (tmp_path / "small.toml").write_text(CAMPAIGN.format(aircraft=folder))
+    code, out, err = cli("campaign", "small.toml", "--jobs", "1", "--json")
+    assert code == 0, err
+    results = json.loads((tmp_path / "small" / "results.json").read_text())
+    assert json.dumps(results).count(folder.name) > 0
+    assert "detected" in out
+
+
+def test_calibration_flies_in_the_loop_what_leaves_open_loop(monkeypatch, folder):
+    def thrown(*_, **__):
+        raise EnvelopeError("the excitation throws it out of its envelope")
+
+    monkeypatch.setattr(healthy_records, "fly", thrown)
+    flights = CalibrationFlights(flights=1, duration_s=5.0, aircraft=str(folder))
+    record = flights.sensed(("p", "q", "r"))[0]
+    flown = gb.fly_in_loop(folder, flights.excitation, 5.0, flights.seed).truth
+    expected = gb.measure(flown, noise="t2", seed=flights.seed)
+    assert record.values.tobytes() == expected.select(("p", "q", "r")).values.tobytes()
+    with pytest.raises(EnvelopeError, match="find its gains by gtmbench autopilot"):
+        CalibrationFlights(flights=1, duration_s=5.0, aircraft="C130").sensed(("p", "q", "r"))
