@@ -248,10 +248,10 @@ def _setup(table: dict[str, Any]) -> Setup:
     ):
         if not span[0] < span[1] <= setup.duration_s:
             section, _, name = key.rpartition(".")
-            meant = "" if name in (table[section] if section in table else table) else " unless it is given"
+            meant = "" if name in table.get(section, table) else " unless it is given"
             raise InputError(
-                f"{key} is {list(span)}{meant}, but the flight lasts {setup.duration_s:g} s (duration_s); give a start before "
-                "the end, both within it"
+                f"{key} is {list(span)}{meant}, but the flight lasts {setup.duration_s:g} s (duration_s); give a "
+                "start before the end, both within it"
             )
     number("alarm.watch_from_s", setup.alarm.watch_from_s, 0.0, setup.duration_s)
     for name in setup.operator.inputs:
