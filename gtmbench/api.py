@@ -47,7 +47,7 @@ from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.registry import register_fault
-from gtmbench.faults.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.shaping import (
     Deadzone,
     Hysteresis,
@@ -147,6 +147,7 @@ __all__ = [
     "Fault",
     "FieldOpinion",
     "FlightLog",
+    "Float",
     "FunctionDetector",
     "GSensitivity",
     "GtmbenchError",

@@ -10,6 +10,7 @@ from typing import Protocol
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.autopilot import Autopilot
+from gtmbench.bench.breaking import is_of_surface
 from gtmbench.bench.controller import check_controller, failed, take_over
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
@@ -88,6 +89,8 @@ def fly_in_loop(
         Instead of an autopilot: a function ``command(readings, time_s)``, or an object or a class with a method of that
         name, that returns elevator, aileron and rudder in deg and throttle in percent (`Controller`).
     faults : Fault or sequence of Fault
+        Of sensors, of surfaces (elevator, aileron, rudder) and of the throttle. With one of a surface the truth also
+        has where the surfaces were driven: ``elevator_actual`` and so on, beside what was commanded.
     noise : "t2" or None
         The sensor noise, the same numbers as in `measure`. None: perfect sensors.
     noise_seed : int, optional
@@ -172,7 +175,7 @@ def fly_in_loop(
     events += [
         LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel)
         for fault in simulation.faults
-        if not set(fault.changes) & set(reads)
+        if not is_of_surface(fault) and not set(fault.changes) & set(reads)
     ]
     return replace(flight, events=tuple(sorted(events, key=lambda event: event.time_s)))
 
