@@ -111,7 +111,7 @@ class Flown:
 
     def _flown_with(self, faults: Sequence[Fault]) -> Record:
         """Return the truth with faults of surfaces: this flight's, where there are none."""
-        of_surfaces = [fault for fault in faults if is_of_surface(fault)]
+        of_surfaces = tuple(fault for fault in faults if is_of_surface(fault))
         if not of_surfaces:
             return self.flight
         return _flown_open(self.setup, of_surfaces)

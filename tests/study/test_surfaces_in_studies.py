@@ -15,7 +15,11 @@ GYRO = gb.Bias(channel="r", onset_s=13.0, size=3.0)
 
 
 def flown(**setup):
-    return fly_setup(Setup(excitation="multisine", duration_s=20.0, seed=4, severity_reference_s=(1.0, 10.0), **setup), False, lambda _: None)
+    return fly_setup(
+        Setup(excitation="multisine", duration_s=20.0, seed=4, severity_reference_s=(1.0, 10.0), **setup),
+        False,
+        lambda _: None,
+    )
 
 
 @pytest.mark.parametrize("noise", [{"snr": None, "noise": "t2"}, {"snr": 50.0}])
