@@ -30,6 +30,7 @@ from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.score_detector import ScoreDetector
+from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
     ControllerError,
@@ -214,6 +215,8 @@ __all__ = [
     "Stream",
     "Stuck",
     "Study",
+    "SurfaceDetector",
+    "SurfaceMonitor",
     "Swap",
     "TotalLeastSquares",
     "Transmissibility",

@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gtmbench.checks import number, shown
+from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import ACCELEROMETERS, COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
@@ -86,6 +88,9 @@ class Flow:
         return _AXES | ({"ny": "lateral", "nz": "longitudinal"} if self.vanes else {})
 
 
+FULL = Flow()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
     """What was identified.
@@ -116,6 +121,12 @@ class Answer:
     def effects(self) -> FloatArray:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
         return np.array([self.theta[name][: len(self.surfaces)] for name in self.flow.equations])
+
+    @property
+    def series(self) -> tuple[str, ...]:
+        """The names of what is judged: the surfaces, and what none of them explains."""
+        left = len(self.flow.equations) - len(self.surfaces)
+        return (*self.surfaces, *(f"left {i + 1}" for i in range(left)))
 
     def start(self, sample_period_s: float) -> Answering:
         """Return what makes deviations of samples as they come in."""
@@ -272,6 +283,7 @@ class _Lags:
         return np.asarray(moved + self._rest)
 
 
+_CAUSES = {"lateral": 10, "longitudinal": 7}  # beside the surfaces
 _OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator", "throttle")}
 
 
@@ -346,3 +358,43 @@ def _fitted(
         covariance=np.atleast_2d(np.cov(np.array(left), bias=True)),
         reference=reference,
     )
+
+
+def answer_of(where: str, given: Any) -> Answer:
+    """Return the answer of a table, every key checked.
+
+    Raises
+    ------
+    InputError
+        Naming the key, what stands there and what should.
+    """
+    names = ("vanes", "airspeed", "surfaces", "lags_s", "theta", "covariance", "reference")
+    table = keys(where, given, names)
+    for key in ("vanes", "airspeed"):
+        if not isinstance(table[key], bool):
+            raise InputError(f"{where}.{key} is {shown(table[key])}; it must be true or false")
+    flow = Flow(vanes=table["vanes"], airspeed=table["airspeed"])
+    surfaces = names_of(f"{where}.surfaces", table["surfaces"])
+    if not surfaces or not set(surfaces) <= set(COMMANDS):
+        raise InputError(f"{where}.surfaces is {shown(table['surfaces'])}; it may hold {', '.join(COMMANDS)}")
+    theta = table_of(f"{where}.theta", table["theta"])
+    equations = len(flow.equations)
+    if list(theta) != list(flow.equations):
+        raise InputError(f"{where}.theta holds {', '.join(theta)}; it must hold {', '.join(flow.equations)}")
+    lengths = {name: len(surfaces) + _CAUSES[axis] for name, axis in flow.equations.items()}
+    lags_s = array_of(f"{where}.lags_s", table["lags_s"], (2,))
+    answer = Answer(
+        flow=flow,
+        surfaces=surfaces,
+        lags_s=(float(lags_s[0]), float(lags_s[1])),
+        theta={name: array_of(f"{where}.theta.{name}", theta[name], (length,)) for name, length in lengths.items()},
+        covariance=array_of(f"{where}.covariance", table["covariance"], (equations, equations)),
+        reference=number(f"{where}.reference", table["reference"], 0.0, above=True),
+    )
+    try:
+        np.linalg.cholesky(answer.covariance)
+    except np.linalg.LinAlgError:
+        raise InputError(f"{where}.covariance is no covariance; calibrate anew") from None
+    if min(answer.lags_s) <= 0.0:
+        raise InputError(f"{where}.lags_s is {shown(table['lags_s'])}; it must hold two times above 0")
+    return answer

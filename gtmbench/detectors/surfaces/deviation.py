@@ -12,14 +12,14 @@ minute before. So stronger gusts make the tests less sensitive, not false.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.detectors.surfaces.answer import Deviations
-from gtmbench.values.record import FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 BLOCK_S = 0.25  # between judgements
 _BASE_S, _LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
@@ -33,11 +33,14 @@ _TESTS = (
     (SLOPE, 20.0),
     (RATE, 20.0),
 )
+WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
 TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04}  # deg (% of the throttle); of 1; seconds
 _LEFT_TOLERATED = 0.3  # deviations of what no surface explains
 _PRIOR = 1e-3  # of a command's mean square: one that stands still tells nothing of its effect
-HORIZON = round((_BASE_S + 20.0) / BLOCK_S) + 1  # blocks that a test looks back at
+_ENOUGH = 0.8  # of samples, or blocks, that must be there
+_FORGETS = 8  # blocks after a hole
+HORIZON = round((_BASE_S + 20.0) / BLOCK_S) + _FORGETS + 1  # blocks that a test looks back at
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 
 
@@ -48,11 +51,11 @@ class Blocks(NamedTuple):
     ----------
     sums : shape (blocks, series, 4, 4)
     there : shape (blocks,)
-        Whether all samples of a block were.
+        Whether enough samples of a block were.
     """
 
     sums: FloatArray
-    there: FloatArray
+    there: BoolArray
 
     def joined(self, other: Blocks) -> Blocks:
         """Return these and the next."""
@@ -64,17 +67,25 @@ class Blocks(NamedTuple):
         return Blocks(self.sums[first:], self.there[first:])
 
 
-def blocks_of(deviations: Deviations, there: FloatArray, rows: int) -> Blocks:
-    """Return the sums of whole blocks of `rows` samples; what is left over at the end isn't used."""
+def blocks_of(deviations: Deviations, there: BoolArray, rows: int) -> Blocks:
+    """Return the sums of whole blocks of `rows` samples; what is left over at the end isn't used.
+
+    Parameters
+    ----------
+    deviations : Deviations
+    there : shape (samples,)
+        Where no channel misses its sample.
+    rows : int
+    """
     count = len(there) // rows
-    off, left = deviations.off, deviations.left
+    left = deviations.left
     still = np.zeros_like(left)
-    d = np.column_stack([off, left])[: count * rows]
+    d = np.column_stack([deviations.off, left])[: count * rows]
     u = np.column_stack([deviations.commanded, still])[: count * rows]
     v = np.column_stack([deviations.slew, still])[: count * rows]
     x = np.stack([np.ones_like(d), u, v, d], axis=-1).reshape(count, rows, d.shape[1], 4)
     sums = np.einsum("brsi,brsj->bsij", x, x, optimize=True)
-    return Blocks(sums, there[: count * rows].reshape(count, rows).min(axis=1))
+    return Blocks(sums, there[: count * rows].reshape(count, rows).mean(axis=1) >= _ENOUGH)
 
 
 class Changes(NamedTuple):
@@ -90,7 +101,7 @@ class Changes(NamedTuple):
     error: FloatArray
 
 
-def changes(blocks: Blocks, floor: FloatArray, rows: int) -> Changes:
+def changes(blocks: Blocks, floor: FloatArray) -> Changes:
     """Return the changes of all tests of all blocks, NaN where there isn't enough before them.
 
     Parameters
@@ -98,31 +109,42 @@ def changes(blocks: Blocks, floor: FloatArray, rows: int) -> Changes:
     blocks : Blocks
     floor : shape (series,)
         The least noise, in the series' units.
-    rows : int
-        Of a block.
     """
     count, series = blocks.sums.shape[:2]
-    sums = np.concatenate([np.zeros((1, series, 4, 4)), np.cumsum(blocks.sums, axis=0)])
-    missing = np.concatenate([[0.0], np.cumsum(1.0 - blocks.there)])
+    used = _used(blocks.there)
+    sums = np.concatenate(
+        [np.zeros((1, series, 4, 4)), np.cumsum(np.where(used[:, None, None, None], blocks.sums, 0.0), axis=0)]
+    )
+    held = np.concatenate([[0], np.cumsum(used)])
     shape = (count, len(_TESTS), series)
     change, error = np.full(shape, np.nan), np.full(shape, np.nan)
     base, least, recent = (round(span_s / BLOCK_S) for span_s in (_BASE_S, _LEAST_BASE_S, _RECENT_S))
     for test, (kind, window_s) in enumerate(_TESTS):
         window = round(window_s / BLOCK_S)
         ends = np.arange(window + least, count + 1)
+        firsts = np.maximum(ends - window - base, 0)
+        late = ends - window - recent
+        enough = held[ends] - held[ends - window] >= _ENOUGH * window
+        enough &= held[ends - window] - held[firsts] >= _ENOUGH * least
+        enough &= held[ends - window] - held[late] >= _ENOUGH * recent
+        ends, firsts, late = ends[enough], firsts[enough], late[enough]
         if not len(ends):
             continue
         begins = ends - window
-        firsts = np.maximum(begins - base, 0)
-        before, now = sums[begins] - sums[firsts], sums[ends] - sums[begins]
-        late = sums[begins] - sums[np.maximum(begins - recent, firsts)]
-        samples = before[..., 0, 0]
+        before, lately, now = sums[begins] - sums[firsts], sums[begins] - sums[late], sums[ends] - sums[begins]
         normal = _fit(before)
-        noise = np.maximum(_left(before, normal) / samples, _left(late, normal) / late[..., 0, 0])
+        noise = np.maximum(
+            _left(before, normal) / before[..., 0, 0],
+            _left(lately, normal) / lately[..., 0, 0],
+        )
         change[ends - 1, test], error[ends - 1, test] = _judged(kind, now, normal, noise, floor)
-        holes = missing[ends] - missing[firsts]
-        change[ends[holes > 0] - 1, test] = np.nan
     return Changes(change, error)
+
+
+def _used(there: BoolArray) -> BoolArray:
+    """Return which blocks are used: those that are there, once the filters have forgotten the last that wasn't."""
+    after_hole = np.concatenate([np.zeros(_FORGETS, dtype=int), np.cumsum(~there)])
+    return np.asarray(after_hole[_FORGETS:] == after_hole[: len(there)]) if len(there) else there
 
 
 def _fit(sums: FloatArray) -> FloatArray:
@@ -194,7 +216,7 @@ class Normal:
         return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
 
 
-def normal_of(healthy: Sequence[Blocks], rows: int) -> Normal:
+def normal_of(healthy: Sequence[Blocks]) -> Normal:
     """Return what is usual, of the blocks of healthy records."""
     series = healthy[0].sums.shape[1]
     levels = []
@@ -203,18 +225,15 @@ def normal_of(healthy: Sequence[Blocks], rows: int) -> Normal:
         for first in range(0, len(blocks.there) - base + 1, base):
             part = blocks.sums[first : first + base].sum(axis=0)
             levels.append(_left(part, _fit(part)) / part[..., 0, 0])
-    noise = np.sqrt(np.median(np.array(levels), axis=0)) if levels else np.ones(series)
+    noise: FloatArray = np.ones(series)
+    if levels:
+        noise = np.asarray(np.sqrt(np.median(np.array(levels), axis=0)), dtype=np.float64)
     ratios = []
     for blocks in healthy:
-        found = changes(blocks, noise, rows)
+        found = changes(blocks, noise)
         with np.errstate(invalid="ignore", divide="ignore"):
             ratios.append(found.change / found.error)
     joined = np.concatenate(ratios)
     with np.errstate(invalid="ignore"):
         colour = np.sqrt(np.nanmean(np.square(joined), axis=0))
     return Normal(noise=noise, colour=np.maximum(np.nan_to_num(colour, nan=1.0), 1.0))
-
-
-def labelled(values: FloatArray) -> Mapping[str, FloatArray]:
-    """Return figures of the tests, the first axis, by the tests' names."""
-    return dict(zip(LABELS, values, strict=True))
