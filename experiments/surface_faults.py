@@ -91,9 +91,7 @@ def flown(
         readings = gb.measure(truth, noise="t2", seed=seed, commands=True, sensors=chain)
         readings = gb.inject(readings, [fault for fault in faults if fault.channel not in COMMANDS])
         bounds = gb.load_aircraft("gtm").departure
-        outside = np.any(
-            [(truth[name] < low) | (truth[name] > high) for name, (low, high) in bounds.items()], axis=0
-        )
+        outside = np.any([(truth[name] < low) | (truth[name] > high) for name, (low, high) in bounds.items()], axis=0)
         return truth, readings, float(truth.time_s[np.argmax(outside)]) if outside.any() else np.inf
 
 
@@ -222,7 +220,13 @@ def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterat
                 **trim,
             )
         except gb.errors.GtmbenchError as error:
-            yield {"part": "healthy", "loop": loop, "kind": gusts, "seed": seed + 1000 + number, "said": f"not flown: {error}"}
+            yield {
+                "part": "healthy",
+                "loop": loop,
+                "kind": gusts,
+                "seed": seed + 1000 + number,
+                "said": f"not flown: {error}",
+            }
             continue
         record = readings.between(BEGUN_S, min(readings.end_s, departed_s))
         watch = both["surfaces"].watch(record)

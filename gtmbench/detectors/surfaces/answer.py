@@ -11,9 +11,10 @@ by least squares. A surface that is off by d degrees adds F (Q d) times its own 
 once, Q being the dynamic pressure. So the residuals e, weighed by their covariance S on healthy flight, say by how many
 degrees each surface seems to be off,
 
-    d = (G' S^-1 G)^-1 G' S^-1 e / Q,
+    d = (G' S^-1 G)^-1 G' S^-1 e / Q
 
-and what no surface explains is left: z, of deviation 1 on healthy flight, to tell that something else happened.
+(the throttle by the forward acceleration alone), and what no surface explains is left: z, of deviation 1 on healthy
+flight, to tell that something else happened.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0
 _SURFACE_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
+_SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 _SETTLES_S = 5.0
@@ -39,6 +41,7 @@ _MOVED = {"throttle": 1.0}  # deviation that a command must have had to be ident
 _MOVED_AT_ALL = 0.1
 _THINNED_S = 0.05  # between equations: they are smooth
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral", "nx": "longitudinal"}
+_FORWARD, _ENGINE = "nx", "throttle"
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
 
@@ -50,7 +53,8 @@ class Deviations(NamedTuple):
     off : shape (samples, surfaces)
         By how much each surface seems to be off, in its unit.
     commanded, slew : shape (samples, surfaces)
-        What was commanded, behind servo and lag, and how fast that changes, in its unit and per second.
+        What was commanded, behind servo and lag, and how fast that changes, in its unit and per second: as a servo
+        that is slow by some tenths of a second sees it.
     left : shape (samples, any)
         What no surface explains, in deviations on healthy flight.
     """
@@ -125,7 +129,7 @@ class Answer:
     @property
     def series(self) -> tuple[str, ...]:
         """The names of what is judged: the surfaces, and what none of them explains."""
-        left = len(self.flow.equations) - len(self.surfaces)
+        left = len(self.flow.equations) - 1 - len([name for name in self.surfaces if name != _ENGINE])
         return (*self.surfaces, *(f"left {i + 1}" for i in range(left)))
 
     def start(self, sample_period_s: float) -> Answering:
@@ -151,11 +155,7 @@ class Answering:
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
         self._answer = answer
         self._regressing = _Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
-        effects, root = answer.effects, np.linalg.cholesky(answer.covariance)
-        white = np.linalg.solve(root, effects)
-        self._off = np.linalg.pinv(white) @ np.linalg.inv(root)
-        whole, _ = np.linalg.qr(white, mode="complete")
-        self._left = whole[:, len(answer.surfaces) :].T @ np.linalg.inv(root)
+        self._off, self._left = _solved(answer)
 
     def push(self, values: FloatArray) -> Deviations:
         """Return the deviations of the next rows, of the channels in their order."""
@@ -167,6 +167,30 @@ class Answering:
         by_air = np.array([name != "throttle" for name in self._answer.surfaces])
         off = (residuals @ self._off.T) / np.where(by_air, pressure, 1.0)
         return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=residuals @ self._left.T)
+
+
+def _solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
+    """Return what makes deviations, and what is left, of the equations' residuals.
+
+    Engines move the aircraft forward and hardly turn it, and forward is a single equation. So the surfaces are found
+    without it, and the throttle by what they leave of it: a fault of nx makes no surface deviate.
+    """
+    turning = [i for i, name in enumerate(answer.flow.equations) if name != _FORWARD]
+    blown = [i for i, name in enumerate(answer.surfaces) if name != _ENGINE]
+    off = np.zeros((len(answer.surfaces), len(answer.flow.equations)))
+    root = np.linalg.cholesky(answer.covariance[np.ix_(turning, turning)])
+    white = np.linalg.solve(root, answer.effects[np.ix_(turning, blown)])
+    off[np.ix_(blown, turning)] = np.linalg.pinv(white) @ np.linalg.inv(root)
+    left = np.zeros((len(turning) - len(blown), len(answer.flow.equations)))
+    whole, _ = np.linalg.qr(white, mode="complete")
+    left[:, turning] = whole[:, len(blown) :].T @ np.linalg.inv(root)
+    if _ENGINE in answer.surfaces:
+        engine, forward = answer.surfaces.index(_ENGINE), list(answer.flow.equations).index(_FORWARD)
+        effect = answer.effects[forward]
+        by = effect[engine] if abs(effect[engine]) > 1e-9 else np.inf
+        off[engine] = -(effect[blown] @ off[blown]) / by
+        off[engine, forward] += 1.0 / by
+    return off, left
 
 
 class _Regressed(NamedTuple):
@@ -190,6 +214,7 @@ class _Regressing:
         self._servos = _Lags([np.exp(-period_s / lag_s) for lag_s in poles])
         self._air = _Lags([np.exp(-period_s / _AIR_LAG_S)])
         self._smooth = _Lags([np.exp(-period_s * _LAMBDA_RAD_S)])
+        self._slow = _Lags([np.exp(-period_s / _SLOW_S)])
         self._held: FloatArray | None = None
 
     def push(self, values: FloatArray) -> _Regressed:
@@ -216,7 +241,7 @@ class _Regressing:
             explained=explained,
             regressors={name: by_axis[axis] for name, axis in self._flow.equations.items()},
             commanded=commanded,
-            slew=_LAMBDA_RAD_S * (driven - commanded),
+            slew=(commanded - self._slow.push(commanded)) / _SLOW_S,
             pressure=np.maximum(smooth[:, after], 1e-3),
         )
 

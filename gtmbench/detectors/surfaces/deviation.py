@@ -24,7 +24,7 @@ from gtmbench.values.record import BoolArray, FloatArray
 BLOCK_S = 0.25  # between judgements
 _BASE_S, _LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
 _RECENT_S = 10.0
-OFFSET, SLOPE, RATE = "offset", "slope", "rate"
+OFFSET, SLOPE, RATE, LEVEL = "offset", "slope", "rate", "level"
 _TESTS = (
     (OFFSET, 1.0),
     (OFFSET, 4.0),
@@ -32,15 +32,18 @@ _TESTS = (
     (SLOPE, 5.0),
     (SLOPE, 20.0),
     (RATE, 20.0),
+    (LEVEL, 5.0),
+    (LEVEL, 20.0),
 )
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
-TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04}  # deg (% of the throttle); of 1; seconds
+TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04, LEVEL: 0.4}  # deg (% of the throttle); of 1; seconds; of a logarithm
 _LEFT_TOLERATED = 0.3  # deviations of what no surface explains
 _PRIOR = 1e-3  # of a command's mean square: one that stands still tells nothing of its effect
 _ENOUGH = 0.8  # of samples, or blocks, that must be there
 _FORGETS = 8  # blocks after a hole
 HORIZON = round((_BASE_S + 20.0) / BLOCK_S) + _FORGETS + 1  # blocks that a test looks back at
+_LEAST_LEVEL = 0.1  # how much logarithms of squares vary at least
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 
 
@@ -137,7 +140,10 @@ def changes(blocks: Blocks, floor: FloatArray) -> Changes:
             _left(before, normal) / before[..., 0, 0],
             _left(lately, normal) / lately[..., 0, 0],
         )
-        change[ends - 1, test], error[ends - 1, test] = _judged(kind, now, normal, noise, floor)
+        if kind == LEVEL:
+            change[ends - 1, test], error[ends - 1, test] = _louder(now, before, normal, floor), 1.0
+        else:
+            change[ends - 1, test], error[ends - 1, test] = _judged(kind, now, normal, noise, floor)
     return Changes(change, error)
 
 
@@ -166,6 +172,15 @@ def _left(sums: FloatArray, fit: FloatArray) -> FloatArray:
     inner = np.einsum("...i,...ij,...j->...", fit, sums[..., :3, :3], fit, optimize=True)
     mixed = np.einsum("...i,...i->...", fit, sums[..., :3, 3], optimize=True)
     return np.asarray(np.maximum(sums[..., 3, 3] - 2.0 * mixed + inner, 0.0))
+
+
+def _louder(now: FloatArray, before: FloatArray, normal: FloatArray, floor: FloatArray) -> FloatArray:
+    """Return by what power of e a window's squares exceed those before, less what all series do: gusts shake all."""
+    least = np.square(_QUIET * floor)
+    level = np.maximum(_left(now, normal) / now[..., 0, 0], least)
+    usual = np.maximum(_left(before, normal) / before[..., 0, 0], least)
+    grown = np.log(level / usual)
+    return np.asarray(np.maximum(grown - np.maximum(np.median(grown, axis=1, keepdims=True), 0.0), 0.0))
 
 
 def _judged(
@@ -209,10 +224,11 @@ class Normal:
         """Return T^2/2 of all tests, shape (blocks, tests, series); NaN where a test tells nothing."""
         tolerated = np.array([[TOLERATED[kind]] for kind, _ in _TESTS])
         limits = np.broadcast_to(tolerated, found.change.shape[1:]).copy()
-        limits[:, surfaces:] = _LEFT_TOLERATED
+        limits[np.ix_([kind == OFFSET for kind, _ in _TESTS], range(surfaces, limits.shape[1]))] = _LEFT_TOLERATED
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.maximum(np.abs(found.change) - limits, 0.0) / (self.colour * found.error)
-        t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind != OFFSET], surfaces:] = np.nan
+        of_commands = [i for i, (kind, _) in enumerate(_TESTS) if kind in (SLOPE, RATE)]
+        t[:, of_commands, surfaces:] = np.nan
         return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
 
 
@@ -236,4 +252,5 @@ def normal_of(healthy: Sequence[Blocks]) -> Normal:
     joined = np.concatenate(ratios)
     with np.errstate(invalid="ignore"):
         colour = np.sqrt(np.nanmean(np.square(joined), axis=0))
-    return Normal(noise=noise, colour=np.maximum(np.nan_to_num(colour, nan=1.0), 1.0))
+    least = np.array([[_LEAST_LEVEL if kind == LEVEL else 1.0] for kind, _ in _TESTS])
+    return Normal(noise=noise, colour=np.maximum(np.nan_to_num(colour, nan=1.0), least))
