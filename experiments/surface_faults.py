@@ -2,7 +2,7 @@
 
     python experiments/surface_faults.py [--flights N] [--hours H] [--seed S] [--quick] [--out DIR]
 
-Flies the GTM on its sensor chain, in the loop and open loop. Detector `surfaces` and bank C learn on the same 24 healthy
+Flies the GTM on its sensor chain, in the loop and open loop. `surfaces` and bank C learn on the same 24 healthy
 flights of 300 s at the aircraft's own trim, half of them in the loop, in the bench's usual turbulence.
 
 1. Surfaces: six kinds x elevator, aileron, rudder x flights with doublets and turbulence, 220 s, broken at 100 s and
@@ -129,7 +129,7 @@ def noise_deg(monitor: gb.SurfaceMonitor, surface: str) -> float:
 
 
 def moved_by(truth: gb.Record, surface: str) -> float:
-    """Return the RMS of what a surface did less what was commanded, behind a lag of 2 rad/s, over 20 s from the onset."""
+    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset."""
     from scipy.signal import lfilter
 
     off = truth[f"{surface}_actual"] - truth[surface]

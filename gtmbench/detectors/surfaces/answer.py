@@ -1,6 +1,6 @@
 """The aircraft's answer to its commands, identified from healthy flight: how far off each surface seems to be.
 
-Without a model of the aircraft, every rotational and every forward acceleration is taken to be linear in what causes
+Without a model of the aircraft, every rotational acceleration is taken to be linear in what causes
 it: the flow, the body rates, the inertial products and the deflections, all by the dynamic pressure of the moment
 (V. Klein and E. A. Morelli, Aircraft System Identification, AIAA 2006, chapter 5). With q' = d/dt q and F the lag
 lambda/(s + lambda), which makes a derivative measurable,
@@ -11,10 +11,9 @@ by least squares. A surface that is off by d degrees adds F (Q d) times its own 
 once, Q being the dynamic pressure. So the residuals e, weighed by their covariance S on healthy flight, say by how many
 degrees each surface seems to be off,
 
-    d = (G' S^-1 G)^-1 G' S^-1 e / Q
+    d = (G' S^-1 G)^-1 G' S^-1 e / Q,
 
-(the throttle by the forward acceleration alone), and what no surface explains is left: z, of deviation 1 on healthy
-flight, to tell that something else happened.
+and what no surface explains is left: z, of deviation 1 on healthy flight, to tell that something else happened.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ import numpy as np
 from gtmbench.checks import number, shown
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
-from gtmbench.values.channels import ACCELEROMETERS, COMMANDS, GYROS
+from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
 from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0
@@ -37,11 +36,10 @@ _SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 _SETTLES_S = 5.0
-_MOVED = {"throttle": 1.0}  # deviation that a command must have had to be identified, in its unit
-_MOVED_AT_ALL = 0.1
+_ENGINE = "throttle"  # a cause, and never judged: its effect is far from linear, and no equation is its own
+_MOVED_DEG = 0.1  # deviation that a command must have had to be identified
 _THINNED_S = 0.05  # between equations: they are smooth
-_AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral", "nx": "longitudinal"}
-_FORWARD, _ENGINE = "nx", "throttle"
+_AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
 
@@ -84,7 +82,7 @@ class Flow:
     def channels(self) -> tuple[str, ...]:
         """What is read beside gyros and commands."""
         air = ("tas", "altitude") if self.airspeed else ()
-        return (*(("alpha", "beta") if self.vanes else ()), *ACCELEROMETERS, *air)
+        return (*(("alpha", "beta") if self.vanes else ()), "ny", "nz", *air)
 
     @property
     def equations(self) -> dict[str, str]:
@@ -103,7 +101,7 @@ class Answer:
     ----------
     flow : Flow
     surfaces : tuple of str
-        The commands that moved in the healthy flights, so that their effect is known.
+        Those that moved in the healthy flights, so that their effect is known.
     lags_s : tuple of float
         Of servos and of engines.
     theta : mapping of equation to array
@@ -129,7 +127,7 @@ class Answer:
     @property
     def series(self) -> tuple[str, ...]:
         """The names of what is judged: the surfaces, and what none of them explains."""
-        left = len(self.flow.equations) - 1 - len([name for name in self.surfaces if name != _ENGINE])
+        left = len(self.flow.equations) - len(self.surfaces)
         return (*self.surfaces, *(f"left {i + 1}" for i in range(left)))
 
     def start(self, sample_period_s: float) -> Answering:
@@ -163,34 +161,17 @@ class Answering:
         residuals = np.column_stack(
             [made.explained[name] - made.regressors[name] @ theta for name, theta in self._answer.theta.items()]
         )
-        pressure = made.pressure[:, np.newaxis]
-        by_air = np.array([name != "throttle" for name in self._answer.surfaces])
-        off = (residuals @ self._off.T) / np.where(by_air, pressure, 1.0)
+        off = (residuals @ self._off.T) / made.pressure[:, np.newaxis]
         return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=residuals @ self._left.T)
 
 
 def _solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
-    """Return what makes deviations, and what is left, of the equations' residuals.
-
-    Engines move the aircraft forward and hardly turn it, and forward is a single equation. So the surfaces are found
-    without it, and the throttle by what they leave of it: a fault of nx makes no surface deviate.
-    """
-    turning = [i for i, name in enumerate(answer.flow.equations) if name != _FORWARD]
-    blown = [i for i, name in enumerate(answer.surfaces) if name != _ENGINE]
-    off = np.zeros((len(answer.surfaces), len(answer.flow.equations)))
-    root = np.linalg.cholesky(answer.covariance[np.ix_(turning, turning)])
-    white = np.linalg.solve(root, answer.effects[np.ix_(turning, blown)])
-    off[np.ix_(blown, turning)] = np.linalg.pinv(white) @ np.linalg.inv(root)
-    left = np.zeros((len(turning) - len(blown), len(answer.flow.equations)))
+    """Return what makes deviations, and what is left, of the equations' residuals."""
+    root = np.linalg.cholesky(answer.covariance)
+    white = np.linalg.solve(root, answer.effects)
     whole, _ = np.linalg.qr(white, mode="complete")
-    left[:, turning] = whole[:, len(blown) :].T @ np.linalg.inv(root)
-    if _ENGINE in answer.surfaces:
-        engine, forward = answer.surfaces.index(_ENGINE), list(answer.flow.equations).index(_FORWARD)
-        effect = answer.effects[forward]
-        by = effect[engine] if abs(effect[engine]) > 1e-9 else np.inf
-        off[engine] = -(effect[blown] @ off[blown]) / by
-        off[engine, forward] += 1.0 / by
-    return off, left
+    inverse = np.linalg.inv(root)
+    return np.linalg.pinv(white) @ inverse, whole[:, len(answer.surfaces) :].T @ inverse
 
 
 class _Regressed(NamedTuple):
@@ -210,8 +191,8 @@ class _Regressing:
         self._flow, self._surfaces, self._reference = flow, surfaces, reference
         self._columns = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
         servo, engine = lags_s
-        poles = [engine if name == "throttle" else servo for name in surfaces]
-        self._servos = _Lags([np.exp(-period_s / lag_s) for lag_s in poles])
+        self._servos = _Lags([np.exp(-period_s / servo)])
+        self._engine = _Lags([np.exp(-period_s / engine)])
         self._air = _Lags([np.exp(-period_s / _AIR_LAG_S)])
         self._smooth = _Lags([np.exp(-period_s * _LAMBDA_RAD_S)])
         self._slow = _Lags([np.exp(-period_s / _SLOW_S)])
@@ -223,7 +204,8 @@ class _Regressing:
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._surfaces]))
-        causes = self._causes(read, pressure, driven)
+        thrust = self._engine.push(read[_ENGINE][:, np.newaxis])[:, 0]
+        causes = self._causes(read, pressure, driven, thrust)
         sides = [read[name] for name in self._flow.equations]
         joined = np.column_stack([*sides, driven, pressure, *causes.values()])
         smooth = self._smooth.push(joined)
@@ -261,7 +243,9 @@ class _Regressing:
         speed = read["tas"] / self._reference
         return np.asarray(speed * np.abs(speed) * np.exp(-read["altitude"] / _SCALE_HEIGHT_FT))
 
-    def _causes(self, read: Mapping[str, FloatArray], q: FloatArray, driven: FloatArray) -> dict[str, FloatArray]:
+    def _causes(
+        self, read: Mapping[str, FloatArray], q: FloatArray, driven: FloatArray, thrust: FloatArray
+    ) -> dict[str, FloatArray]:
         """Return what lateral and longitudinal motion are linear in: the surfaces first."""
         p, r, pitch = read["p"], read["r"], read["q"]
         damping = np.sqrt(np.maximum(q, 0.0))
@@ -269,13 +253,33 @@ class _Regressing:
         if self._flow.vanes:
             alpha, beta = read["alpha"], read["beta"]
             lift, side, lifts = q * alpha, q * beta, q * alpha**2
+            slip = beta
         else:  # the specific force is the flow's, by the dynamic pressure
             lift, side = read["nz"], read["ny"]
-            lifts, alpha = lift**2 / np.maximum(q, 1e-3), lift / np.maximum(q, 1e-3)
-        by_air = [driven[:, i] * (ones if name == "throttle" else q) for i, name in enumerate(self._surfaces)]
-        lateral = [side, alpha * side, damping * p, damping * r, damping * alpha * p, damping * alpha * r]
+            dense = np.maximum(q, 1e-3)
+            lifts, alpha, slip = lift**2 / dense, lift / dense, side / dense
+        by_air = [driven[:, i] * q for i in range(len(self._surfaces))]
+        lateral = [
+            side,
+            np.abs(slip) * side,
+            alpha * side,
+            damping * p,
+            damping * r,
+            damping * alpha * p,
+            damping * alpha * r,
+        ]
         lateral += [q, pitch * r * _RATES, p * pitch * _RATES, ones]
-        longitudinal = [lift, lifts, damping * pitch, q, p * r * _RATES, (p**2 - r**2) * _RATES, ones]
+        longitudinal = [
+            lift,
+            lifts,
+            slip * side,
+            damping * pitch,
+            q,
+            thrust,
+            p * r * _RATES,
+            (p**2 - r**2) * _RATES,
+            ones,
+        ]
         return {
             "lateral": np.column_stack([*by_air, *lateral]),
             "longitudinal": np.column_stack([*by_air, *longitudinal]),
@@ -308,8 +312,8 @@ class _Lags:
         return np.asarray(moved + self._rest)
 
 
-_CAUSES = {"lateral": 10, "longitudinal": 7}  # beside the surfaces
-_OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator", "throttle")}
+_CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
+_OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
 
 
 def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
@@ -322,13 +326,11 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
     """
     at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
     moved = tuple(
-        name
-        for name in COMMANDS
-        if max(float(np.nanstd(values[:, at[name]])) for values in records) >= _MOVED.get(name, _MOVED_AT_ALL)
+        name for name in SURFACES if max(float(np.nanstd(values[:, at[name]])) for values in records) >= _MOVED_DEG
     )
     if not moved:
         raise InputError(
-            f"no command of {', '.join(COMMANDS)} moves in the healthy records, so nothing is known of what they do; "
+            f"no command of {', '.join(SURFACES)} moves in the healthy records, so nothing is known of what they do; "
             "give flights that somebody flies, or with an excitation"
         )
     reference = (
@@ -340,13 +342,9 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
         answer = _fitted(flow, moved, (servo, _ENGINE_LAGS_S[1]), reference, records, sample_period_s)
         tried.append(answer)
     best = min(tried, key=_cost)
-    if "throttle" in moved:
-        servo = best.lags_s[0]
-        others = [
-            _fitted(flow, moved, (servo, engine), reference, records, sample_period_s) for engine in _ENGINE_LAGS_S
-        ]
-        best = min(others, key=_cost)
-    return best
+    servo = best.lags_s[0]
+    others = [_fitted(flow, moved, (servo, engine), reference, records, sample_period_s) for engine in _ENGINE_LAGS_S]
+    return min(others, key=_cost)
 
 
 def _cost(answer: Answer) -> float:
@@ -400,8 +398,8 @@ def answer_of(where: str, given: Any) -> Answer:
             raise InputError(f"{where}.{key} is {shown(table[key])}; it must be true or false")
     flow = Flow(vanes=table["vanes"], airspeed=table["airspeed"])
     surfaces = names_of(f"{where}.surfaces", table["surfaces"])
-    if not surfaces or not set(surfaces) <= set(COMMANDS):
-        raise InputError(f"{where}.surfaces is {shown(table['surfaces'])}; it may hold {', '.join(COMMANDS)}")
+    if not surfaces or not set(surfaces) <= set(SURFACES):
+        raise InputError(f"{where}.surfaces is {shown(table['surfaces'])}; it may hold {', '.join(SURFACES)}")
     theta = table_of(f"{where}.theta", table["theta"])
     equations = len(flow.equations)
     if list(theta) != list(flow.equations):

@@ -6,8 +6,9 @@ Over a window the deviation d of a surface is fitted by what it was commanded, u
 
 A healthy surface has the a, b and c of the minute before. An offset is another a; a loss of effectiveness, and a jam
 (b = -1), another b; a slow servo another c. Each is judged by its change beyond a tolerance, over its standard error,
-in nats: T^2/2. The error is that of the noise now: the greater of what gusts and sensors leave in the window and in the
-minute before. So stronger gusts make the tests less sensitive, not false.
+in nats: T^2/2. What no surface explains has a only, and its level beside those of the surfaces: a sensor of the flow
+that is noisy or stuck shows there. The error is that of the noise now: the greater of what gusts and sensors leave in
+the window and in the minute before. So stronger gusts make the tests less sensitive, not false.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _TESTS = (
 )
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
-TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04, LEVEL: 0.4}  # deg (% of the throttle); of 1; seconds; of a logarithm
+TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04, LEVEL: 0.4}  # deg; of 1; seconds; of a logarithm
 _LEFT_TOLERATED = 0.3  # deviations of what no surface explains
 _PRIOR = 1e-3  # of a command's mean square: one that stands still tells nothing of its effect
 _ENOUGH = 0.8  # of samples, or blocks, that must be there
@@ -193,14 +194,14 @@ def _judged(
     if kind == OFFSET:
         change = beyond[..., 0] / samples
         own = left / samples - change**2
-        spread = 1.0 / samples
+        spread = np.asarray(1.0 / samples, dtype=np.float64)
     else:
         at = 1 if kind == SLOPE else 2
         inner = _inner(now)
         fit = np.linalg.solve(inner, beyond[..., np.newaxis])[..., 0]
         change = fit[..., at]
         own = (left - np.einsum("...i,...i->...", fit, beyond, optimize=True)) / samples
-        spread = np.linalg.inv(inner)[..., at, at]
+        spread = np.asarray(np.linalg.inv(inner)[..., at, at], dtype=np.float64)
     level = np.maximum(np.maximum(own, noise), np.square(_QUIET * floor))
     return change, np.sqrt(level * spread)
 
@@ -227,8 +228,8 @@ class Normal:
         limits[np.ix_([kind == OFFSET for kind, _ in _TESTS], range(surfaces, limits.shape[1]))] = _LEFT_TOLERATED
         with np.errstate(invalid="ignore", divide="ignore"):
             t = np.maximum(np.abs(found.change) - limits, 0.0) / (self.colour * found.error)
-        of_commands = [i for i, (kind, _) in enumerate(_TESTS) if kind in (SLOPE, RATE)]
-        t[:, of_commands, surfaces:] = np.nan
+        t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind == LEVEL], :surfaces] = np.nan
+        t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind in (SLOPE, RATE)], surfaces:] = np.nan
         return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
 
 
@@ -241,10 +242,8 @@ def normal_of(healthy: Sequence[Blocks]) -> Normal:
         for first in range(0, len(blocks.there) - base + 1, base):
             part = blocks.sums[first : first + base].sum(axis=0)
             levels.append(_left(part, _fit(part)) / part[..., 0, 0])
-    noise: FloatArray = np.ones(series)
-    if levels:
-        noise = np.asarray(np.sqrt(np.median(np.array(levels), axis=0)), dtype=np.float64)
-    ratios = []
+    noise = np.sqrt(np.median(np.array(levels), axis=0)) if levels else np.ones(series)
+    ratios: list[FloatArray] = []
     for blocks in healthy:
         found = changes(blocks, noise)
         with np.errstate(invalid="ignore", divide="ignore"):

@@ -16,7 +16,6 @@ from gtmbench.detectors.surfaces.deviation import (
     BLOCK_S,
     HORIZON,
     LABELS,
-    LEVEL,
     WINDOWS_S,
     Blocks,
     Normal,
@@ -29,7 +28,6 @@ from gtmbench.values.clock import ChunkClock, advanced
 from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
 
 _SETTLES_S = 5.0
-_OF_SHAPES = [i for i, label in enumerate(LABELS) if not label.startswith(LEVEL)]
 _LOOKS_S = (1.0, 4.0, 15.0)  # after an alarm
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
 
@@ -83,7 +81,6 @@ class _Open:
     block: int  # where it was raised
     looks: list[int]  # blocks in which it is looked at again
     peaks: FloatArray  # of each series, since its onset
-    shapes: FloatArray  # of the tests that know a shape
 
 
 class SurfaceStream:
@@ -189,25 +186,22 @@ class SurfaceStream:
     def _block(self, block: int, time_s: float, ratios: FloatArray, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
         surfaces = len(self._monitor.suspects)
-        series, shapes = np.fmax.reduce(ratios, axis=0), np.fmax.reduce(ratios[_OF_SHAPES], axis=0)
+        series = np.fmax.reduce(ratios, axis=0)
         scores = series[:surfaces]
         with np.errstate(invalid="ignore"):
             rises = np.flatnonzero(armed & (scores > 1.0) & ~(self._last > 1.0))
         self._last = np.where(np.isnan(scores), self._last, scores)
         if self._open is not None:
             self._open.peaks = np.fmax(self._open.peaks, series)
-            self._open.shapes = np.fmax(self._open.shapes, shapes)
         for surface in rises[np.argsort(-scores[rises], kind="stable")].tolist():
             test = int(np.nanargmax(ratios[:, surface]))
-            self._raise(block, time_s, surface, test, series, shapes)
+            self._raise(block, time_s, surface, test, series)
         with np.errstate(invalid="ignore"):
             if np.any(armed & (scores > 1.0)):
                 self._above_block = float(block)
         self._look(block, time_s)
 
-    def _raise(
-        self, block: int, time_s: float, surface: int, test: int, series: FloatArray, shapes: FloatArray
-    ) -> None:
+    def _raise(self, block: int, time_s: float, surface: int, test: int, series: FloatArray) -> None:
         number = len(self._alarms)
         is_same = number > 0 and block - self._above_block <= _SAME_S / BLOCK_S
         onset_s = max(time_s - WINDOWS_S[test], time_s - block * BLOCK_S)
@@ -221,7 +215,7 @@ class SurfaceStream:
         )
         if not is_same:
             looks = [block + round(look_s / BLOCK_S) for look_s in _LOOKS_S]
-            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy(), shapes=shapes.copy())
+            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy())
         self._above_block = float(block)
 
     def _look(self, block: int, time_s: float) -> None:
@@ -234,9 +228,9 @@ class SurfaceStream:
         seen = Seen(
             surfaces=self._monitor.suspects,
             peaks=looking.peaks,
-            shapes=looking.shapes,
             sensors=self._sensors(alarm.onset_s, time_s),
             named=alarm.sensor,
+            is_last=not looking.looks,
         )
         again_s = None
         if looking.looks:

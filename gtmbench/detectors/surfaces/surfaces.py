@@ -251,7 +251,7 @@ class SurfaceMonitor:
 
     @property
     def suspects(self) -> tuple[str, ...]:
-        """The surfaces, and the throttle if it moved in the healthy flights."""
+        """The surfaces that moved in the healthy flights."""
         return self.answer.surfaces
 
     def stream(self) -> SurfaceStream:
