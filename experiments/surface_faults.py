@@ -278,7 +278,7 @@ def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monit
     surfaces, sensors, healthy = (rows[rows["part"] == part] for part in ("surfaces", "sensors", "healthy"))
     texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
     noise = ", ".join(f"{name} {noise_deg(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
-    texts.append(f"Gusts and sensors amount to, in deg of the surface (% of the throttle): {noise}.\n")
+    texts.append(f"Gusts and sensors amount to, in deg of the surface: {noise}.\n")
     if len(surfaces):
         moves = surfaces[surfaces["moved"] >= 1.0]
         named = surfaces["named"].ne("")
@@ -318,6 +318,7 @@ def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monit
                     "hours watched": round(float(own["hours"].sum()), 2),
                     "greatest score over its threshold": round(float(own["peak"].max()), 2),
                     "alarms": int((own["said"].fillna("") != "").sum()),
+                    "not flown": int(own["hours"].isna().sum()),
                     "a surface named": int((own["named"].fillna("") != "").sum()),
                     "C accuses": int((own["C_accuses"].fillna("") != "").sum()),
                 }

@@ -266,7 +266,7 @@ class SurfaceStream:
         surfaces = self._monitor.suspects
         held = np.concatenate([self._before_scores(len(surfaces)), scores])
         could = np.concatenate([self._before_armed(len(surfaces)), armed])
-        at = (np.array(rows) + 1) // self._rows - first  # 0: of an earlier chunk
+        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
         self._held = held[-1:], could[-1:]
         return Said(
             known_s,
