@@ -30,6 +30,7 @@ from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.score_detector import ScoreDetector
+from gtmbench.detectors.surfaces.in_loop import WatchSurfaces
 from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
@@ -226,6 +227,7 @@ __all__ = [
     "Tuned",
     "Verdict",
     "Watch",
+    "WatchSurfaces",
     "WatchedLog",
     "WindowedNorm",
     "alarms",

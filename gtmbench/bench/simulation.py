@@ -219,6 +219,11 @@ class Simulation:
         return self._flying.readings
 
     @property
+    def commanded(self) -> list[float]:
+        """What was commanded at the sample before the last one, excitation and limits included; it flew to this one."""
+        return self._flying.commanded_last
+
+    @property
     def time_s(self) -> float:
         """The time of the last sample, in seconds since the flight began."""
         return self._flying.time_s
@@ -508,6 +513,11 @@ class _Flying:
         """Return what was commanded at the first samples."""
         values: list[list[float]] = np.array(self._commanded).reshape(-1, len(COMMANDS))[:rows].tolist()
         return values
+
+    @property
+    def commanded_last(self) -> list[float]:
+        """What was commanded last, in the order of `COMMANDS`."""
+        return self._commanded[-len(COMMANDS) :].tolist()
 
     def rows(self, last_commands: Sequence[float] | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what was read of the engine, what the sensors read, and the commands, a row a sample."""
