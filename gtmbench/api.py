@@ -31,7 +31,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch,
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.score_detector import ScoreDetector
 from gtmbench.detectors.surfaces.in_loop import WatchSurfaces
-from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
+from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, SurfaceSizes
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
     ControllerError,
@@ -218,6 +218,7 @@ __all__ = [
     "Study",
     "SurfaceDetector",
     "SurfaceMonitor",
+    "SurfaceSizes",
     "Swap",
     "TotalLeastSquares",
     "Transmissibility",

@@ -232,6 +232,18 @@ class Normal:
         t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind in (SLOPE, RATE)], surfaces:] = np.nan
         return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
 
+    def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
+        """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
+
+        Parameters
+        ----------
+        found : Changes
+        thresholds : shape (tests, series)
+            In nats.
+        """
+        tolerated = np.array([[TOLERATED[kind]] for kind, _ in _TESTS])
+        return np.asarray(tolerated + np.sqrt(2.0 * thresholds) * self.colour * found.error)
+
 
 def normal_of(healthy: Sequence[Blocks]) -> Normal:
     """Return what is usual, of the blocks of healthy records."""

@@ -97,7 +97,7 @@ class SurfaceStream:
         self._settled = round(_SETTLES_S / (self._rows * self._period_s))
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
-        self._limits = _limits(monitor)
+        self._limits = limits_of(monitor)
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
         self._kept: Blocks | None = None
@@ -288,7 +288,7 @@ def _read(monitor: Watching) -> tuple[str, ...]:
     return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
 
 
-def _limits(monitor: Watching) -> FloatArray:
+def limits_of(monitor: Watching) -> FloatArray:
     """Return the thresholds, shape (tests, series); infinite where there is none."""
     of = [monitor.thresholds[name] for name in monitor.answer.series]
     return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

@@ -25,13 +25,15 @@ from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of, id
 from gtmbench.detectors.surfaces.deviation import (
     BLOCK_S,
     LABELS,
+    OFFSET,
+    SLOPE,
     Blocks,
     Normal,
     blocks_of,
     changes,
     normal_of,
 )
-from gtmbench.detectors.surfaces.stream import SurfaceStream
+from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
@@ -44,6 +46,7 @@ _MINUTE_S = 60.0
 _SETTLES_S = 5.0
 _SLOWEST_S = BLOCK_S / 2.0  # sample period
 _SHORTEST_S = 60.0
+_MOSTLY = 0.9  # of the moments
 _PASSES_NOTHING = 1e6  # nats: of a test that no healthy record was long enough for
 
 
@@ -217,6 +220,22 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyM
 _LEAST_NATS = 8.0  # what white noise would pass 3 times in 10,000 independent windows
 
 
+@dataclass(frozen=True, kw_only=True)
+class SurfaceSizes:
+    """The least faults of a surface that would be detected.
+
+    Attributes
+    ----------
+    offset_deg : float
+        A constant deflection beside the command.
+    loss : float
+        The share of effectiveness that is lost: 0.3 leaves 70 % of the command.
+    """
+
+    offset_deg: float
+    loss: float
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurfaceMonitor:
     """An answer that was identified, and what is usual of it.
@@ -280,6 +299,43 @@ class SurfaceMonitor:
         }
         return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=stream.alarms)
 
+    def sizes(self, record: Record) -> dict[str, SurfaceSizes]:
+        """Return from which size on a fault of each surface would be detected, as a record is excited.
+
+        Of 90 % of the moments that are watched. A command that hardly moves shows no loss of effectiveness, however
+        large: then `loss` is above 1.
+
+        Parameters
+        ----------
+        record : Record
+            Healthy, with the monitor's channels.
+
+        Raises
+        ------
+        InputError
+            If the record lacks a channel, has another sample period, or is too short to be judged.
+
+        Examples
+        --------
+        >>> import gtmbench as gb
+        >>> flown = [gb.fly("gtm", "multisine+turbulence", 150.0, seed) for seed in (1, 2, 3)]
+        >>> healthy = [gb.measure(flight, noise="t2", seed=1, commands=True) for flight in flown]
+        >>> sizes = gb.SurfaceDetector().calibrate(healthy).sizes(healthy[2])
+        >>> 0.1 < sizes["rudder"].offset_deg < sizes["aileron"].offset_deg, sizes["rudder"].loss < 1.0
+        (True, True)
+        """
+        kept = record.select(self.channels)
+        kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
+        blocks = _settled(self.answer, kept.matrix(_read(self.answer.flow)), self.sample_period_s)
+        found = changes(blocks, self.normal.noise)
+        least = self.normal.smallest(found, limits_of(self))
+        by_kind = {kind: [i for i, label in enumerate(LABELS) if label.startswith(kind)] for kind in (OFFSET, SLOPE)}
+        sizes = {}
+        for i, surface in enumerate(self.suspects):
+            offset, loss = (_mostly(least[:, tests, i]) for tests in by_kind.values())
+            sizes[surface] = SurfaceSizes(offset_deg=offset, loss=loss)
+        return sizes
+
     def figures(self) -> dict[str, Any]:
         """Return sample period, answer, thresholds and kinematics as plain JSON values."""
         return {
@@ -291,6 +347,14 @@ class SurfaceMonitor:
             "thresholds": {series: dict(of) for series, of in self.thresholds.items()},
             "kinematics": self.kinematics.figures(),
         }
+
+
+def _mostly(least: FloatArray) -> float:
+    """Return what the most sensitive of some tests needs at 90 % of the moments at which all of them judge."""
+    judged = np.isfinite(least).all(axis=1)
+    if not judged.any():
+        raise InputError(f"nothing of this record can be judged; give a healthy one of {2 * _SHORTEST_S:g} s or more")
+    return float(np.quantile(least[judged], _MOSTLY, axis=0).min())
 
 
 def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> SurfaceMonitor:

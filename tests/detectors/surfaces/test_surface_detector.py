@@ -126,6 +126,21 @@ def test_records_that_are_short_or_slow_are_refused_in_a_line():
         find_detector("surfaces").calibrate([slow])
 
 
+@pytest.mark.parametrize("loop", [True, False], ids=["closed", "open"])
+def test_a_loss_beyond_the_certificates_is_detected_and_a_tenth_of_it_isnt(loop):
+    healthy = sensed(loop, 816, duration_s=120.0)
+    loss = monitor().sizes(healthy)["rudder"].loss
+    assert 0.1 < loss < 0.6
+    for share, detected in ((min(1.6 * loss, 1.0), True), (0.1 * loss, False)):
+        weak = gb.ScaleFactor(channel="rudder", onset_s=ONSET_S, factor=1.0 - share)
+        assert bool(said(sensed(loop, 816, weak, duration_s=120.0))) == detected
+
+
+def test_a_record_too_short_has_no_certificate():
+    with pytest.raises(InputError, match="nothing of this record can be judged"):
+        monitor().sizes(sensed(False, 817, duration_s=20.0))
+
+
 @pytest.mark.parametrize("name", ["surfaces-no-vanes", "surfaces-no-air"])
 def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
     detector = find_detector(name)
