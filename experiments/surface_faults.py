@@ -34,6 +34,7 @@ from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
 
 SEED, HELD_SEED, CALIBRATION_SEED = 970_001, 975_001, 960_001
+KEPT = 20  # rows, between two times that they are written
 ONSET_S, WATCHED_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 60.0, 220.0, 400.0, 10.0
 KINDS = {
     "jam": lambda at: gb.Jam(**at),
@@ -149,8 +150,8 @@ def surface_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterat
                     truth, readings, departed_s = flown(loop, seed + number, (fault,))
                     until_s = min(ONSET_S + WATCHED_S, truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
-                    alarms = told(both["surfaces"].watch(record), ONSET_S, until_s)
-                    before = told(both["surfaces"].watch(record), 0.0, ONSET_S - 1e-9)
+                    watch = both["surfaces"].watch(record)
+                    alarms, before = told(watch, ONSET_S, until_s), told(watch, 0.0, ONSET_S - 1e-9)
                     names = accused(alarms)
                     bank = told(both["C"].watch(record), 0.0, until_s)
                     yield {
@@ -182,9 +183,8 @@ def sensor_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterato
                     until_s = min(ONSET_S + WATCHED_S, truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
                     alone = told(both["C"].watch(record.select(SENSORS)), 0.0, until_s)
-                    surfaces = both["surfaces"].watch(record)
-                    beside = told(both["C"].watch(record), 0.0, until_s)
-                    alarms = told(surfaces, 0.0, until_s)
+                    alarms = told(both["surfaces"].watch(record), 0.0, until_s)
+                    beside = told(both["C"].watch(record), 0.0, until_s) if number == 0 else alone
                     yield {
                         "part": "sensors",
                         "loop": loop,
@@ -334,21 +334,24 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=10, help="of each kind and surface (default: 10)")
     parser.add_argument("--hours", type=float, default=20.0, help="of healthy flight (default: 20)")
     parser.add_argument("--seed", type=int, default=HELD_SEED, help=f"the first (default: {HELD_SEED})")
-    parser.add_argument("--parts", default="surfaces,sensors,healthy", help="which, between commas")
+    parser.add_argument("--parts", default="surfaces,healthy,sensors", help="which, between commas")
     parser.add_argument("--quick", action="store_true", help="one flight of each kind, half an hour of healthy flight")
     parser.add_argument("--out", type=Path, default=Path("out/surface_faults"), help="where report.md and rows.csv go")
     asked = parser.parse_args()
     flights, hours = (1, 0.5) if asked.quick else (asked.flights, asked.hours)
     asked.out.mkdir(parents=True, exist_ok=True)
     both = monitors()
+    parts = {
+        "surfaces": lambda: surface_rows(both, flights, asked.seed),
+        "healthy": lambda: healthy_rows(both, hours, asked.seed),
+        "sensors": lambda: sensor_rows(both, max(flights // 5, 1), asked.seed),
+    }
     made: list[dict[str, object]] = []
-    parts = asked.parts.split(",")
-    if "surfaces" in parts:
-        made += surface_rows(both, flights, asked.seed)
-    if "sensors" in parts:
-        made += sensor_rows(both, max(flights // 5, 1), asked.seed)
-    if "healthy" in parts:
-        made += healthy_rows(both, hours, asked.seed)
+    for part in asked.parts.split(","):
+        for row in parts[part]():
+            made.append(row)
+            if len(made) % KEPT == 0:  # what has been flown isn't lost if the machine is
+                pd.DataFrame(made).to_csv(asked.out / "rows.csv", index=False)
     rows = pd.DataFrame(made)
     rows.to_csv(asked.out / "rows.csv", index=False)
     command = f"python experiments/surface_faults.py --flights {flights} --hours {hours:g} --seed {asked.seed}"
