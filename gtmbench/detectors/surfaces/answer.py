@@ -65,7 +65,7 @@ class Deviations(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Flow:
-    """Which channels tell of the flow.
+    """The channels by which the flow is known.
 
     Attributes
     ----------

@@ -58,7 +58,7 @@ class SurfaceDetector:
     ----------
     name : str
     flow : Flow
-        Which channels tell of the flow: vanes and airspeed, or accelerometers alone.
+        The channels by which the flow is known: vanes and airspeed, or accelerometers alone.
 
     Examples
     --------
@@ -85,7 +85,7 @@ class SurfaceDetector:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Gyros, what tells of the flow, the commands, and what kinematics need."""
+        """Gyros, the channels of the flow, the commands, and the channels of kinematics."""
         return tuple(dict.fromkeys((*GYROS, *self.flow.channels, *COMMANDS, *_kinematics().channels)))
 
     def calibrate(
@@ -98,7 +98,7 @@ class SurfaceDetector:
         records : sequence of Record
             Healthy, of one sample period, in which the surfaces move.
         false_alarms_per_hour : float, optional
-            Wanted of the whole monitor; 0.002 unless told.
+            False alarm rate of the whole monitor; by default 0.002.
         progress : callable
             Called with the step, how many are done, and of how many.
 
