@@ -8,6 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
+from gtmbench.intake.resampling import decimate
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
@@ -156,6 +157,7 @@ def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
 def contracted():
     """Return a case of the contract: a surface's fault can't be injected, a gyro's alarms without a name."""
     flights = [sensed(False, 750 + i, duration_s=100.0, excitation="multisine+turbulence") for i in range(4)]
+    flights = [decimate(flight, 2) for flight in flights]
     return contract_case("surfaces", flights, fault=gb.Bias(channel="beta", onset_s=70.0, size=3.0))
 
 
