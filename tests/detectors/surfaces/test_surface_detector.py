@@ -44,11 +44,11 @@ def said(record):
     ("channel", "kind"),
     [
         ("elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
-        ("aileron", lambda **at: gb.ScaleFactor(**at, factor=-0.5)),
+        ("aileron", lambda **at: gb.Hardover(**at, limit=8.0, rate_limit=30.0)),
         ("rudder", lambda **at: gb.Bias(**at, size=-1.5)),
         ("rudder", lambda **at: gb.Float(**at, flow="beta", ratio=0.5)),
     ],
-    ids=["weak elevator", "crossed aileron", "bent rudder", "floating rudder"],
+    ids=["weak elevator", "aileron runs away", "bent rudder", "floating rudder"],
 )
 def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):
     record = sensed(loop, 810, kind(channel=channel, onset_s=ONSET_S))
