@@ -1,7 +1,7 @@
 """Which surface an alarm is put down to: one that is off by far more than the others, while nothing else tells.
 
 Wind shakes everything, damage changes several effects at once, and a sensor's fault looks like a deflection. So a
-surface is named only where its own deviation is twice its threshold or more, no other's comes near, what
+surface is named only where its own deviation is three times its threshold or more, no other's comes near, what
 no surface explains is usual, and kinematics hold. Otherwise it is said what may be, and that nobody can tell. Who was
 named stays named while the aircraft is thrown about, which no linear answer explains, unless another surface or a
 sensor comes up.
@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.values.record import FloatArray
 
-_DECISIVE = 2.0  # times its threshold: severe gusts have passed it by half
+_DECISIVE = 3.0  # times its threshold: severe gusts have come to twice
 _NEAR = 0.4  # of the greatest: as much of another surface's, if that is above its threshold, too
 _LEFT, _LEFT_LATE = 0.05, 0.12  # of the greatest: as much of what no surface explains, first and in the end
 _LEFT_AT_LEAST = 0.35  # of its threshold
