@@ -49,6 +49,7 @@ SHOWN: dict[str, dict[str, Any]] = {  # severities that one sees at this size
     "stale": {"hold_s": 1.0},
     "delay": {"delay_s": 0.6},
     "swap": {"other": NEIGHBOUR},
+    "float": {"flow": NEIGHBOUR, "ratio": 1.5},
 }
 
 
@@ -94,8 +95,11 @@ def main() -> None:
     shown = faults()
     rows = -(-len(shown) // COLUMNS)
     figure, axes = panels(rows, COLUMNS, (13.0, 2.1 * rows))
-    for axis, (title, fault) in zip([axis for row in axes for axis in row], shown.items(), strict=True):
+    places = [axis for row in axes for axis in row]
+    for axis, (title, fault) in zip(places, shown.items(), strict=False):
         draw(axis, title, fault, healthy)
+    for axis in places[len(shown) :]:
+        axis.set_visible(False)
     figure.supxlabel("time (s)", fontsize=10)
     figure.supylabel(f"{CHANNEL} (deg/s)", fontsize=10)
     out.mkdir(parents=True, exist_ok=True)

@@ -30,6 +30,8 @@ from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
 from gtmbench.detectors.registry import find_detector
 from gtmbench.detectors.score_detector import ScoreDetector
+from gtmbench.detectors.surfaces.in_loop import WatchSurfaces
+from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, SurfaceSizes
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
     ControllerError,
@@ -47,7 +49,7 @@ from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.registry import register_fault
-from gtmbench.faults.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.shaping import (
     Deadzone,
     Hysteresis,
@@ -147,6 +149,7 @@ __all__ = [
     "Fault",
     "FieldOpinion",
     "FlightLog",
+    "Float",
     "FunctionDetector",
     "GSensitivity",
     "GtmbenchError",
@@ -213,6 +216,9 @@ __all__ = [
     "Stream",
     "Stuck",
     "Study",
+    "SurfaceDetector",
+    "SurfaceMonitor",
+    "SurfaceSizes",
     "Swap",
     "TotalLeastSquares",
     "Transmissibility",
@@ -222,6 +228,7 @@ __all__ = [
     "Tuned",
     "Verdict",
     "Watch",
+    "WatchSurfaces",
     "WatchedLog",
     "WindowedNorm",
     "alarms",

@@ -20,7 +20,7 @@ from gtmbench.bench.equilibrium import standing_again, trimmed_engine
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, whole
-from gtmbench.values.channels import CHANNELS, COMMANDS, Role
+from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, Role
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record, Span
 
@@ -75,8 +75,11 @@ class Airborne:
     write: list[tuple[int, float, Callable[[float], object]]]
     bounds: list[Bound]
 
-    def record(self, read: FloatArray, commands: FloatArray) -> Record:
-        """Return the truth, of the properties read before each step and after the last, and of the commands."""
+    def record(self, read: FloatArray, commands: FloatArray, actual: FloatArray | None = None) -> Record:
+        """Return the truth, of the properties read before each step and after the last, and of the commands.
+
+        `actual` is where the servos were driven, if that may differ from the commands: channels of their own, `ACTUAL`.
+        """
         values = read * np.array([channel.scale for channel in FLOWN])
         names = [channel.name for channel in FLOWN]
         for name in ("north", "east"):  # read as speeds: their trapezoidal sum is the way flown
@@ -89,9 +92,10 @@ class Airborne:
             values[:, heading] = np.unwrap(values[:, heading], period=360.0)
             # JSBSim's heading lies in 0..360; start where the trim says
             values[:, heading] += 360.0 * round((self.trim.yaw_deg - values[0, heading]) / 360.0)
-        return Record(
-            np.column_stack([values, commands]), channels=[*names, *COMMANDS], sample_period_s=SAMPLE_PERIOD_S
-        )
+        columns, names = [values, commands], [*names, *COMMANDS]
+        if actual is not None:
+            columns, names = [*columns, actual], [*names, *ACTUAL]
+        return Record(np.column_stack(columns), channels=names, sample_period_s=SAMPLE_PERIOD_S)
 
 
 class Stepping:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import one_line, shown
@@ -21,7 +22,8 @@ class Controller(Protocol):
     It may have a method ``start(trim)``, which is called before every flight with the steady flight (`Trim`) it begins
     in. What a controller keeps from sample to sample it should forget there; or give the class itself, without
     arguments: it is then made anew for every flight. It may say which channels it reads, ``reads = ("p", "q")``:
-    then a fault of another one is an event, "out of loop".
+    then a fault of another one is an event, "out of loop". It may have a method ``told(event)``, which is called when a
+    `SurfaceWatch` names a surface that failed (`LoopEvent`).
 
     Examples
     --------
@@ -86,6 +88,12 @@ def take_over(controller: Any, trim: Trim) -> Command:
         raise failed(controller, "before the flight", error) from error
     command: Command = made.command if callable(getattr(made, "command", None)) else made
     return command
+
+
+def listener(command: Command) -> Callable[[LoopEvent], object] | None:
+    """Return the method of a controller that is told of events; None of one that has none."""
+    told = getattr(getattr(command, "__self__", None), "told", None)
+    return told if callable(told) else None
 
 
 def failed(controller: object, when: str, error: Exception) -> ControllerError:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.bench.airborne import Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.aircraft import Aircraft
+from gtmbench.bench.breaking import check_faults, is_of_surface
 from gtmbench.bench.engine import simulating
 from gtmbench.bench.equilibrium import mistaken_units
 from gtmbench.bench.excitation import Excitation
-from gtmbench.errors import EnvelopeError
+from gtmbench.bench.surfaces import Surfaces
+from gtmbench.errors import EnvelopeError, InputError
+from gtmbench.faults.fault import Fault
 from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.record import FloatArray, Record
 
@@ -24,12 +28,15 @@ def fly(
     duration_s: float = 500.0,
     seed: int = 1,
     *,
+    faults: Fault | Sequence[Fault] = (),
     altitude_ft: float | None = None,
     tas_kt: float | None = None,
 ) -> Record:
     """Trim, fly and record: every channel of the table, noise-free, at 100 Hz.
 
-    The commands of sample k hold from k Ts to (k + 1) Ts; sample 0 is the trim itself.
+    The commands of sample k hold from k Ts to (k + 1) Ts; sample 0 is the trim itself. With a fault of a surface the
+    record also has where the surfaces were driven: ``elevator_actual`` and so on, beside what was commanded. It ends
+    where the aircraft leaves the range of its model after the onset.
 
     Parameters
     ----------
@@ -43,17 +50,20 @@ def fly(
     seed : int
         Seed of multisine phases and turbulence. The same arguments give the same bits in any process; on a CPU without
         fused multiply-add the flight is the same to 1e-9.
+    faults : Fault or sequence of Fault
+        Of surfaces (elevator, aileron, rudder) and the throttle; sensors are broken in what `measure` gives, by
+        `inject`.
     altitude_ft, tas_kt : float, optional
         Another trim condition than the aircraft's own.
 
     Raises
     ------
     InputError
-        If a name, the duration or the seed is invalid.
+        If a name, the duration, the seed or a fault is invalid.
     TrimError
         If the aircraft can't be trimmed.
     EnvelopeError
-        If the flight leaves the range of the aircraft's model.
+        If the flight leaves the range of the aircraft's model, before any fault began.
 
     Examples
     --------
@@ -61,12 +71,27 @@ def fly(
     >>> flight = gb.fly(duration_s=2.0)
     >>> len(flight), flight["nz"][0].round(1)
     (201, np.float64(1.0))
+    >>> jammed = gb.fly("gtm", "multisine", duration_s=4.0, faults=gb.Jam(channel="elevator", onset_s=2.0))
+    >>> bool(jammed["elevator"].std() > 0.1), float(jammed["elevator_actual"][200:].std())
+    (True, 0.0)
     """
+    listed = [faults] if isinstance(faults, Fault) else list(faults)
     airborne = take_off(aircraft, excitation, duration_s, seed, altitude_ft=altitude_ft, tas_kt=tas_kt)
-    commands = _commands(airborne)
+    check_faults(listed, 0.0, float(airborne.time_s[-1]))
+    for fault in listed:
+        if not is_of_surface(fault):
+            raise InputError(
+                f"{fault.kind} of {fault.channel} breaks a sensor, and the truth has none; inject it into what "
+                "measure(flight) gives"
+            )
+    commands, surfaces = _commands(airborne), Surfaces(listed, airborne.aircraft.limits)
     with simulating(airborne.fdm, airborne.aircraft):
-        read = _fly(airborne, commands)
-    record = airborne.record(read, commands[: len(read)])
+        read = _fly_broken(airborne, commands, surfaces) if listed else _fly(airborne, commands)
+    commands = commands[: len(read)]
+    record = airborne.record(read, commands, surfaces.actual(commands))
+    left = first_outside(record, airborne.aircraft.envelope) if listed else None
+    if left is not None and record.time_s[left.row] >= min(fault.onset_s for fault in listed):
+        return record.part(range(left.row + 1))
     what = f"excitation '{excitation}'" if isinstance(excitation, str) else "the excitation"
     units = mistaken_units(airborne.aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
     check_envelope(record, airborne.aircraft, what, units or "fly shorter, or choose a gentler excitation")
@@ -92,6 +117,17 @@ def _fly(airborne: Airborne, commands: FloatArray) -> FloatArray:
     for step, values in enumerate((commands[:-1, columns] * factors).tolist(), start=1):
         fly_on(values)
         if step % _LOOKED_STEPS == 0 and beyond(stepping.now, bounds):
+            break
+    return stepping.read
+
+
+def _fly_broken(airborne: Airborne, commands: FloatArray, surfaces: Surfaces) -> FloatArray:
+    """As `_fly`, by surfaces that may do otherwise than commanded."""
+    write, stepping = [(column, factor) for column, factor, _ in airborne.write], Stepping(airborne)
+    for time_s, commanded in zip(airborne.time_s.tolist(), commands[:-1].tolist(), strict=False):
+        driven = surfaces.driven(time_s, commanded, stepping.now)
+        stepping.step([driven[column] * factor for column, factor in write])
+        if beyond(stepping.now, airborne.bounds):
             break
     return stepping.read
 

@@ -6,15 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.autopilot import Autopilot
-from gtmbench.bench.controller import check_controller, failed, take_over
+from gtmbench.bench.breaking import is_of_surface
+from gtmbench.bench.controller import check_controller, failed, listener, take_over
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, LoopEvent, LoopFlight
+from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, LoopEvent, LoopFlight
 from gtmbench.bench.sensing import Readings as Sample
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.simulation import Simulation, checked_commands
@@ -26,8 +27,26 @@ from gtmbench.values.channels import SENSORS
 GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
 
 Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
+Watching = Callable[[float, Readings, Sequence[float]], Sequence[str]]
+Command = Callable[[Readings], Sequence[float]]
 HandOn = Callable[[float, Readings], Readings]
 Tell = Callable[[float, str, str, float], None]  # a time, a kind, a channel and its value, as a `LoopEvent` has them
+
+
+class SurfaceWatch(Protocol):
+    """The protocol of an object beside the loop that knows the commands and names surfaces that fail.
+
+    It changes nothing of what is flown: a surface that is named is an event, "surface failed", and a controller of the
+    user's own is told of it. `gb.WatchSurfaces` is one, by a monitor.
+    """
+
+    def start(self, sample_period_s: float) -> Watching:
+        """Begin a flight anew.
+
+        Return a function that is called once a sample, with the time in seconds, the readings of all sensors in the
+        order of `SENSORS` and what was commanded then in the order of `COMMANDS`; it returns the surfaces that it has
+        named since the last call.
+        """
 
 
 class Accommodation(Protocol):
@@ -65,6 +84,7 @@ def fly_in_loop(
     noise: str | None = "t2",
     noise_seed: int | None = None,
     accommodate: Accommodation | None = None,
+    watch_surfaces: SurfaceWatch | None = None,
     attitude: str | AttitudeEstimator = OWN,
     sensors: str | SensorChain | None = None,
     altitude_ft: float | None = None,
@@ -88,11 +108,15 @@ def fly_in_loop(
         Instead of an autopilot: a function ``command(readings, time_s)``, or an object or a class with a method of that
         name, that returns elevator, aileron and rudder in deg and throttle in percent (`Controller`).
     faults : Fault or sequence of Fault
+        Of sensors, of surfaces (elevator, aileron, rudder) and of the throttle. With one of a surface the truth also
+        has where the surfaces were driven: ``elevator_actual`` and so on, beside what was commanded.
     noise : "t2" or None
         The sensor noise, the same numbers as in `measure`. None: perfect sensors.
     noise_seed : int, optional
         Seed of the noise, if it differs from the flight's.
     accommodate : Accommodation, optional
+    watch_surfaces : SurfaceWatch, optional
+        What names surfaces that fail, such as ``gb.WatchSurfaces(monitor)``: events, which a controller is told.
     attitude : str or AttitudeEstimator
         The source of phi, theta and psi. "own": a vertical gyro, which doesn't use p, q and r. Or an estimator, or the
         name of one (`gtmbench.values.attitude.ESTIMATORS`), that computes them from the readings of p, q and r and from
@@ -152,44 +176,79 @@ def fly_in_loop(
         events.append(LoopEvent(time_s=time_s, kind=kind, channel=channel, value=value))
 
     hand_on = None if accommodate is None else accommodate.start(SAMPLE_PERIOD_S, tell)
+    heard: Callable[[LoopEvent], object] | None = None
     if controller is not None:
-        command, reads = _own(controller, simulation), getattr(controller, "reads", SENSORS)
+        (command, heard), reads = _own(controller, simulation), getattr(controller, "reads", SENSORS)
     else:
         assert pilot is not None
         command, reads = pilot.engage(simulation.trim, craft.limits, SAMPLE_PERIOD_S), pilot.reads
 
-    if hand_on is None:
-        commands = simulation.fly_by(command)
-    else:
-        commands = simulation.fly_by(lambda readings: command(hand_on(simulation.time_s, readings)))
+    by = command if hand_on is None else lambda readings: command(hand_on(simulation.time_s, readings))
+    if watch_surfaces is not None:
+        by = _watched(by, watch_surfaces.start(SAMPLE_PERIOD_S), simulation, events, heard)
+    commands = simulation.fly_by(by)
     flight = simulation.flight(commands)
     _check_end(simulation, flight, "the autopilot's gains" if controller is None else "the controller")
     events += flight.events
     events += [
         LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel)
         for fault in simulation.faults
-        if not set(fault.changes) & set(reads)
+        if not is_of_surface(fault) and not set(fault.changes) & set(reads)
     ]
     return replace(flight, events=tuple(sorted(events, key=lambda event: event.time_s)))
 
 
-def _own(controller: object, simulation: Simulation) -> Callable[[Readings], Sequence[float]]:
-    """Return a controller of the user's own as a function of the readings, which says what it does wrong."""
+def _own(controller: object, simulation: Simulation) -> tuple[Command, Callable[[LoopEvent], object] | None]:
+    """Return a controller of the user's own as a function of the readings, which says what it does wrong.
+
+    Beside it, what is told of events; None if it doesn't listen.
+    """
     try:
         command = take_over(controller, simulation.trim)
     except ControllerError as error:
         error.flight = simulation.flight()
         raise
 
-    def told(readings: Readings) -> Sequence[float]:
+    def tried(work: Callable[[], Any]) -> Any:
         try:
-            return checked_commands(command(Sample._make(readings), simulation.time_s))
+            return work()
         except Exception as error:  # somebody's own controller may do anything
             failure = failed(controller, f"at {simulation.time_s:g} s", error)
             failure.flight = simulation.flight()
             raise failure from error
 
-    return told
+    def told(readings: Readings) -> Sequence[float]:
+        commands: Sequence[float] = tried(lambda: checked_commands(command(Sample._make(readings), simulation.time_s)))
+        return commands
+
+    listens = listener(command)
+    return told, None if listens is None else lambda event: tried(lambda: listens(event))
+
+
+def _watched(
+    command: Command,
+    watching: Watching,
+    simulation: Simulation,
+    events: list[LoopEvent],
+    heard: Callable[[LoopEvent], object] | None,
+) -> Command:
+    """Return what commands, and shows each sample and what was commanded there to a watch of surfaces.
+
+    It tells of those that the watch names, a sample later, when that was flown.
+    """
+    before: tuple[float, list[float]] | None = None
+
+    def watched(readings: Readings) -> Sequence[float]:
+        nonlocal before
+        if before is not None:
+            for surface in watching(*before, simulation.commanded):
+                events.append(LoopEvent(time_s=before[0], kind=SURFACE_FAILED, channel=surface))
+                if heard is not None:
+                    heard(events[-1])
+        before = simulation.time_s, list(readings)
+        return command(readings)
+
+    return watched
 
 
 def _check_end(simulation: Simulation, flight: LoopFlight, flown_by: str) -> None:

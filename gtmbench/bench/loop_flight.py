@@ -13,6 +13,7 @@ from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
+SURFACE_FAILED = "surface failed"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +26,8 @@ class LoopEvent:
     kind : str
         "departure": the aircraft is first beyond a limit of its ``[departure]``; "envelope": it left the range of its
         model, or its estimator's theta that of Euler angles, where the flight ends; "out of loop": a fault began on a
-        channel that the autopilot doesn't read; and the events of an `Accommodation`.
+        channel that the autopilot doesn't read; "surface failed": a `SurfaceWatch` has named a surface; and the events
+        of an `Accommodation`.
     channel : str
     value : float or None
         The channel's value in its unit, if it matters.

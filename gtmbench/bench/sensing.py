@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from itertools import chain
-from math import inf
 from typing import NamedTuple
 
 from gtmbench.bench.airborne import FLOWN
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, filtering, reference_noise
+from gtmbench.bench.breaking import Breakers
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import noise_blocks
-from gtmbench.checks import meant, shown
-from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault, check_onset
+from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import AttitudeEstimator, SteepError
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 
 _BLOCK = 4096  # samples whose noise is drawn at a time
-_SEEN = 2  # healthy samples that a fault's stream sees before the onset: it has to know the last of them
 _SCALES = [channel.scale for channel in FLOWN[: len(SENSORS)]]
 _PHI, _THETA, _PSI = (SENSORS.index(name) for name in ATTITUDE)
 _GYROS = [SENSORS.index(name) for name in GYROS]
@@ -68,61 +64,6 @@ class Readings(NamedTuple):
     altitude: float
 
 
-def check_faults(faults: Sequence[Fault], start_s: float, end_s: float) -> None:
-    """Refuse what is no fault, one that begins outside of a flight, and one of a channel that is no sensor."""
-    for fault in faults:
-        check_onset(fault, start_s, end_s)
-        for channel in fault.reads:
-            if channel not in SENSORS:
-                known = f"there are {', '.join(SENSORS)}{meant(channel, SENSORS)}"
-                raise InputError(f"{fault.kind}: no sensor channel {shown(channel)}; {known}")
-
-
-class Breaking:
-    """A fault at work, sample by sample: the columns it reads and changes, and its stream, which rests when over."""
-
-    def __init__(self, fault: Fault) -> None:
-        self.begins_s = fault.onset_s - (_SEEN + 0.5) * SAMPLE_PERIOD_S
-        self.ends_s = inf if fault.duration_s is None else fault.onset_s + fault.duration_s + SAMPLE_PERIOD_S
-        self._parts = [
-            (SENSORS.index(part.channel), [SENSORS.index(name) for name in part.reads], part.stream(SAMPLE_PERIOD_S))
-            for part in fault.parts
-        ]
-
-    def distort(self, time_s: float, sample: list[float]) -> None:
-        """Break a sample in place; the parts of a fault act at the same time."""
-        broken = [(column, step(time_s, [sample[i] for i in reads])) for column, reads, step in self._parts]
-        for column, value in broken:
-            sample[column] = value
-
-
-class Breakers:
-    """Faults at work one after the other. One that begins in flight sees what came last, as if it had been there."""
-
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        self._at_work = {index: Breaking(fault) for index, fault in enumerate(faults)}
-        self._last: deque[tuple[float, list[float]]] = deque(maxlen=_SEEN)
-
-    def distort(self, time_s: float, sample: list[float]) -> None:
-        """Break a sample in place."""
-        for breaking in self._at_work.values():
-            if breaking.begins_s <= time_s < breaking.ends_s:
-                breaking.distort(time_s, sample)
-        self._last.append((time_s, sample))
-
-    def begin(self, index: int, fault: Fault) -> None:
-        """Let a fault act from now on, under an index of its own."""
-        breaking = Breaking(fault)
-        for time_s, sample in self._last:
-            if breaking.begins_s <= time_s:
-                breaking.distort(time_s, list(sample))
-        self._at_work[index] = breaking
-
-    def end(self, index: int) -> None:
-        """Take a fault away."""
-        del self._at_work[index]
-
-
 class _Estimate:
     """An estimator at work in a loop: the attitude that it makes of what the gyros are about to read.
 
@@ -131,7 +72,7 @@ class _Estimate:
     """
 
     def __init__(self, estimator: AttitudeEstimator, faults: Sequence[Fault], seed: int, samples: int) -> None:
-        self.breakers = Breakers(faults)
+        self.breakers = Breakers(faults, SENSORS)
         self._step = filtering(estimator, SAMPLE_PERIOD_S)
         blocks = reference_noise(REFERENCE_NOISE_DEG, seed, samples, _BLOCK)
         self._noise = chain.from_iterable(block.tolist() for block in blocks)
@@ -164,6 +105,7 @@ class Sensing:
     samples : int
         How many there are at most.
     faults : sequence of Fault
+        Those of sensors act; each has its place in the sequence as its index.
     estimator : AttitudeEstimator or None
         What makes the attitude of the gyros; None: a vertical gyro.
     sensors : SensorChain or None
@@ -193,7 +135,7 @@ class Sensing:
         self._noise = chain.from_iterable(block.tolist() for block in blocks)
         self._chained = None if sensors is None else sensors.start(SAMPLE_PERIOD_S)
         self._estimate = None if estimator is None else _Estimate(estimator, faults, seed, samples)
-        self._breakers = Breakers(faults)
+        self._breakers = Breakers(faults, SENSORS)
         self._turned: float | None = None  # what unwraps the heading; None: nothing has been read
         self._before = yaw_deg
         self.steep_deg: float | None = None

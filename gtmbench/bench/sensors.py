@@ -9,7 +9,7 @@ import numpy as np
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.checks import meant, number, whole
 from gtmbench.errors import InputError
-from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, SENSORS
+from gtmbench.values.channels import ACTUAL, CHANNELS, COMMANDS, GYROS, SENSORS
 from gtmbench.values.record import FloatArray, Record
 
 SNR_CHANNELS = (*GYROS, "beta")  # those of section 4.4; the other sensors have the T2's noise
@@ -69,7 +69,7 @@ def measure(
     seed = whole("seed", seed)
     columns: list[FloatArray] = []
     noises: list[FloatArray] = []
-    kept = [name for name in flight.channels if name not in CHANNELS or name in SENSORS]
+    kept = [name for name in flight.channels if name in SENSORS or name not in (*CHANNELS, *ACTUAL)]
     if not kept:
         raise InputError(f"no sensor among the channels {', '.join(flight.channels)}; there is nothing to measure")
     for name in kept:

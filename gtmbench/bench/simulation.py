@@ -1,4 +1,4 @@
-"""A simulation: one aircraft, stepped sample by sample by whoever commands it, with sensors and faults of them."""
+"""A simulation: one aircraft, stepped sample by sample by whoever commands it, with sensors, surfaces and faults."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ import numpy as np
 
 from gtmbench.bench.airborne import FLOWN, Airborne, Stepping, beyond, first_outside, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
+from gtmbench.bench.breaking import check_faults
 from gtmbench.bench.engine import failure
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, LoopEvent, LoopFlight, event_of
-from gtmbench.bench.sensing import Readings, Sensing, check_faults
+from gtmbench.bench.sensing import Readings, Sensing
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
+from gtmbench.bench.surfaces import Surfaces
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
@@ -178,7 +180,7 @@ class Simulation:
             self._chain,
             airborne.trim.yaw_deg,
         )
-        return _Flying(airborne, sensing)
+        return _Flying(airborne, sensing, Surfaces(self._stated, self.aircraft.limits))
 
     @property
     def _flying(self) -> _Flying:
@@ -261,6 +263,11 @@ class Simulation:
         return self._flying.readings
 
     @property
+    def commanded(self) -> list[float]:
+        """What was commanded at the sample before the last one, excitation and limits included; it flew to this one."""
+        return self._flying.commanded_last
+
+    @property
     def time_s(self) -> float:
         """The time of the last sample, in seconds since the flight began."""
         return self._flying.time_s
@@ -304,9 +311,9 @@ class Simulation:
         return (*self._stated, *(each.fault for each in self._switches if each.is_on))
 
     def switch_on(self, fault: Fault, when: Rule | None = None) -> Fault:
-        """Break a sensor from the next sample on, or from the one after a rule first holds.
+        """Break a sensor or a surface from the next sample on, or from the one after a rule first holds.
 
-        The same bits as a fault whose onset was known before. Several may act, on any sensors: each acts on the result
+        The same bits as a fault whose onset was known before. Several may act, on any channels: each acts on the result
         of those before it.
 
         Parameters
@@ -324,7 +331,7 @@ class Simulation:
         Raises
         ------
         InputError
-            If it is no fault of a sensor, or the flight is over.
+            If it is no fault of a sensor or a surface, or the flight is over.
 
         Examples
         --------
@@ -358,7 +365,7 @@ class Simulation:
         return fault if armed in self._waiting else coming
 
     def switch_off(self, fault: Fault) -> None:
-        """End a fault: from the next sample on its sensor is healthy.
+        """End a fault: from the next sample on its sensor or surface is healthy.
 
         Parameters
         ----------
@@ -461,7 +468,7 @@ class Simulation:
         """
         flying = self._flying
         read, sensed, commands = flying.rows(last_commands)
-        truth = flying.airborne.record(read, commands)
+        truth = flying.airborne.record(read, commands, flying.surfaces.actual(commands))
         events = []
         if left := first_outside(truth, self.aircraft.envelope):
             truth, sensed = truth.part(range(left.row + 1)), sensed[: left.row + 1]
@@ -480,8 +487,8 @@ class Simulation:
 class _Flying:
     """One flight of a simulation: its engine, its sensors, and what both gave so far."""
 
-    def __init__(self, airborne: Airborne, sensing: Sensing) -> None:
-        self.airborne, self.sensing = airborne, sensing
+    def __init__(self, airborne: Airborne, sensing: Sensing, surfaces: Surfaces) -> None:
+        self.airborne, self.sensing, self.surfaces = airborne, sensing, surfaces
         self._low, self._high = zip(*(airborne.aircraft.limits[name] for name in COMMANDS), strict=True)
         self._write = [(column, factor) for column, factor, _ in airborne.write]
         self._stepping = Stepping(airborne)
@@ -508,8 +515,9 @@ class _Flying:
     def fly(self, commanded: Sequence[float]) -> None:
         """Fly on for one sample."""
         self._commanded.extend(commanded)
+        driven = self.surfaces.driven(self.time_s, commanded, self._stepping.now)
         try:
-            self._stepping.step([commanded[column] * factor for column, factor in self._write])
+            self._stepping.step([driven[column] * factor for column, factor in self._write])
         except RuntimeError as error:
             raise failure(self.airborne.fdm, self.airborne.aircraft, error) from error
         self.row += 1
@@ -537,10 +545,11 @@ class _Flying:
 
     def switch(self, switch: _Switch) -> None:
         """Switch a fault on, or off, from the next sample on."""
-        if switch.is_on:
-            self.sensing.begin(switch.index, switch.fault)
-        else:
-            self.sensing.end(switch.index)
+        for breakable in (self.sensing, self.surfaces):
+            if switch.is_on:
+                breakable.begin(switch.index, switch.fault)
+            else:
+                breakable.end(switch.index)
 
     def switch_all(self, switches: Sequence[_Switch], row: int) -> None:
         """Switch what was switched after a sample."""
@@ -552,6 +561,11 @@ class _Flying:
         """Return what was commanded at the first samples."""
         values: list[list[float]] = np.array(self._commanded).reshape(-1, len(COMMANDS))[:rows].tolist()
         return values
+
+    @property
+    def commanded_last(self) -> list[float]:
+        """What was commanded last, in the order of `COMMANDS`."""
+        return self._commanded[-len(COMMANDS) :].tolist()
 
     def rows(self, last_commands: Sequence[float] | None) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return what was read of the engine, what the sensors read, and the commands, a row a sample."""

@@ -109,7 +109,10 @@ def _print_modes(linear: list[Mode]) -> None:
     help="With --closed-loop: your own controller flies instead of the autopilot, a function command(readings, time_s) "
     "or a class with that method.",
 )
-@fault_options("With --closed-loop: the fault in the loop. With --live: the fault in what is sent.")
+@fault_options(
+    "A fault of a surface (jam:elevator) is flown. One of a sensor needs --closed-loop, which flies on it, or --live, "
+    "which sends it."
+)
 @click.option(
     "--attitude",
     default="own",
@@ -153,6 +156,7 @@ def fly_command(
 ) -> None:
     """Fly and write a log of the truth, or with --noise of the sensor readings; or send these live."""
     from gtmbench.bench.attitude_filter import estimated_attitude
+    from gtmbench.bench.breaking import is_of_surface
     from gtmbench.bench.flight import fly
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
@@ -165,9 +169,11 @@ def fly_command(
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     estimator_of(attitude)
-    if not closed_loop:
-        _check_open_loop(controller, attitude, noise, breaks=bool(given) and target is None)
     faults = chosen_faults(given, onset, trial).faults
+    of_surfaces = [fault for fault in faults if is_of_surface(fault)]
+    of_sensors = [fault for fault in faults if not is_of_surface(fault)]
+    if not closed_loop:
+        _check_open_loop(controller, attitude, noise, breaks=bool(of_sensors) and target is None)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
     aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
@@ -192,11 +198,11 @@ def fly_command(
         )
         record, events = flight.truth if noise is None else flight.readings(commands=commands), flight.events
     else:
-        record = truth = fly(aircraft, excitation, duration, seed, altitude_ft=altitude, tas_kt=tas)
+        record = truth = fly(aircraft, excitation, duration, seed, faults=of_surfaces, altitude_ft=altitude, tas_kt=tas)
         if noise is not None:
             kind = "t2" if snr is None else None
             readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
-            record = broken(estimated_attitude(readings, truth, attitude, seed), faults)
+            record = broken(estimated_attitude(readings, truth, attitude, seed), of_sensors)
     verdict = deliver(record, out, target, speed, silent=as_json or quiet)
     if failed is not None:  # what was flown is kept
         where = out or target
@@ -219,7 +225,7 @@ def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *
         raise InputError(f"--controller is '{controller}', but nobody flies an open loop; add --closed-loop")
     if breaks:
         raise InputError(
-            "--fault needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
+            "--fault of a sensor needs --closed-loop or --live; to break an open-loop flight's log, use gtmbench inject"
         )
     if attitude != OWN and noise is None:
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")

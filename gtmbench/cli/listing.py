@@ -57,7 +57,9 @@ def listing() -> dict[str, dict[str, str]]:
     """Return what there is, section by section: names, and what each is in a line."""
     told = tomllib.loads((files("gtmbench.cli") / "names.toml").read_text(encoding="utf-8"))
     banks = _titles(shipped_banks())
-    detectors = told["detectors"] | banks | told["rivals"]  # in the order in which a name is looked up
+    detectors = (
+        told["detectors"] | banks | told["rivals"] | told["surfaces"]
+    )  # in the order in which a name is looked up
     return {
         "aircraft": _titles({name: share() / "aircraft" / name / "aircraft.toml" for name in shipped_aircraft()}),
         "channels": {c.name: f"{c.unit}, {c.meaning}" for c in CHANNELS.values()},

@@ -21,6 +21,7 @@ from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
+from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, restore_surfaces
 from gtmbench.detectors.tables import keys, table_of
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor, restore_norm
 from gtmbench.errors import InputError, NoteWarning
@@ -35,6 +36,7 @@ BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] =
     "bank": restore_bank,
     "dissertation": restore_norm,
     "rival": restore_rival,
+    "surfaces": restore_surfaces,
 }
 
 _KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")  # version 2: without a digest
@@ -181,6 +183,8 @@ def kind_of(detector: Detector | Monitor) -> str:
         return "dissertation"
     if isinstance(detector, Rival | RivalMonitor):
         return "rival"
+    if isinstance(detector, SurfaceDetector | SurfaceMonitor):
+        return "surfaces"
     if detector.name in BUILT_IN:
         raise InputError(f"'{detector.name}' is the name of a detector of gtmbench; call yours otherwise")
     return detector.name

@@ -18,6 +18,7 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
+from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, is_folder
@@ -104,6 +105,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         return load_monitor(source)
     if name in RIVALS:
         return RIVALS[name]
+    if name in SURFACE_DETECTORS:
+        return SURFACE_DETECTORS[name]
     if name in installed_names():
         return installed(name)
     raise InputError(_none(name, suffix))
@@ -137,6 +140,7 @@ def detector_names() -> dict[str, str]:
         AUTO: "a bank of the relations that the channels allow, of those of banks C and B",
         **banks,
         **{name: rival.title for name, rival in RIVALS.items()},
+        **{name: detector.title for name, detector in SURFACE_DETECTORS.items()},
     }
     return ours | {name: title for name, title in others.items() if name not in ours}
 

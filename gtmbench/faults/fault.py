@@ -24,7 +24,7 @@ from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
 from gtmbench.values.attitude import AttitudeEstimator
-from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, unit_of
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record
 
@@ -316,6 +316,7 @@ def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: Attitud
 def _broken(record: Record, faults: Sequence[Fault]) -> Record:
     for fault in faults:
         check_onset(fault, record.start_s, record.end_s)
+        check_of_sensor(fault)
         broken = {part.channel: part.array(record) for part in fault.parts}
         for channel, values in broken.items():
             record = record.replace(channel, values)
@@ -334,6 +335,16 @@ def _check_estimated(record: Record, attitude: object) -> None:
         raise InputError(
             f"an estimator makes {', '.join(ATTITUDE)} of {', '.join(GYROS)}, and {', '.join(missing)} isn't there; "
             "give a record that has them all, or leave attitude out"
+        )
+
+
+def check_of_sensor(fault: Fault) -> None:
+    """Refuse a fault of a surface in what is recorded already: the aircraft would have flown otherwise."""
+    commanded = [channel for channel in fault.changes if channel in COMMANDS]
+    if commanded:
+        raise InputError(
+            f"{fault.kind} of {commanded[0]}: a broken surface makes another flight, which no record can be turned "
+            "into; fly it: gtmbench fly --fault, or gb.fly(faults=...)"
         )
 
 

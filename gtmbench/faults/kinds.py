@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.shaping import (
     Deadzone,
     Hysteresis,
@@ -27,5 +27,6 @@ _KINDS: tuple[type[Fault], ...] = (
     *(Drift, Deadzone, Saturation, RateSaturation, Jam),  # the dissertation's
     *(Bias, RandomWalk, Oscillation, ScaleFactor, SignFlip, Noise, Spikes, Dropout, Stuck, Hardover),
     *(Hysteresis, Quantisation, Lag, Delay, Stale, Misalignment, Swap, GSensitivity),
+    *(Float,),  # of surfaces alone, as physics goes
 )
 FAULTS: dict[str, type[Fault]] = {kind.kind: kind for kind in _KINDS}

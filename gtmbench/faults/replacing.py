@@ -244,6 +244,40 @@ class Swap(Formula):
         return now[1]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Float(Formula):
+    """A surface without hinge moment follows the flow: ratio a, with a the angle of the flow that turns it.
+
+    A surface that nothing holds stands where its hinge moment vanishes, Ch_a a + Ch_d d = 0, so d = ratio a with
+    ratio = -Ch_a/Ch_d. An elevator (trailing edge down positive) follows alpha with a ratio of about -0.5, a rudder
+    (trailing edge left positive) beta with about +0.5. The flow at the tail is taken for that at the centre of gravity:
+    downwash and the tail's own motion are left out, and so is the inertia of the surface. Ailerons float up together,
+    which one command can't say: with ratio 0 they trail.
+
+    Parameters
+    ----------
+    flow : str
+        The angle that it follows: alpha or beta.
+    ratio : float
+        Deflection per degree of the flow.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> fault = gb.Float(channel="elevator", onset_s=0.0, flow="alpha", ratio=-0.5)
+    >>> fault.stream(sample_period_s=1.0)(0.0, [2.0, 3.0])
+    -1.5
+    """
+
+    kind: ClassVar[str] = "float"
+    flow: str = other_channel()
+    ratio: float = severity(unit="")
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Follow the flow."""
+        return self.ratio * now[1]
+
+
 @lru_cache(maxsize=64)
 def _late(delay_s: float, sample_period_s: float) -> tuple[int, float]:
     """Return by how many whole samples a delay is late, and by which share of one more."""

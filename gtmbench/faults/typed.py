@@ -9,7 +9,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
-from gtmbench.values.channels import sensor_list
+from gtmbench.values.channels import breakable_list
 
 _TIMES = ("onset_s", "duration_s", "ramp_s")
 _HOW = "write KIND:CHANNEL:KEY=VALUE,..., such as bias:r:size=2"
@@ -40,6 +40,8 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
     Bias(channel='r', onset_s=60.0, duration_s=None, ramp_s=0.0, intermittent=None, size=2.0)
     >>> gb.fault("drift:p:slope=0.1,duration_s=5,onset_s=20").duration_s
     5.0
+    >>> gb.fault("jam:elevator", onset_s=20).channel
+    'elevator'
     """
     kind, _, rest = text.partition(":")
     channel, _, settings = rest.partition(":")
@@ -48,7 +50,7 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
         raise InputError(f"{where} names no channel; {_HOW}")
     try:
         cls = find_fault(kind.strip())
-        (name,) = sensor_list("its channel", [channel.strip()])
+        (name,) = breakable_list("its channel", [channel.strip()])
         given = _given(cls, settings)
         given.setdefault("onset_s", onset_s)
         if given["onset_s"] is None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.tracks import Track
+from gtmbench.values.channels import COMMANDS
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import runs
 
@@ -24,7 +25,7 @@ def remarks_on(track: Track, judged: Sequence[str], others: Sequence[Track]) -> 
     remarks = []
     for channel, values in zip(track.channels, track.values.T, strict=True):
         remarks += _missing(channel, track.time_s, values)
-        if channel in judged:
+        if channel in judged and channel not in COMMANDS:  # a command may stand still, or at its limit
             remarks += _constant(channel, track.time_s, values, [*others, track])
             remarks += _saturated(channel, track.time_s, values)
         if channel == "nz" and np.isfinite(values).any():

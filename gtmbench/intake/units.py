@@ -12,6 +12,7 @@ _DEG = math.degrees(1.0)
 _KT = 1852.0 / 3600.0
 _FT = 0.3048
 _ALIKE = 0.1  # of factors that were measured
+THROW = "throw"  # an autopilot's -1 to 1 of a surface: 45 deg, as ArduPilot counts, whatever the linkage makes of it
 
 # dimension: the table's unit, and spelling: how many of the table's unit one is
 _UNITS: dict[str, tuple[str, dict[str, float]]] = {
@@ -31,7 +32,7 @@ _UNITS: dict[str, tuple[str, dict[str, float]]] = {
     ),
     "angle": (
         "deg",
-        {"deg": 1.0, "degheading": 1.0, "rad": _DEG, "mrad": _DEG / 1e3, "cdeg": 0.01, "mdeg": 1e-3},
+        {"deg": 1.0, "degheading": 1.0, "rad": _DEG, "mrad": _DEG / 1e3, "cdeg": 0.01, "mdeg": 1e-3, THROW: 45.0},
     ),
     "acceleration": (
         "g",
@@ -112,7 +113,7 @@ def alike_unit(text: str, factor: float) -> str | None:
     if known is None:
         return None
     for spelling, of in _UNITS[known.dimension][1].items():
-        if abs(of / (known.factor * factor) - 1.0) < _ALIKE:
+        if spelling != THROW and abs(of / (known.factor * factor) - 1.0) < _ALIKE:
             return spelling
     return None
 

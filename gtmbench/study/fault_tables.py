@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from gtmbench.bench.breaking import check_faults
 from gtmbench.bench.sensors import rms_about_mean
 from gtmbench.checks import keys, naming, number, shown, table_of
 from gtmbench.errors import InputError
@@ -22,7 +23,7 @@ from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
 from gtmbench.study.expectation import Expectation, expectations
-from gtmbench.values.channels import CHANNELS, sensor_list, unit_of
+from gtmbench.values.channels import CHANNELS, breakable_list, unit_of
 from gtmbench.values.record import Record
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
@@ -171,10 +172,10 @@ def _fault(
     settings = {item.name: block[item.name] for item in cls.parameters() if item.name in block and not item.is_severity}
     for item in cls.parameters():
         if item.is_channel and item.name in settings:
-            sensor_list(f"{where}: {item.name}", [settings[item.name]])
+            breakable_list(f"{where}: {item.name}", [settings[item.name]])
     figures: dict[str, Any] = {name: given.value for name, given in severities.items()}
     with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
-        return cls(
+        fault = cls(
             channel=channel,
             onset_s=onset_s,
             duration_s=_duration_s(block, onset_s, where),
@@ -183,6 +184,8 @@ def _fault(
             **figures,
             **settings,
         )
+        check_faults([fault], 0.0, flight_s)
+    return fault
 
 
 def _duration_s(block: Mapping[str, Any], onset_s: float, where: str) -> float | None:
@@ -214,7 +217,7 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
     Raises
     ------
     InputError
-        Where it isn't a fault, its channels aren't sensors, or it begins outside of the flight.
+        Where it isn't a fault, its channels can't break, or it begins outside of the flight.
 
     Examples
     --------
@@ -225,8 +228,9 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
     first, *also = faults if isinstance(faults, (tuple, list)) and faults else [faults]
     if not isinstance(first, Fault) or not isinstance(getattr(first, "kind", None), str):
         raise InputError(f"{shown(first)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
-    sensor_list(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
+    breakable_list(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
     number(f"{first.kind}: onset_s", first.onset_s, 0.0, flight_s)
+    check_faults([first], 0.0, flight_s)
     return FaultSpec(fault=first, also=tuple(spec_of(other, flight_s) for other in also))
 
 
@@ -237,7 +241,7 @@ def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
 
 
 def _channels(channels: Any, unit: Any, where: str, *, key: str = "channels") -> tuple[str, ...]:
-    names = sensor_list(f"{where}: {key}", channels)
+    names = breakable_list(f"{where}: {key}", channels)
     for name in names:
         if unit is not None and unit != CHANNELS[name].unit:
             raise InputError(

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
+from gtmbench.bench.breaking import is_of_surface
 from gtmbench.bench.controller import found_controller
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
@@ -53,10 +54,23 @@ class Flown:
             self._last[number] = self._with_setups_attitude(self._measured(number), self.flight, number)
         return self._last[number]
 
-    def _measured(self, number: int, flight: Record | None = None) -> Record:
-        """Return what the sensors read of this flight, or of another."""
-        setup, seed, of = self.setup, _noise_seed(self.setup, number), self.flight if flight is None else flight
-        return measure(of, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=_chain(setup))
+    def _measured(self, number: int, truth: Record | None = None) -> Record:
+        """Return what the sensors read of this flight, or of another.
+
+        Each channel's noise has the amplitude that it has in the study: a signal-to-noise ratio would give another on
+        another flight.
+        """
+        setup, seed, chain = self.setup, _noise_seed(self.setup, number), _chain(self.setup)
+        is_other = truth is not None and truth is not self.flight
+        of = truth if is_other and chain is not None else self.flight  # a chain's noise is no difference of two records
+        assert of is not None
+        readings = measure(of, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=chain)
+        if not is_other or chain is not None:
+            return readings
+        assert truth is not None
+        noise = readings.values - self.flight.matrix(readings.channels)
+        values = truth.matrix(readings.channels) + noise[: len(truth)]
+        return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
 
     def _with_setups_attitude(self, readings: Record, truth: Record, number: int) -> Record:
         """Return readings with the setup's attitude, made of these gyros where an estimator makes it."""
@@ -68,43 +82,52 @@ class Flown:
         return {}
 
     def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
-        """Return what the same sensors read on another flight; `number` is of the noise, as `sensed` has it.
-
-        Each channel's noise has the amplitude that it has in the study: a signal-to-noise ratio would give another on
-        another flight.
-        """
-        truth = fly(self.setup.aircraft, excitation, duration_s, seed, **self.setup.trim_point)
-        if _chain(self.setup) is not None:  # its noise is no difference of reading and motion, and no ratio of a flight
-            return self._with_setups_attitude(self._measured(number, truth), truth, number)
-        readings = self._measured(number)
-        noise = readings.values - self.flight.matrix(readings.channels)
-        values = truth.matrix(readings.channels) + noise[: len(truth)]
-        sensed = Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
-        return self._with_setups_attitude(sensed, truth, number)
+        """Return what the same sensors read on another flight; `number` is of the noise, as `sensed` has it."""
+        truth = _flown_open(replace(self.setup, excitation=excitation, duration_s=duration_s, seed=seed))
+        return self._with_setups_attitude(self._measured(number, truth), truth, number)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
 
-        Return it, and what the sensors would have read without them.
+        Return it, and what the sensors would have read without their faults; with a fault of a surface both are of a
+        flight of their own.
         """
-        faults, healthy = self.faults(spec), self.sensed(number)
-        return _injection(scenario, faults, self.flight, self.injected(faults, number)), healthy
+        faults = self.faults(spec)
+        truth = self._flown_with(faults)
+        broken, healthy = self._injected(faults, number, truth), self._healthy(number, truth)
+        return _injection(scenario, faults, truth, broken), healthy
 
     def bends(self, faults: Sequence[Fault]) -> bool:
-        """Say whether faults bend channels beside those that they break: in the loop, or by way of an estimator."""
+        """Say whether faults bend channels beside those that they break: by a flight, or by way of an estimator."""
         of_gyros = any(name in GYROS for fault in faults for name in fault.changes)
-        return self.is_in_loop or (self.setup.attitude != OWN and of_gyros)
+        return self.is_in_loop or any(map(is_of_surface, faults)) or (self.setup.attitude != OWN and of_gyros)
 
     def injected(self, faults: Sequence[Fault], number: int) -> Record:
         """Return what the sensors of a record read with faults; an estimator's attitude is that of the broken gyros.
 
-        Faults of the attitude act on that.
+        Faults of the attitude act on that. Faults of surfaces are flown.
         """
-        healthy = self.sensed(number)
-        if self.bends(faults):
-            bent = self._with_setups_attitude(inject(self._measured(number), faults), self.flight, number)
+        return self._injected(faults, number, self._flown_with(faults))
+
+    def _flown_with(self, faults: Sequence[Fault]) -> Record:
+        """Return the truth with faults of surfaces: this flight's, where there are none."""
+        of_surfaces = tuple(fault for fault in faults if is_of_surface(fault))
+        if not of_surfaces:
+            return self.flight
+        return _flown_open(self.setup, of_surfaces)
+
+    def _healthy(self, number: int, truth: Record) -> Record:
+        if truth is self.flight:
+            return self.sensed(number)
+        return self._with_setups_attitude(self._measured(number, truth), truth, number)
+
+    def _injected(self, faults: Sequence[Fault], number: int, truth: Record) -> Record:
+        of_sensors = [fault for fault in faults if not is_of_surface(fault)]
+        healthy = self._healthy(number, truth)
+        if self.bends(of_sensors):
+            bent = self._with_setups_attitude(inject(self._measured(number, truth), of_sensors), truth, number)
             healthy = _with_attitude(healthy, bent)
-        return inject(healthy, faults)
+        return inject(healthy, of_sensors)
 
     def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
         """Return a trial's faults, their severities resolved against the flight."""
@@ -171,6 +194,18 @@ def _noise_seed(setup: Setup, number: int) -> int:
     return setup.seed + SEED_STEP * number
 
 
+def _flown_open(setup: Setup, faults: Sequence[Fault] = ()) -> Record:
+    return fly(
+        setup.aircraft,
+        setup.excitation,
+        setup.duration_s,
+        setup.seed,
+        faults=faults,
+        altitude_ft=setup.altitude_ft,
+        tas_kt=setup.tas_kt,
+    )
+
+
 def _flown_in_loop(setup: Setup, number: int, faults: Sequence[Fault] = (), seed: int | None = None) -> LoopFlight:
     return fly_in_loop(
         setup.aircraft,
@@ -226,7 +261,7 @@ def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     trimmed = trim(setup.aircraft, **setup.trim_point)
     tell("fly")
     if not setup.is_in_loop:
-        flight = fly(setup.aircraft, setup.excitation, setup.duration_s, setup.seed, **setup.trim_point)
+        flight = _flown_open(setup)
         return Flown(setup=setup, trim=trimmed, flight=flight, commands=commands)
     healthy = _flown_healthy(setup, BROKEN)
     return FlownInLoop(setup=setup, trim=trimmed, flight=healthy.truth, healthy=healthy, commands=commands)

@@ -35,7 +35,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import COMMANDS, axis_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
@@ -125,7 +125,8 @@ class Verdict:
         Greatest test statistic over its threshold, known at or after the onset, among those that the sensor's fault
         enters; 0 without any.
     altered_share : float
-        Share of samples at which a broken signal differs from the healthy one while a fault of it is active.
+        Share of samples at which a broken signal differs from the healthy one while a fault of it is active; NaN of a
+        surface, whose deflection isn't read.
     false_alarms : int
         Alarms before the onset.
     isolated : bool or None
@@ -302,6 +303,8 @@ class _Truth:
         """Tell whether a fault is of a kind, by name or physically by what has been read up to a time."""
         if kind is None or kind == fault.kind:
             return kind is not None
+        if fault.channel not in self.broken:  # a surface: nothing was read of what it did
+            return False
         holds, read_s, reads = SAME_KINDS.get((fault.kind, kind)), self.broken.time_s, self.broken[fault.channel]
         before = reads[(read_s < fault.onset_s - _TIE) & np.isfinite(reads)]
         since = reads[self._there(fault) & (read_s <= time_s + _TIE) & np.isfinite(reads)]
@@ -324,7 +327,7 @@ class _Truth:
             return fault.severities["value"]
         if fault.kind == "hardover":
             return fault.severities["limit"]
-        if fault.kind != "jam":
+        if fault.kind != "jam" or fault.channel not in self.broken:
             return None
         reads = self.broken[fault.channel][self._there(fault)]
         reads = reads[np.isfinite(reads)]
@@ -354,10 +357,14 @@ def false_alarms(watch: Watch, onset_s: float = math.inf) -> tuple[Alarm, ...]:
 def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record | Mapping[str, FloatArray]) -> float:
     """Return the share of samples of faults' active intervals at which a broken signal differs from the healthy.
 
-    Of what is broken, the channels that the faults change are enough.
+    Of what is broken, the channels that the faults change are enough. NaN of faults of surfaces alone: commands, if
+    they are recorded, don't show what a surface did.
     """
     altered = []
-    for channel in dict.fromkeys(channel for fault in faults for channel in fault.changes):
+    changed = dict.fromkeys(channel for fault in faults for channel in fault.changes)
+    if changed.keys() <= set(COMMANDS):
+        return math.nan
+    for channel in (name for name in changed if name not in COMMANDS):
         own = [fault.active(healthy.time_s) for fault in faults if channel in fault.changes]
         active = np.logical_or.reduce(own)
         was, became = healthy[channel][active], broken[channel][active]

@@ -12,9 +12,9 @@ from gtmbench.faults.fault import Fault
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import Verdict
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.notebook import card
-from gtmbench.values.record import Record
+from gtmbench.values.record import FloatArray, Record
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,6 +101,10 @@ class Injection:
     def channels(self) -> tuple[str, ...]:
         """The channels that break, the first fault's own first."""
         return tuple(dict.fromkeys(channel for fault in (self.injected, *self.also) for channel in fault.changes))
+
+    def broken(self, channel: str) -> FloatArray:
+        """Return what was read of a channel that breaks; of a surface, which nothing reads, where it was driven."""
+        return self.flight[f"{channel}_actual"] if channel in COMMANDS else self.record[channel]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,7 +2,8 @@
 
 Angles are in degrees and rates in deg/s at every public door. ``nx``, ``ny`` and ``nz`` are the specific force at the
 centre of gravity in g, along forward, right and up: level flight reads nz = +1. ``psi`` is unwrapped: it runs through
-360 deg and on. Surfaces are commands (where the servos are told to go), not positions.
+360 deg and on. Surfaces are commands (where the servos are told to go), not positions: `ACTUAL` is where a broken one
+was driven instead, in the truth of a flight with a fault of a surface.
 
 Noise figures: standard deviations of NASA's T2 flight data (GTM_DesignSim, LAR-17625-1).
 """
@@ -112,6 +113,7 @@ CHANNELS: dict[str, Channel] = {channel.name: channel for channel in _TABLE}
 SENSORS = tuple(channel.name for channel in _TABLE if channel.role is Role.SENSOR)
 COMMANDS = tuple(channel.name for channel in _TABLE if channel.role is Role.COMMAND)
 SURFACES = ("elevator", "aileron", "rudder")
+ACTUAL = tuple(f"{name}_actual" for name in COMMANDS)  # where servos and engines were driven; never among the readings
 GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")  # about, along x, y, z
 MAGNETOMETER = ("mag_x", "mag_y", "mag_z")  # the field in microtesla: forward, right, down
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
@@ -170,12 +172,24 @@ def sensor_list(key: str, value: Any) -> tuple[str, ...]:
     >>> sensor_list("inputs", ["p", "beta"])
     ('p', 'beta')
     """
+    return _listed(key, value, SENSORS, "no sensor channel")
+
+
+def breakable_list(key: str, value: Any) -> tuple[str, ...]:
+    """Return a list of channels that can break, sensors, surfaces and the throttle, as `sensor_list` does of sensors.
+
+    >>> breakable_list("channels", ["q", "elevator"])
+    ('q', 'elevator')
+    """
+    return _listed(key, value, (*SENSORS, *COMMANDS), "no channel that can break is")
+
+
+def _listed(key: str, value: Any, known: tuple[str, ...], refused: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not value or not all(isinstance(name, str) for name in value):
         raise InputError(f"{key} is {shown(value)}; it must be a list of channel names")
     for name in value:
-        if name not in SENSORS:
-            known = f"there are {', '.join(SENSORS)}{meant(name, SENSORS)}"
-            raise InputError(f"{key}: no sensor channel {shown(name)}; {known}")
+        if name not in known:
+            raise InputError(f"{key}: {refused} {shown(name)}; there are {', '.join(known)}{meant(name, known)}")
         if value.count(name) > 1:
             raise InputError(f"{key}: '{name}' stands there twice; name every channel once")
     return tuple(value)

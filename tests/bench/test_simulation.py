@@ -251,7 +251,7 @@ def test_bad_input_is_one_line():
     simulation.reset()
     for wrong, said in (
         (lambda: simulation.switch_on("jam"), "is no fault"),
-        (lambda: simulation.switch_on(gb.Jam(channel="north", onset_s=0.0)), "no sensor channel"),
+        (lambda: simulation.switch_on(gb.Jam(channel="north", onset_s=0.0)), "no channel .north. can break"),
         (lambda: simulation.switch_on(FAULTS[0], when=3.0), "must be a function"),
         (lambda: simulation.switch_off(FAULTS[0]), "isn't among the faults that are on: none"),
         (lambda: simulation.fork(0.5), "has come to 0 s"),

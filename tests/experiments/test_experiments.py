@@ -98,6 +98,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "chained_gains",
         "chain_rescue",
         "hard_motion",
+        "surface_faults",
         "learnt_controller",
         "heading_witness",
         "magnetometer_in_logs",

@@ -66,7 +66,8 @@ SEVERE = {
     kind: {item.name: "r" if item.is_channel else BITING.get(item.name, 0.7) for item in cls.parameters()}
     for kind, cls in FAULTS.items()
 } | {"g_sensitivity": {"axis": "nz", "coefficient": 0.7}}
-COVERS = ("jam", "stuck", "hardover", "dropout", "stale", "delay", "swap", "hold")  # what is missing doesn't show there
+# what is missing doesn't show there
+COVERS = ("jam", "float", "stuck", "hardover", "dropout", "stale", "delay", "swap", "hold")
 ROUNDED = ("oscillation", "lag")  # sines and filters of arrays may round otherwise than those of numbers
 RANDOM = ("random_walk", "noise", "spikes")
 every_kind = pytest.mark.parametrize("kind", FAULTS)

@@ -258,7 +258,7 @@ class Leak(Stuck):
             "stuck: onset_s is 20.0; it must be a finite number, 0 or more, at most 10",
         ),
         (Stuck(channel="q", onset_s=-1.0, level=1.0), "stuck: onset_s is -1.0"),
-        (Stuck(channel="elevator", onset_s=1.0, level=1.0), "stuck: channels"),
+        (Stuck(channel="flaps", onset_s=1.0, level=1.0), "stuck: channels"),
         (Leak(channel="q", onset_s=1.0, level=1.0, source="nose"), "leak: channels.*'nose'"),
     ],
 )

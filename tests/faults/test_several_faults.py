@@ -105,7 +105,7 @@ WRONG = {
         "also 2: a list of severities would be more",
     ),
     "key": ([table("jam", slop=1)], {}, "also 1: unknown key 'slop'; a jam has kind, channel, onset_s"),
-    "channel": ([table("jam", channel="w")], {}, "also 1: channel: no sensor channel 'w'"),
+    "channel": ([table("jam", channel="w")], {}, "also 1: channel: no channel that can break is 'w'"),
     "no onset": ([{"kind": "jam"}], {}, "also 1: key 'onset_s' is missing"),
     "late": ([table("jam", onset_s=101)], {}, "also 1: onset_s is 101"),
     "expect": ([table("jam", expect={})], {}, "unknown key 'expect'"),

@@ -1,6 +1,8 @@
 """What the messages of autopilots mean by their documentation: of PX4's topics, ArduPilot's and MAVLink's messages.
 
-Body axes point forward, right, down. Of two columns of one channel the first here is preferred.
+Body axes point forward, right, down. Of two columns of one channel the first here is preferred. Commands are those
+before the mixer: positive ones roll right, pitch up and yaw right, which our surfaces' signs do not. Their full throw
+is taken for 45 deg, for no log tells what a linkage makes of it.
 """
 
 from __future__ import annotations
@@ -34,6 +36,10 @@ PX4: Documented = {
         ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
         for angle, channel in zip(ANGLES, ATTITUDE, strict=True)
     },
+    **_axes("actuator_controls_0", "control[0] control[1] control[2]", "-aileron -elevator -rudder", "throw"),
+    ("actuator_controls_0", "control[3]"): Meaning(channel="throttle", unit="norm"),
+    **_axes("vehicle_torque_setpoint", "xyz[0] xyz[1] xyz[2]", "-aileron -elevator -rudder", "throw"),
+    ("vehicle_thrust_setpoint", "xyz[0]"): Meaning(channel="throttle", unit="norm"),
     ("airspeed_validated", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
     ("airspeed", "true_airspeed_m_s"): Meaning(channel="tas", unit="m/s"),
     ("vehicle_global_position", "alt"): Meaning(channel="altitude", unit="m"),
@@ -44,6 +50,8 @@ ARDUPILOT: Documented = {
     **_axes("IMU", "AccX AccY AccZ", "nx ny -nz", "m/s/s"),
     **_axes("ATT", "Roll Pitch Yaw", "phi theta psi", "deg"),
     **_axes("AOA", "AOA SSA", "alpha beta", "deg"),
+    **_axes("AETR", "Ail Elev Rudd", "-aileron -elevator -rudder", "cdeg"),
+    ("AETR", "Thr"): Meaning(channel="throttle", unit="%"),
     ("POS", "Alt"): Meaning(channel="altitude", unit="m"),
     ("GPS", "Alt"): Meaning(channel="altitude", unit="m"),
 }

@@ -29,7 +29,7 @@ from gtmbench.report.words.judgement import (
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, with_unit
 from gtmbench.study.trial import Baseline, Study, Trial
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.record import Span
 
 if TYPE_CHECKING:
@@ -234,9 +234,10 @@ def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
 def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     """Draw the broken channel and the truth."""
     axis, name, flight = axes[0], trial.channel, trial.flight
-    measured = part(trial.record.time_s, trial.record[name], span)
-    axis.plot(*measured, ".", color=COLOURS["healthy"], ms=3.5, label="measured")
-    axis.plot(*part(flight.time_s, flight[name], span), color="k", lw=0.8, zorder=3, label="true")
+    measured = part(trial.record.time_s, trial.broken(name), span)
+    told = ("driven", "commanded") if name in COMMANDS else ("measured", "true")
+    axis.plot(*measured, ".", color=COLOURS["healthy"], ms=3.5, label=told[0])
+    axis.plot(*part(flight.time_s, flight[name], span), color="k", lw=0.8, zorder=3, label=told[1])
     axis.set_ylabel(with_unit(name, unit_of(name)))
 
 
@@ -252,7 +253,7 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
         note = as_it_is(f"{title_text(watch.monitor)} has no virtual sensor for {name}")
         upper.text(0.5, 0.04, note, transform=upper.transAxes, ha="center", fontsize="small", bbox=_PAPER)
     time_s, true = part(trial.flight.time_s, trial.flight[name], span)
-    _, measured = part(trial.record.time_s, trial.record[name], span)
+    _, measured = part(trial.record.time_s, trial.broken(name), span)
     lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
     lower.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
     lower.set_ylabel("minus true")

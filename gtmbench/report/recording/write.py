@@ -268,14 +268,14 @@ def _healthy_events(baseline: Baseline) -> list[Event]:
 def _log_measured(
     recording: rr.RecordingStream, trial: Trial, path: str, name: str, tint: str, span: Span = (-np.inf, np.inf)
 ) -> None:
-    measured = part(trial.record.time_s, trial.record[trial.channel], span)
+    measured = part(trial.record.time_s, trial.broken(trial.channel), span)
     log_line(recording, f"{path}/measured", measured, name, tint, channel=trial.channel, width=MEASURED)
 
 
 def _log_also(recording: rr.RecordingStream, trial: Trial, path: str, span: Span = (-np.inf, np.inf)) -> None:
     """Log the further channels that break in a trial."""
     for channel in trial.channels[1:]:
-        measured = part(trial.record.time_s, trial.record[channel], span)
+        measured = part(trial.record.time_s, trial.broken(channel), span)
         name, tint = in_unit(f"{channel} measured", channel), colour(channel)
         log_line(recording, entity(f"{path}/also", channel), measured, name, tint, channel=channel)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.faults.fault import Fault
+from gtmbench.faults.fault import Fault, check_of_sensor
 from gtmbench.files.disk import atomic_write
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats.registry import is_written
@@ -115,6 +115,8 @@ def inject_log(
     read, out = read_log(log), Path(out)
     log = read.path
     listed = [faults] if isinstance(faults, Fault) else list(faults)
+    for fault in listed:
+        check_of_sensor(fault)
     changed = list(dict.fromkeys(name for fault in listed for name in fault.changes))
     estimator = following_in_log(read, changed, mapping, attitude=attitude).estimator
     wanted = dict.fromkeys(name for fault in listed for name in fault.reads)

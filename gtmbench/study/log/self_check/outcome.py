@@ -29,6 +29,7 @@ from gtmbench.study.log.self_check.explained import (
     explained_where_watched,
 )
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
+from gtmbench.values.channels import COMMANDS
 from gtmbench.values.pieces import pieces
 from gtmbench.values.record import FloatArray, Record, Span
 
@@ -142,7 +143,8 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     causes: list[Cause] = []
     stops: list[Stop] = []
     for part in parts:
-        at, dead = f"{part.log.path.name}, {where}", _dead(part.records, watcher.channels)
+        sensors = [channel for channel in watcher.channels if channel not in COMMANDS]  # a command may stand still
+        at, dead = f"{part.log.path.name}, {where}", _dead(part.records, sensors)
         wrong = [f"{channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
         if where == IDENTIFIED:
             counted = counting(part.log, part.spans, watcher.channels)

@@ -1,0 +1,364 @@
+"""Surfaces that fail, told from sensors that fail: who is accused, and which surface is named.
+
+    python experiments/surface_faults.py [--flights N] [--hours H] [--seed S] [--quick] [--out DIR]
+
+Flies the GTM on its sensor chain, in the loop and open loop. `surfaces` and bank C learn on the same 24 healthy
+flights of 300 s at the aircraft's own trim, half of them in the loop, in the bench's usual turbulence.
+
+1. Surfaces: six kinds x elevator, aileron, rudder x flights with doublets and turbulence, 220 s, broken at 100 s and
+   watched for 60 s from then on, or until the aircraft departs. A fault moves the aircraft by more than its noise and
+   gusts if the RMS of what the surface did less what was commanded, over 20 s behind the monitor's own 2 rad/s lag,
+   is at least what gusts and sensors amount to in degrees of that surface (what a minute of healthy flight leaves).
+2. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
+3. Healthy flight: light, the usual and severe turbulence at trims that neither learnt.
+
+Seeds of development are 970,001 and on, those of the report 975,001 and on, looked at once.
+
+Writes report.md and rows.csv into DIR; about forty minutes of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import gtmbench as gb
+from gtmbench.bench import airborne
+from gtmbench.detectors.alarm import MISSING
+from gtmbench.report.tables.markdown import markdown
+from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
+
+SEED, HELD_SEED, CALIBRATION_SEED = 970_001, 975_001, 960_001
+KEPT = 20  # rows, between two times that they are written
+ONSET_S, WATCHED_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 60.0, 220.0, 400.0, 10.0
+KINDS = {
+    "jam": lambda at: gb.Jam(**at),
+    "half effective": lambda at: gb.ScaleFactor(**at, factor=0.5),
+    "offset 1 deg": lambda at: gb.Bias(**at, size=1.0),
+    "runaway to 8 deg": lambda at: gb.Hardover(**at, limit=8.0, rate_limit=30.0),
+    "backlash 2 deg": lambda at: gb.Hysteresis(**at, width=2.0),
+    "slow servo 0.3 s": lambda at: gb.Lag(**at, lag_s=0.3),
+}
+SENSOR_FAULTS = {
+    "bias": lambda at: gb.Bias(**at, size=SIZES[at["channel"]]),
+    "drift": lambda at: gb.Drift(**at, slope=SIZES[at["channel"]] / 10.0),
+    "jam": lambda at: gb.Jam(**at),
+    "scale 0.7": lambda at: gb.ScaleFactor(**at, factor=0.7),
+    "oscillation 1 Hz": lambda at: gb.Oscillation(**at, amplitude=SIZES[at["channel"]], frequency_hz=1.0),
+    "noise": lambda at: gb.Noise(**at, deviation=2.0 * SIZES[at["channel"]]),
+}
+SIZES = {"p": 2.0, "q": 2.0, "r": 2.0, "phi": 2.0, "theta": 2.0, "psi": 2.0, "alpha": 1.0, "beta": 1.0}
+SIZES |= {"nx": 0.05, "ny": 0.05, "nz": 0.1, "tas": 5.0}
+GUSTS = {"light": 2, "usual": 3, "moderate": 4, "severe": 6}  # severities of MIL-F-8785C, as JSBSim counts them
+TRIMS = ({}, {"tas_kt": 88.0}, {"tas_kt": 125.0}, {"altitude_ft": 1500.0}, {"altitude_ft": 15_000.0, "tas_kt": 115.0})
+_SEVERITY = "atmosphere/turbulence/milspec/severity"
+
+
+@contextmanager
+def air(gusts: str) -> Iterator[None]:
+    """Fly in other turbulence than the bench's usual."""
+    usual = airborne._TURBULENCE[_SEVERITY]
+    airborne._TURBULENCE[_SEVERITY] = GUSTS[gusts]
+    try:
+        yield
+    finally:
+        airborne._TURBULENCE[_SEVERITY] = usual
+
+
+def flown(
+    loop: bool,
+    seed: int,
+    faults: Sequence[gb.Fault] = (),
+    *,
+    excitation: str = "doublets+turbulence",
+    duration_s: float = FLIGHT_S,
+    gusts: str = "usual",
+    **trim: float,
+) -> tuple[gb.Record, gb.Record, float]:
+    """Return truth, readings with commands, and when the aircraft departed (infinite: never)."""
+    with air(gusts):
+        if loop:
+            flight = gb.fly_in_loop("gtm", excitation, duration_s, seed, faults=faults, **trim)
+            departed = np.inf if flight.departed_s is None else flight.departed_s
+            return flight.truth, flight.readings(commands=True), departed
+        of_surfaces = tuple(fault for fault in faults if fault.channel in COMMANDS)
+        truth = gb.fly("gtm", excitation, duration_s, seed, faults=of_surfaces, **trim)
+        chain = gb.load_aircraft("gtm").chain
+        readings = gb.measure(truth, noise="t2", seed=seed, commands=True, sensors=chain)
+        readings = gb.inject(readings, [fault for fault in faults if fault.channel not in COMMANDS])
+        bounds = gb.load_aircraft("gtm").departure
+        outside = np.any([(truth[name] < low) | (truth[name] > high) for name, (low, high) in bounds.items()], axis=0)
+        return truth, readings, float(truth.time_s[np.argmax(outside)]) if outside.any() else np.inf
+
+
+def monitors() -> dict[str, gb.Monitor]:
+    """Calibrate both detectors on the same healthy flights."""
+    records = []
+    for number in range(24):
+        excitation = "multisine+turbulence" if number % 4 < 2 else "doublets+turbulence"
+        loop = number % 2 == 1
+        _, readings, _ = flown(loop, CALIBRATION_SEED + number, excitation=excitation, duration_s=300.0)
+        records.append(readings.between(BEGUN_S, readings.end_s))
+    # every third identifies: of these, too, half are flown in the loop
+    surfaces = gb.find_detector("surfaces").calibrate(records)
+    bank = gb.find_detector("C").calibrate([record.select(SENSORS) for record in records])
+    return {"surfaces": surfaces, "C": bank}
+
+
+def told(watch: gb.Watch, from_s: float, until_s: float) -> list[gb.detectors.alarm.Alarm]:
+    """Return the faults that a monitor tells of between two times."""
+    return [
+        alarm
+        for alarm in watch.alarms
+        if alarm.is_first and alarm.test != MISSING and from_s <= alarm.time_s <= until_s and not alarm.has_passed
+    ]
+
+
+def accused(alarms: Sequence[gb.detectors.alarm.Alarm]) -> list[str]:
+    """Return the sensors, or surfaces, that are named without a doubt."""
+    return [alarm.sensor for alarm in alarms if alarm.sensor is not None and not alarm.doubt]
+
+
+def noise_deg(monitor: gb.SurfaceMonitor, surface: str) -> float:
+    """Return what gusts and sensors amount to, in degrees of a surface."""
+    return float(monitor.normal.noise[monitor.suspects.index(surface)])
+
+
+def moved_by(truth: gb.Record, surface: str) -> float:
+    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset."""
+    from scipy.signal import lfilter
+
+    off = truth[f"{surface}_actual"] - truth[surface]
+    pole = np.exp(-2.0 * truth.sample_period_s)
+    slow = lfilter([1.0 - pole], [1.0, -pole], off)
+    since = (truth.time_s >= ONSET_S) & (truth.time_s < ONSET_S + 20.0)
+    return float(np.sqrt(np.mean(np.square(slow[since])))) if since.any() else 0.0
+
+
+def surface_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterator[dict[str, object]]:
+    """Break surfaces."""
+    for number in range(flights):
+        for loop in (True, False):
+            for kind, made in KINDS.items():
+                for surface in SURFACES:
+                    fault = made({"channel": surface, "onset_s": ONSET_S})
+                    truth, readings, departed_s = flown(loop, seed + number, (fault,))
+                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    record = readings.between(BEGUN_S, until_s)
+                    watch = both["surfaces"].watch(record)
+                    alarms, before = told(watch, ONSET_S, until_s), told(watch, 0.0, ONSET_S - 1e-9)
+                    names = accused(alarms)
+                    bank = told(both["C"].watch(record), 0.0, until_s)
+                    yield {
+                        "part": "surfaces",
+                        "loop": loop,
+                        "kind": kind,
+                        "channel": surface,
+                        "seed": seed + number,
+                        "departed_s": departed_s,
+                        "moved": moved_by(truth, surface) / noise_deg(both["surfaces"], surface),
+                        "alarm_s": alarms[0].time_s - ONSET_S if alarms else np.nan,
+                        "named_s": min((a.isolated_s for a in alarms if a.isolated_s), default=np.nan) - ONSET_S,
+                        "named": " ".join(dict.fromkeys(names)),
+                        "said": " | ".join(alarm.verdict for alarm in alarms),
+                        "early": len(before),
+                        "C_accuses": " ".join(accused(bank)),
+                        "C_said": " | ".join(alarm.verdict for alarm in bank),
+                    }
+
+
+def sensor_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterator[dict[str, object]]:
+    """Break sensors."""
+    for number in range(flights):
+        for loop in (True, False):
+            for kind, made in SENSOR_FAULTS.items():
+                for channel in SIZES:
+                    fault = made({"channel": channel, "onset_s": ONSET_S})
+                    truth, readings, departed_s = flown(loop, seed + 500 + number, (fault,))
+                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    record = readings.between(BEGUN_S, until_s)
+                    alone = told(both["C"].watch(record.select(SENSORS)), 0.0, until_s)
+                    alarms = told(both["surfaces"].watch(record), 0.0, until_s)
+                    beside = told(both["C"].watch(record), 0.0, until_s) if number == 0 else alone
+                    yield {
+                        "part": "sensors",
+                        "loop": loop,
+                        "kind": kind,
+                        "channel": channel,
+                        "seed": seed + 500 + number,
+                        "departed_s": departed_s,
+                        "named": " ".join(dict.fromkeys(accused(alarms))),
+                        "said": " | ".join(alarm.verdict for alarm in alarms),
+                        "C_accuses": " ".join(accused(alone)),
+                        "C_said": " | ".join(alarm.verdict for alarm in alone),
+                        "C_same": [a.verdict for a in alone] == [a.verdict for a in beside],
+                    }
+
+
+def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterator[dict[str, object]]:
+    """Fly healthy, at trims that nobody learnt, in turbulence up to severe."""
+    flights = int(np.ceil(hours * 3600.0 / (HEALTHY_S - BEGUN_S)))
+    for number in range(flights):
+        gusts = list(GUSTS)[number % len(GUSTS)]
+        trim = TRIMS[number // len(GUSTS) % len(TRIMS)]
+        loop = number % 5 != 4  # severe gusts throw an open loop out of its envelope sooner or later
+        excitation = ("turbulence", "doublets+turbulence", "multisine+turbulence")[number % 3]
+        if not loop:
+            gusts = "usual" if gusts == "severe" else gusts
+        try:
+            _, readings, departed_s = flown(
+                loop,
+                seed + 1000 + number,
+                excitation=excitation,
+                duration_s=HEALTHY_S,
+                gusts=gusts,
+                **trim,
+            )
+        except gb.errors.GtmbenchError as error:
+            yield {
+                "part": "healthy",
+                "loop": loop,
+                "kind": gusts,
+                "seed": seed + 1000 + number,
+                "said": f"not flown: {error}",
+            }
+            continue
+        record = readings.between(BEGUN_S, min(readings.end_s, departed_s))
+        watch = both["surfaces"].watch(record)
+        alarms = told(watch, 0.0, np.inf)
+        bank = told(both["C"].watch(record), 0.0, np.inf)
+        yield {
+            "part": "healthy",
+            "loop": loop,
+            "kind": gusts,
+            "channel": ", ".join(f"{name} {value:g}" for name, value in trim.items()),
+            "seed": seed + 1000 + number,
+            "departed_s": departed_s,
+            "hours": watch.armed_hours,
+            "peak": max(score.peak() for score in watch.scores.values()),
+            "named": " ".join(dict.fromkeys(accused(alarms))),
+            "said": " | ".join(alarm.verdict for alarm in alarms),
+            "C_accuses": " ".join(accused(bank)),
+        }
+
+
+def surface_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return a line for every kind, in the loop and without."""
+    lines = []
+    for (loop, kind), own in rows.groupby(["loop", "kind"], sort=False):
+        moves = own[own["moved"] >= 1.0]
+        right = moves["named"] == moves["channel"]
+        wrong = own["named"].str.split().map(len).gt(0) & (own["named"] != own["channel"])
+        lines.append(
+            {
+                "loop": "closed" if loop else "open",
+                "kind": kind,
+                "flights": len(own),
+                "move": len(moves),
+                "of these named right": int(right.sum()),
+                "can't tell": int(((moves["named"] == "") & moves["alarm_s"].notna()).sum()),
+                "missed": int(moves["alarm_s"].isna().sum()),
+                "named wrong (of all)": int(wrong.sum()),
+                "alarm (s), median": round(float(moves["alarm_s"].median()), 2),
+                "named (s), median": round(float(moves["named_s"].median()), 2),
+                "departed": int(np.isfinite(own["departed_s"]).sum()),
+                "C accuses a sensor": int((own["C_accuses"] != "").sum()),
+            }
+        )
+    return pd.DataFrame(lines)
+
+
+def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monitor]) -> str:
+    """Return the report as Markdown."""
+    surfaces, sensors, healthy = (rows[rows["part"] == part] for part in ("surfaces", "sensors", "healthy"))
+    texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
+    noise = ", ".join(f"{name} {noise_deg(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
+    texts.append(f"Gusts and sensors amount to, in deg of the surface: {noise}.\n")
+    if len(surfaces):
+        moves = surfaces[surfaces["moved"] >= 1.0]
+        named = surfaces["named"].ne("")
+        wrong = named & (surfaces["named"] != surfaces["channel"])
+        far = surfaces[surfaces["moved"] >= 2.0]
+        texts.append(f"## Surfaces\n\n{markdown(surface_table(surfaces))}\n")
+        texts.append(
+            f"A sensor accused by C: {int((surfaces['C_accuses'] != '').sum())} of {len(surfaces)}. "
+            f"Right surface where it moves the aircraft: {int((moves['named'] == moves['channel']).sum())} of "
+            f"{len(moves)}; where by twice as much: {int((far['named'] == far['channel']).sum())} of {len(far)}. "
+            f"Wrong surface: {int(wrong.sum())} of {len(surfaces)}. "
+            f"Alarms before the onset: {int(surfaces['early'].sum())}.\n"
+        )
+    if len(sensors):
+        lines = []
+        for channel, own in sensors.groupby("channel", sort=False):
+            lines.append(
+                {
+                    "sensor": channel,
+                    "flights": len(own),
+                    "C named it": int((own["C_accuses"] == channel).sum()),
+                    "C named another": int(((own["C_accuses"] != channel) & (own["C_accuses"] != "")).sum()),
+                    "C says the same beside": int(own["C_same"].astype(bool).sum()),
+                    "surfaces alarm": int((own["said"] != "").sum()),
+                    "a surface named (wrong)": int((own["named"] != "").sum()),
+                }
+            )
+        texts.append(f"## Sensors\n\n{markdown(pd.DataFrame(lines))}\n")
+    if len(healthy):
+        lines = []
+        for (loop, kind), own in healthy.groupby(["loop", "kind"], sort=False):
+            lines.append(
+                {
+                    "loop": "closed" if loop else "open",
+                    "gusts": kind,
+                    "flights": len(own),
+                    "hours watched": round(float(own["hours"].sum()), 2),
+                    "greatest score over its threshold": round(float(own["peak"].max()), 2),
+                    "alarms": int((own["said"].fillna("") != "").sum()),
+                    "not flown": int(own["hours"].isna().sum()),
+                    "a surface named": int((own["named"].fillna("") != "").sum()),
+                    "C accuses": int((own["C_accuses"].fillna("") != "").sum()),
+                }
+            )
+        texts.append(f"## Healthy flight\n\n{markdown(pd.DataFrame(lines))}\n")
+        texts.append(f"{healthy['hours'].sum():.1f} h watched in all.\n")
+    return "\n".join(texts)
+
+
+def main() -> None:
+    """Fly, watch and report."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--flights", type=int, default=10, help="of each kind and surface (default: 10)")
+    parser.add_argument("--hours", type=float, default=20.0, help="of healthy flight (default: 20)")
+    parser.add_argument("--seed", type=int, default=HELD_SEED, help=f"the first (default: {HELD_SEED})")
+    parser.add_argument("--parts", default="surfaces,healthy,sensors", help="which, between commas")
+    parser.add_argument("--quick", action="store_true", help="one flight of each kind, half an hour of healthy flight")
+    parser.add_argument("--out", type=Path, default=Path("out/surface_faults"), help="where report.md and rows.csv go")
+    asked = parser.parse_args()
+    flights, hours = (1, 0.5) if asked.quick else (asked.flights, asked.hours)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    both = monitors()
+    parts = {
+        "surfaces": lambda: surface_rows(both, flights, asked.seed),
+        "healthy": lambda: healthy_rows(both, hours, asked.seed),
+        "sensors": lambda: sensor_rows(both, max(flights // 5, 1), asked.seed),
+    }
+    made: list[dict[str, object]] = []
+    for part in asked.parts.split(","):
+        for row in parts[part]():
+            made.append(row)
+            if len(made) % KEPT == 0:  # what has been flown isn't lost if the machine is
+                pd.DataFrame(made).to_csv(asked.out / "rows.csv", index=False)
+    rows = pd.DataFrame(made)
+    rows.to_csv(asked.out / "rows.csv", index=False)
+    command = f"python experiments/surface_faults.py --flights {flights} --hours {hours:g} --seed {asked.seed}"
+    text = report(rows, command, asked.seed, both)
+    (asked.out / "report.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Faults at work while an aircraft flies: on what its sensors read, and on what its surfaces are driven to."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from math import inf
+
+from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.checks import meant, shown
+from gtmbench.errors import InputError
+from gtmbench.faults.fault import Fault, check_onset
+from gtmbench.values.channels import COMMANDS, SENSORS
+
+SEEN = 2  # healthy samples that a fault's stream sees before the onset: it has to know the last of them
+
+
+def is_of_surface(fault: Fault) -> bool:
+    """Tell whether a fault breaks a surface or the throttle, and not a sensor.
+
+    >>> from gtmbench.faults.kinds import Jam
+    >>> [is_of_surface(Jam(channel=channel, onset_s=0.0)) for channel in ("elevator", "q")]
+    [True, False]
+    """
+    return fault.channel in COMMANDS
+
+
+def check_faults(faults: Sequence[Fault], start_s: float, end_s: float) -> None:
+    """Refuse what is no fault, one that begins outside of a flight, and one of what no aircraft has."""
+    for fault in faults:
+        check_onset(fault, start_s, end_s)
+        known = (*SENSORS, *COMMANDS)
+        for channel in fault.reads:
+            if channel not in known:
+                there = f"there are {', '.join(known)}{meant(channel, known)}"
+                raise InputError(f"{fault.kind}: no channel {shown(channel)} can break; {there}")
+        if is_of_surface(fault):
+            _check_surface(fault)
+        elif commanded := [channel for channel in fault.reads if channel in COMMANDS]:
+            raise InputError(
+                f"{fault.kind} of {fault.channel}: a sensor doesn't read a command, and '{commanded[0]}' is one; name "
+                "another sensor"
+            )
+
+
+def _check_surface(fault: Fault) -> None:
+    if sensors := [channel for channel in fault.changes if channel not in COMMANDS]:
+        raise InputError(
+            f"{fault.kind} of {fault.channel}: it would change '{sensors[0]}' as well, which is a sensor; name another "
+            f"surface: {', '.join(COMMANDS)}"
+        )
+
+
+class Breaking:
+    """A fault at work, sample by sample: the columns it reads and changes, and its stream, which rests when over."""
+
+    def __init__(self, fault: Fault, channels: Sequence[str]) -> None:
+        self.begins_s = fault.onset_s - (SEEN + 0.5) * SAMPLE_PERIOD_S
+        self.ends_s = inf if fault.duration_s is None else fault.onset_s + fault.duration_s + SAMPLE_PERIOD_S
+        self._parts = [
+            (channels.index(part.channel), [channels.index(name) for name in part.reads], part.stream(SAMPLE_PERIOD_S))
+            for part in fault.parts
+        ]
+
+    def distort(self, time_s: float, sample: list[float]) -> None:
+        """Break a sample in place; the parts of a fault act at the same time."""
+        broken = [(column, step(time_s, [sample[i] for i in reads])) for column, reads, step in self._parts]
+        for column, value in broken:
+            sample[column] = value
+
+
+class Breakers:
+    """Faults at work one after the other. One that begins in flight sees what came last, as if it had been there.
+
+    Parameters
+    ----------
+    faults : sequence of Fault
+        Those that change other channels than `acts_on` belong to somebody else, and rest.
+    acts_on : sequence of str
+        The channels that may break: the first of a sample's.
+    beside : sequence of str
+        The channels that are only read, behind them.
+    """
+
+    def __init__(self, faults: Sequence[Fault], acts_on: Sequence[str], beside: Sequence[str] = ()) -> None:
+        self._acts_on, self._channels = acts_on, (*acts_on, *beside)
+        own = [(index, fault) for index, fault in enumerate(faults) if fault.channel in acts_on]
+        self._at_work = {index: Breaking(fault, self._channels) for index, fault in own}
+        self._last: deque[tuple[float, list[float]]] = deque(maxlen=SEEN)
+
+    def distort(self, time_s: float, sample: list[float]) -> None:
+        """Break a sample in place."""
+        for breaking in self._at_work.values():
+            if breaking.begins_s <= time_s < breaking.ends_s:
+                breaking.distort(time_s, sample)
+        self._last.append((time_s, sample))
+
+    def begin(self, index: int, fault: Fault) -> None:
+        """Let a fault act from now on, under an index of its own."""
+        if fault.channel not in self._acts_on:
+            return
+        breaking = Breaking(fault, self._channels)
+        for time_s, sample in self._last:
+            if breaking.begins_s <= time_s:
+                breaking.distort(time_s, list(sample))
+        self._at_work[index] = breaking
+
+    def end(self, index: int) -> None:
+        """Take a fault away, if it is at work here."""
+        self._at_work.pop(index, None)

@@ -1,0 +1,294 @@
+"""The monitor of surfaces at work: blocks as samples come in, alarms of their tests, and which surface is named."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.protocol import Monitor
+from gtmbench.detectors.surfaces.answer import Answer
+from gtmbench.detectors.surfaces.deviation import (
+    BLOCK_S,
+    HORIZON,
+    LABELS,
+    WINDOWS_S,
+    Blocks,
+    Normal,
+    blocks_of,
+    changes,
+)
+from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.values.channels import COMMANDS, GYROS
+from gtmbench.values.clock import ChunkClock, advanced
+from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+
+_SETTLES_S = 5.0
+_LOOKS_S = (1.0, 4.0, 15.0)  # after an alarm
+_SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
+
+
+class Said(NamedTuple):
+    """Of a chunk: scores and where they are armed, a row a sample, and the alarms that are new or told more of."""
+
+    known_s: FloatArray
+    scores: Mapping[str, FloatArray]
+    armed: Mapping[str, BoolArray]
+    told: tuple[Alarm, ...]
+
+
+class Watching(Protocol):
+    """What a stream needs of its monitor.
+
+    Attributes
+    ----------
+    name : str
+    channels, suspects : tuple of str
+    answer : Answer
+    normal : Normal
+    thresholds : mapping of series to mapping of test to float
+    kinematics : Monitor
+    sample_period_s : float
+    """
+
+    @property
+    def name(self) -> str: ...  # noqa: D102
+    @property
+    def channels(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def suspects(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def answer(self) -> Answer: ...  # noqa: D102
+    @property
+    def normal(self) -> Normal: ...  # noqa: D102
+    @property
+    def thresholds(self) -> Mapping[str, Mapping[str, float]]: ...  # noqa: D102
+    @property
+    def kinematics(self) -> Monitor: ...  # noqa: D102
+    @property
+    def sample_period_s(self) -> float: ...  # noqa: D102
+
+
+@dataclass(kw_only=True)
+class _Open:
+    """An alarm that is still looked at."""
+
+    number: int
+    block: int  # where it was raised
+    looks: list[int]  # blocks in which it is looked at again
+    peaks: FloatArray  # of each series, since its onset
+
+
+class SurfaceStream:
+    """A monitor of surfaces at work on samples as they come in.
+
+    Parameters
+    ----------
+    monitor : Watching
+    """
+
+    def __init__(self, monitor: Watching) -> None:
+        self._monitor, self._period_s = monitor, monitor.sample_period_s
+        self._rows = max(round(BLOCK_S / self._period_s), 1)
+        self._settled = round(_SETTLES_S / (self._rows * self._period_s))
+        self._answering = monitor.answer.start(self._period_s)
+        self._kinematics = monitor.kinematics.stream()
+        self._limits = limits_of(monitor)
+        self._clock: ChunkClock | None = None
+        self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
+        self._kept: Blocks | None = None
+        self._count = 0  # of whole blocks
+        surfaces = len(monitor.suspects)
+        self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
+        self._is_armed = np.zeros(surfaces, dtype=bool)
+        self._above_block = -np.inf  # where a score was last above its threshold
+        self._open: _Open | None = None
+        self._alarms: dict[int, Alarm] = {}
+
+    @property
+    def armed(self) -> Mapping[str, bool]:
+        """Whether each surface's score has been known at or below its threshold."""
+        return MappingProxyType(dict(zip(self._monitor.suspects, self._is_armed.tolist(), strict=True)))
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far, as it is known by now."""
+        return tuple(self._alarms.values())
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise or tell more of.
+
+        Raises
+        ------
+        InputError
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        """
+        return self.taken(chunk).told
+
+    def taken(self, chunk: Record) -> Said:
+        """Return everything that is said of a chunk; parameters and errors are those of `push`."""
+        check_record(chunk)
+        new = chunk.select(self._monitor.channels)
+        new.check_period(self._period_s, f"'{self._monitor.name}' was calibrated at")
+        here = ChunkClock(
+            start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)
+        )
+        clock = advanced(self._clock, here)
+        if len(new):
+            self._kinematics.push(chunk.select(self._monitor.kinematics.channels))
+        before = dict(self._alarms)
+        joined = np.concatenate([self._waiting, new.matrix(_read(self._monitor))])
+        whole = len(joined) // self._rows * self._rows
+        self._waiting = joined[whole:]
+        ratios = self._ratios(joined[:whole])
+        first = self._count
+        self._count += len(ratios)
+        surfaces = len(self._monitor.suspects)
+        scores = np.fmax.reduce(ratios[:, :, :surfaces], axis=1) if len(ratios) else np.zeros((0, surfaces))
+        armed = self._armed_by(scores)
+        ends = range((first + 1) * self._rows - 1, (self._count + 1) * self._rows - 1)
+        times_s = np.round(clock.times_s(ends), 9)[:: self._rows]
+        self._clock = clock
+        for i in range(len(ratios)):
+            self._block(first + i, float(times_s[i]), ratios[i], armed[i])
+        rows = range(clock.count - len(new), clock.count)
+        told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
+        return self._said(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
+
+    def _ratios(self, values: FloatArray) -> FloatArray:
+        """Return the tests of new blocks over their thresholds, shape (blocks, tests, series)."""
+        series = len(self._monitor.answer.series)
+        count = len(values) // self._rows
+        if not count:
+            return np.zeros((0, len(LABELS), series))
+        there = np.asarray(np.isfinite(values).all(axis=1))
+        new = blocks_of(self._answering.push(values), there, self._rows)
+        unsettled = self._count + np.arange(count) < self._settled
+        new = Blocks(new.sums, new.there & ~unsettled)
+        kept = new if self._kept is None else self._kept.joined(new)
+        found = changes(kept, self._monitor.normal.noise)
+        nats = self._monitor.normal.nats(found, len(self._monitor.suspects))[-count:]
+        self._kept = kept.last(HORIZON)
+        return nats / self._limits
+
+    def _armed_by(self, scores: FloatArray) -> BoolArray:
+        """Return where each surface could alarm: it has been known at or below its threshold."""
+        with np.errstate(invalid="ignore"):
+            below = np.concatenate([self._is_armed[np.newaxis], np.asarray(scores <= 1.0)])
+            came_down = np.logical_or.accumulate(below, axis=0)
+        self._is_armed = came_down[-1]
+        return np.asarray(came_down[1:] & np.isfinite(scores))
+
+    def _block(self, block: int, time_s: float, ratios: FloatArray, armed: BoolArray) -> None:
+        """Raise the alarms of a block, and judge those that are due."""
+        surfaces = len(self._monitor.suspects)
+        series = np.fmax.reduce(ratios, axis=0)
+        scores = series[:surfaces]
+        with np.errstate(invalid="ignore"):
+            rises = np.flatnonzero(armed & (scores > 1.0) & ~(self._last > 1.0))
+        self._last = np.where(np.isnan(scores), self._last, scores)
+        if self._open is not None:
+            self._open.peaks = np.fmax(self._open.peaks, series)
+        for surface in rises[np.argsort(-scores[rises], kind="stable")].tolist():
+            test = int(np.nanargmax(ratios[:, surface]))
+            self._raise(block, time_s, surface, test, series)
+        with np.errstate(invalid="ignore"):
+            if np.any(armed & (scores > 1.0)):
+                self._above_block = float(block)
+        self._look(block, time_s)
+
+    def _raise(self, block: int, time_s: float, surface: int, test: int, series: FloatArray) -> None:
+        number = len(self._alarms)
+        is_same = number > 0 and block - self._above_block <= _SAME_S / BLOCK_S
+        onset_s = max(time_s - WINDOWS_S[test], time_s - block * BLOCK_S)
+        self._alarms[number] = Alarm(
+            number=number,
+            time_s=time_s,
+            onset_s=round(onset_s, 9),
+            source=self._monitor.suspects[surface],
+            test=LABELS[test],
+            fault=self._alarms[number - 1].fault if is_same else number,
+        )
+        if not is_same:
+            looks = [block + round(look_s / BLOCK_S) for look_s in _LOOKS_S]
+            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy())
+        self._above_block = float(block)
+
+    def _look(self, block: int, time_s: float) -> None:
+        """Judge the alarm that is open, if a look is due."""
+        looking = self._open
+        if looking is None or block < looking.looks[0]:
+            return
+        looking.looks.pop(0)
+        alarm = self._alarms[looking.number]
+        seen = Seen(
+            surfaces=self._monitor.suspects,
+            peaks=looking.peaks,
+            sensors=self._sensors(alarm.onset_s, time_s),
+            named=alarm.sensor,
+            is_last=not looking.looks,
+        )
+        again_s = None
+        if looking.looks:
+            again_s = round(time_s + (looking.looks[0] - block) * BLOCK_S, 9)
+        judgement = judged(seen, time_s)
+        self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
+        if not looking.looks:
+            self._open = None
+
+    def _sensors(self, onset_s: float, time_s: float) -> tuple[str, ...]:
+        """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it."""
+        found: list[str] = []
+        for alarm in self._kinematics.alarms:
+            if not alarm.is_first or alarm.test == MISSING or not onset_s - _SAME_S <= alarm.time_s <= time_s:
+                continue
+            said = [each for each in alarm.judgements if each.time_s <= time_s]
+            if not said:
+                found.append(alarm.source)
+            elif not said[-1].doubt:
+                found += said[-1].candidates
+        return tuple(dict.fromkeys(found))
+
+    def _said(
+        self,
+        scores: FloatArray,
+        armed: BoolArray,
+        first: int,
+        rows: range,
+        known_s: FloatArray,
+        told: tuple[Alarm, ...],
+    ) -> Said:
+        """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
+        surfaces = self._monitor.suspects
+        held = np.concatenate([self._before_scores(len(surfaces)), scores])
+        could = np.concatenate([self._before_armed(len(surfaces)), armed])
+        at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
+        self._held = held[-1:], could[-1:]
+        return Said(
+            known_s,
+            {name: held[at, i] for i, name in enumerate(surfaces)},
+            {name: could[at, i] for i, name in enumerate(surfaces)},
+            told,
+        )
+
+    _held: tuple[FloatArray, BoolArray] | None = None
+
+    def _before_scores(self, surfaces: int) -> FloatArray:
+        return np.full((1, surfaces), np.nan) if self._held is None else self._held[0]
+
+    def _before_armed(self, surfaces: int) -> BoolArray:
+        return np.zeros((1, surfaces), dtype=bool) if self._held is None else self._held[1]
+
+
+def _read(monitor: Watching) -> tuple[str, ...]:
+    return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
+
+
+def limits_of(monitor: Watching) -> FloatArray:
+    """Return the thresholds, shape (tests, series); infinite where there is none."""
+    of = [monitor.thresholds[name] for name in monitor.answer.series]
+    return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

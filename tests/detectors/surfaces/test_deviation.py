@@ -1,0 +1,132 @@
+"""The identified answer and the tests of deviations, on made-up aircraft whose answer is known."""
+
+import numpy as np
+import pytest
+
+from gtmbench.detectors.surfaces.answer import Flow, answer_of, identified
+from gtmbench.detectors.surfaces.deviation import LABELS, blocks_of, changes, normal_of
+from gtmbench.errors import InputError
+from gtmbench.values.channels import COMMANDS, GYROS
+
+PERIOD_S, ROWS = 0.02, 12
+AT = round(81.0 / (ROWS * PERIOD_S))  # a block whose last 20 s are broken, and nothing before
+FLOW = Flow()
+CHANNELS = (*GYROS, *FLOW.channels, *COMMANDS)
+EFFECTS = {"elevator": ("q", -20.0), "aileron": ("p", -25.0), "rudder": ("r", -30.0)}
+
+
+def lag(values, lag_s):
+    out, state = np.empty(len(values)), values[0]
+    for i, value in enumerate(values):
+        state += (1.0 - np.exp(-PERIOD_S / lag_s)) * (value - state)
+        out[i] = state
+    return out
+
+
+def aircraft(seed, broken=None, samples=6000):
+    """Return samples of an aircraft that turns by its surfaces and is damped; `broken` changes what they do."""
+    draw = np.random.default_rng(seed)
+    time_s = np.arange(samples) * PERIOD_S
+    values = {name: np.zeros(samples) for name in CHANNELS}
+    values["tas"] += 100.0
+    values["nz"] += 1.0
+    for surface, (gyro, effect) in EFFECTS.items():
+        phases = draw.uniform(0.0, 2.0 * np.pi, 12)
+        waves = np.sin(2.0 * np.pi * np.outer(time_s, np.linspace(0.05, 1.0, 12)) + phases)
+        values[surface] = waves.sum(axis=1) / np.sqrt(12.0)
+        driven = lag(values[surface] if broken is None else broken(surface, values[surface], time_s), 0.04)
+        gust = lag(draw.standard_normal(samples), 0.3) * 3.0
+        turn = np.zeros(samples)
+        for i in range(1, samples):
+            turn[i] = turn[i - 1] + PERIOD_S * (effect * driven[i] + gust[i] - 3.0 * turn[i - 1])
+        values[gyro] = turn + 0.1 * draw.standard_normal(samples)
+    for name in ("alpha", "beta", "ny", "nz"):
+        values[name] = values[name] + 0.02 * draw.standard_normal(samples)
+    return np.column_stack([values[name] for name in CHANNELS])
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return identified(FLOW, [aircraft(1), aircraft(2)], PERIOD_S)
+
+
+def blocks(answer, values):
+    there = np.isfinite(values).all(axis=1)
+    return blocks_of(answer.start(PERIOD_S).push(values), there, ROWS)
+
+
+def test_effects_of_surfaces_are_found_in_their_axes(answer):
+    assert answer.surfaces == ("elevator", "aileron", "rudder")
+    equations = list(answer.flow.equations)
+    for surface, (gyro, effect) in EFFECTS.items():
+        found = answer.effects[equations.index(gyro), answer.surfaces.index(surface)]
+        assert found == pytest.approx(effect, rel=0.1)
+
+
+@pytest.mark.parametrize("surface", EFFECTS)
+def test_a_deviation_is_that_of_the_surface_in_degrees_and_nobody_elses(answer, surface):
+    def bent(name, commanded, time_s):
+        return commanded + 2.0 * (time_s > 60.0) * (name == surface)
+
+    off = answer.start(PERIOD_S).push(aircraft(3, bent)).off
+    seen = off[4000:].mean(axis=0) - off[1000:2900].mean(axis=0)
+    for i, name in enumerate(answer.surfaces):
+        assert seen[i] == pytest.approx(2.0 if name == surface else 0.0, abs=0.3)
+
+
+def test_deviations_come_in_chunks_as_in_one(answer):
+    values = aircraft(4)
+    whole = answer.start(PERIOD_S).push(values)
+    working = answer.start(PERIOD_S)
+    parts = [working.push(values[first : first + 77]) for first in range(0, len(values), 77)]
+    for i, field in enumerate(whole):
+        np.testing.assert_allclose(np.concatenate([part[i] for part in parts]), field, atol=1e-9)
+
+
+def test_less_effect_is_a_slope_and_a_slow_servo_a_rate(answer):
+    """The oracle: half the effectiveness is a slope of -0.5, and a lag of 0.2 s a rate of about -0.2 s."""
+
+    def weak(name, commanded, time_s):
+        return np.where((time_s > 60.0) & (name == "rudder"), 0.5 * commanded, commanded)
+
+    def slow(name, commanded, time_s):
+        return np.where((time_s > 60.0) & (name == "rudder"), lag(commanded, 0.24), commanded)
+
+    normal = normal_of([blocks(answer, aircraft(5)), blocks(answer, aircraft(6))])
+    rudder = answer.surfaces.index("rudder")
+    found = changes(blocks(answer, aircraft(7, weak)), normal.noise)
+    assert found.change[AT, LABELS.index("slope 20 s"), rudder] == pytest.approx(-0.5, abs=0.06)
+    found = changes(blocks(answer, aircraft(8, slow)), normal.noise)
+    assert found.change[AT, LABELS.index("rate 20 s"), rudder] == pytest.approx(-0.2, abs=0.08)
+
+
+def test_healthy_changes_are_as_large_as_they_are_said_to_be(answer):
+    normal = normal_of([blocks(answer, aircraft(seed)) for seed in range(10, 16)])
+    nats = normal.nats(changes(blocks(answer, aircraft(20)), normal.noise), 3)
+    assert np.nanmax(nats) < 12.0
+    assert np.nanmean(2.0 * nats) < 1.2  # of T^2, less what is tolerated
+
+
+def test_stronger_gusts_make_a_test_less_sensitive_not_false(answer):
+    normal = normal_of([blocks(answer, aircraft(seed)) for seed in range(10, 14)])
+    values = aircraft(21)
+    shaken = values.copy()
+    noise = np.random.default_rng(3).standard_normal((len(values), 3))
+    shaken[3000:, :3] += noise[3000:]  # from one moment on ten times what was learnt
+    assert np.nanmax(normal.nats(changes(blocks(answer, shaken), normal.noise), 3)[:, :, :3]) < 12.0
+
+
+def test_a_table_gives_the_same_answer_back_and_what_is_wrong_in_it_is_named(answer):
+    table = answer.table()
+    again = answer_of("answer", table)
+    np.testing.assert_array_equal(again.effects, answer.effects)
+    assert again.table() == table
+    for key, wrong, said in (
+        ("vanes", 1, "answer.vanes is 1; it must be true or false"),
+        ("surfaces", ["flaps"], "it may hold elevator, aileron, rudder"),
+        ("covariance", (-np.eye(5)).tolist(), "is no covariance"),
+        ("lags_s", [0.0, 1.0], "two times above 0"),
+        ("theta", {}, "it must hold p, q, r, ny, nz"),
+    ):
+        with pytest.raises(InputError, match=said):
+            answer_of("answer", {**table, key: wrong})
