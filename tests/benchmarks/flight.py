@@ -5,11 +5,12 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable
 
-from gtmbench.bench import flight, loop
+from gtmbench.bench import flight
 from gtmbench.bench.airborne import Airborne, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
-from gtmbench.bench.sensors import noise_blocks
+from gtmbench.bench.simulation import Simulation
 from gtmbench.faults.additive import Drift
+from gtmbench.faults.fault import Fault
 
 from .timing import seconds
 
@@ -27,9 +28,9 @@ def measure(rounds: int) -> dict:
         ready = _ready()
         bare = seconds(lambda run=ready.fdm.run: _bare(run))
         ratios["ratio"].append(ours / bare)
-        for name, faults in (("closed_ratio", []), ("broken_ratio", [loop._Breaking(drift)])):
-            ready = _ready()
-            ratios[name].append(seconds(lambda ready=ready, faults=faults: _closed(ready, faults)) / ours)
+        broken: tuple[tuple[str, list[Fault]], ...] = (("closed_ratio", []), ("broken_ratio", [drift]))
+        for name, faults in broken:
+            ratios[name].append(seconds(_closed(faults)) / ours)
     return {name: statistics.median(values) for name, values in ratios.items()}
 
 
@@ -37,9 +38,14 @@ def _ready() -> Airborne:
     return take_off("gtm", "dissertation", STEPS * SAMPLE_PERIOD_S, 1)
 
 
-def _closed(ready: Airborne, faults: list[loop._Breaking]) -> None:
-    assert ready.aircraft.autopilot is not None
-    loop._fly(ready, ready.aircraft.autopilot, faults, noise_blocks("t2", 1, STEPS + 1, 4096), None)
+def _closed(faults: list[Fault]) -> Callable[[], object]:
+    """Return what flies a flight, in trim already, on what ideal sensors read."""
+    simulation = Simulation("gtm", "dissertation", STEPS * SAMPLE_PERIOD_S, faults=faults, noise="t2", noise_seed=1)
+    simulation.reset(1)
+    autopilot, limits = simulation.aircraft.autopilot, simulation.aircraft.limits
+    assert autopilot is not None
+    command = autopilot.engage(simulation.trim, limits, SAMPLE_PERIOD_S)
+    return lambda: simulation.fly_by(command)
 
 
 def _bare(run: Callable[[], bool]) -> None:
