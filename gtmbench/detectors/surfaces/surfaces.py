@@ -230,6 +230,12 @@ class SurfaceSizes:
         A constant deflection beside the command.
     loss : float
         The share of effectiveness that is lost: 0.3 leaves 70 % of the command.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.SurfaceSizes(offset_deg=0.4, loss=0.3)
+    SurfaceSizes(offset_deg=0.4, loss=0.3)
     """
 
     offset_deg: float
@@ -250,6 +256,18 @@ class SurfaceMonitor:
     kinematics : BankMonitor
         Of the sensors: where it alarms, no surface is named.
     sample_period_s : float
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flown = [gb.fly("gtm", "multisine+turbulence", 150.0, seed) for seed in (1, 2, 3)]
+    >>> healthy = [gb.measure(flight, noise="t2", seed=1, commands=True) for flight in flown]
+    >>> monitor = gb.SurfaceDetector().calibrate(healthy)
+    >>> monitor.suspects, isinstance(monitor, gb.SurfaceMonitor)
+    (('elevator', 'aileron', 'rudder'), True)
+    >>> sizes = monitor.sizes(healthy[2])  # from which size on a fault alarms, as this record is excited
+    >>> all(0.0 < least.offset_deg < 5.0 for least in sizes.values())
+    True
     """
 
     name: str
