@@ -237,7 +237,7 @@ def test_what_is_said_of_a_fault_of_q_is_summed_up(alarms, said):
 
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():
     kinds = runpy.run_path(str(EXPERIMENTS / "every_fault.py"))["KINDS"]
-    assert set(kinds) == set(FAULTS)
+    assert set(kinds) == set(FAULTS) - {"float"}  # of surfaces only
     assert {kind.family for kind in kinds.values()} - {""} == set(FAMILIES)
 
 

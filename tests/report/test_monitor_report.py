@@ -152,6 +152,7 @@ TOLD = {
     "deadzone": ({"half_width": 2.0}, "deadzone 2 deg"),
     "saturation": ({"limit": 2.0}, "saturation 2 deg"),
     "rate_saturation": ({"rate_limit": 2.0}, "rate saturation 2 deg/s"),
+    "float": ({}, "float"),
 }
 
 
