@@ -43,7 +43,7 @@ from studies.tables import grouped
 from studies.targets import Target, held, is_missed
 
 EXCITATIONS = ("doublets+turbulence", "dissertation+turbulence", "multisine")
-FIRST_SEED, FLIGHTS = 490_001, 6  # of the report; others were looked at while building
+FIRST_SEED, FLIGHTS = 500_001, 6  # of the report; others were looked at while building
 LATER_S = 8.0  # after the first fault of two
 RIGHT, WRONG = 0.93, 0.015  # asked
 Row = dict[str, Any]

@@ -173,7 +173,7 @@ def test_the_command_line_flies_in_the_loop(cli, tmp_path):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--fault", "jam"], "--fault needs --closed-loop"),
+        (["--fault", "jam", "--trial", "1"], "--fault of a sensor needs --closed-loop"),
         (["--trial", "1"], "--trial is of --fault"),
         (["--closed-loop", "--fault", "jam"], "--trial is missing"),
         (["--closed-loop", "--noise", "50"], "in the loop sensors have the T2's noise"),

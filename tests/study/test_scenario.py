@@ -165,7 +165,6 @@ WRONG = {  # what is written, and what the message has to name
     "no onset": (DRIFT.replace("onset_s = 300.0", ""), ["'onset_s'", "missing"]),
     "no channels": (fault(channels=[]), ["channels", "list of channel names"]),
     "channel": (fault(channels=["w"]), ["'w'", *SENSORS]),
-    "command": (fault(channels=["elevator"]), ["'elevator'", *SENSORS]),
     "operator channel": (DRIFT + '[operator]\ninputs = ["w"]', ["'w'", *SENSORS]),
     "no operator channel": (DRIFT + "[operator]\ninputs = []", ["operator.inputs", "list of channel names"]),
     "no faults": ("seed = 2", ["[[faults]]"]),
