@@ -221,7 +221,7 @@ def _import_told(source: str) -> Iterator[None]:
         if error.name is not None and f"{source}.".startswith(f"{error.name}."):
             why = "install it, or give its file, FILE.py (the current folder isn't searched)"
         else:  # another one, which the module needs
-            why = "install what it needs"
+            why = "install it, or put its folder on PYTHONPATH (a file's own folder isn't searched)"
         raise InputError(one_line(f"{source} can't be imported: no module '{error.name}'; {why}")) from error
     except InputError as error:
         raise InputError(one_line(f"{source}: {error}")) from error

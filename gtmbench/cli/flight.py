@@ -169,6 +169,9 @@ def fly_command(
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     estimator_of(attitude)
+    flown_by = (
+        load_object(controller) if closed_loop and controller is not None else None
+    )  # a scenario may name it, too
     faults = chosen_faults(given, onset, trial).faults
     of_surfaces = [fault for fault in faults if is_of_surface(fault)]
     of_sensors = [fault for fault in faults if not is_of_surface(fault)]
@@ -189,7 +192,7 @@ def fly_command(
             excitation,
             duration,
             seed,
-            controller=None if controller is None else load_object(controller),
+            controller=flown_by,
             faults=faults,
             attitude=attitude,
             sensors=sensors,

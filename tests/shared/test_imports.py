@@ -41,7 +41,9 @@ def test_a_file_takes_no_modules_name_and_its_folder_isnt_searched(tmp_path):
     (tmp_path / "json.py").write_text("import beside")
     (tmp_path / "beside.py").write_text("")
     path = list(sys.path)
-    with pytest.raises(InputError, match=r"json\.py can't be imported: no module 'beside'; install what it needs$"):
+    with pytest.raises(
+        InputError, match=r"json\.py can't be imported: no module 'beside'; install it, or put its folder on PYTHONPATH"
+    ):
         load_module(tmp_path / "json.py")
     import json
 
