@@ -29,16 +29,15 @@ from gtmbench.bench.known_aircraft import jsbsim_aircraft, load_aircraft
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.score import score
 from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
+from studies.gyro_trials import DRIFT_DEG_S2, Flown, gyro_faults, trial_row
 from studies.targets import Target, held, is_missed
 
 USUAL, OTHER = "multisine+turbulence", "doublets+turbulence"
 NOISE = "t2"
 WATCHED_FROM_S = 20.0
 CALM_S = 60.0
-DRIFT_DEG_S2 = 0.05  # that of faults/drift.toml
 Row = dict[str, Any]
 
 
@@ -56,13 +55,6 @@ class Task(NamedTuple):
 
     name: str
     size: Size
-
-
-class Flown(NamedTuple):
-    """What came of an aircraft: a line about it, and a row a trial."""
-
-    about: Row
-    trials: list[Row]
 
 
 def tried(task: Task) -> Flown:
@@ -117,27 +109,12 @@ def reading_in_loop(task: Task, excitation: str, seed: int) -> gb.Record:
 
 def judged(task: Task, monitor: BankMonitor, record: gb.Record) -> list[Row]:
     """Break each gyro in both ways, and hold what is said against the truth."""
-    span_s, rows = (WATCHED_FROM_S, task.size.duration_s), []
+    span_s = WATCHED_FROM_S, task.size.duration_s
     healthy = record.between(*span_s)
-    for channel in GYROS:
-        where = {"channel": channel, "onset_s": task.size.onset_s}
-        for fault in (gb.Drift(**where, slope=DRIFT_DEG_S2), gb.Jam(**where)):
-            broken = gb.inject(record, fault).between(*span_s)
-            verdict = score(monitor.watch(broken), fault=fault, healthy=healthy, broken=broken)
-            rows.append(
-                {
-                    "fault": fault.kind,
-                    "channel": channel,
-                    "detected": verdict.detected,
-                    "delay_s": verdict.detection_delay_s if verdict.detected else np.nan,
-                    "right": bool(verdict.isolated),
-                    "wrong": bool(verdict.named_wrong),
-                    "kind": bool(verdict.kind_right),
-                    "false_alarms": verdict.false_alarms,
-                    "verdict": verdict.verdict,
-                }
-            )
-    return rows
+    return [
+        trial_row(monitor, fault, healthy, gb.inject(record, fault).between(*span_s))
+        for fault in gyro_faults(task.size.onset_s)
+    ]
 
 
 # ---- figures of merit ----

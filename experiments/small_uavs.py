@@ -30,14 +30,13 @@ from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.score import score
 from gtmbench.values.channels import GYROS
 from studies.conduct import Campaign, Findings, conducted
+from studies.gyro_trials import DRIFT_DEG_S2, Flown, gyro_faults, trial_row
 from studies.targets import Target, held, is_missed
 
 EXCITATION = "multisine+turbulence"
 WATCHED_FROM_S = 20.0
-DRIFT_DEG_S2 = 0.05  # that of faults/drift.toml
 SOURCES = {  # NAME: what it is, the public repository, its commit, the model's file there
     "X8": ("Skywalker X8, flying wing", "XlokolokiX/X8_FlightGear_JSBSim", "e61139a", "AIRCRAFT/X8_FixedWing/X8.xml"),
     "x8": ("Skywalker X8, another model", "AOS55/Fixedwing-Airsim", "c505448", "x8/x8.xml"),
@@ -104,13 +103,6 @@ class Task(NamedTuple):
     size: Size
 
 
-class Flown(NamedTuple):
-    """What came of a model: a line about it, and a row a trial."""
-
-    about: Row
-    trials: list[Row]
-
-
 def tried(task: Task) -> Flown:
     """Survey, trim, fly, find gains, calibrate, break and watch; stop where that can't be done, and say why."""
     began, name, size = time.monotonic(), task.folder.name, task.size
@@ -169,29 +161,13 @@ def in_loop(craft: gb.Aircraft, size: Size, seed: int, faults: gb.Fault | tuple[
 def judged(craft: gb.Aircraft, size: Size, monitor: BankMonitor, seed: int, record: gb.Record) -> list[Row]:
     """Break each gyro in both ways, in the record and in the loop, and hold what is said against the truth."""
     rows = []
-    for channel in GYROS:
-        where = {"channel": channel, "onset_s": size.onset_s}
-        for fault in (gb.Drift(**where, slope=DRIFT_DEG_S2), gb.Jam(**where)):
-            flight = in_loop(craft, size, seed, fault)
-            for how, broken in (("record", gb.inject(record, fault)), ("loop", flight.sensed)):
-                until_s = min(broken.end_s, record.end_s)
-                flown, sound = (each.between(WATCHED_FROM_S, until_s) for each in (broken, record))
-                verdict = score(monitor.watch(flown), fault=fault, healthy=sound, broken=flown)
-                rows.append(
-                    {
-                        "how": how,
-                        "fault": fault.kind,
-                        "channel": channel,
-                        "detected": verdict.detected,
-                        "delay_s": verdict.detection_delay_s if verdict.detected else np.nan,
-                        "right": bool(verdict.isolated),
-                        "wrong": bool(verdict.named_wrong),
-                        "kind": bool(verdict.kind_right),
-                        "false_alarms": verdict.false_alarms,
-                        "departed_s": flight.departed_s if how == "loop" else None,
-                        "verdict": verdict.verdict,
-                    }
-                )
+    for fault in gyro_faults(size.onset_s):
+        flight = in_loop(craft, size, seed, fault)
+        for how, broken in (("record", gb.inject(record, fault)), ("loop", flight.sensed)):
+            until_s = min(broken.end_s, record.end_s)
+            flown, sound = (each.between(WATCHED_FROM_S, until_s) for each in (broken, record))
+            departed = {"departed_s": flight.departed_s if how == "loop" else None}
+            rows.append({"how": how} | trial_row(monitor, fault, sound, flown) | departed)
     return rows
 
 
