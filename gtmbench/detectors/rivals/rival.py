@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.checks import number, shown
 from gtmbench.detectors.bank.calibration import divided
-from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
 from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.rivals.rival_stream import RivalStream
@@ -254,19 +254,12 @@ class RivalMonitor:
         InputError
             Where the record lacks a channel or has another sample period.
         """
-        stream = self.stream()
-        said = stream.taken(record)
-        scores = {
-            name: Score(
-                name=name,
-                values=said.scores[name],
-                known_s=said.known_s,
-                channels=(name.split()[0],) if name.split()[0] in self.suspects else self.channels,
-                armed=said.armed[name],
-            )
-            for name in self.rival.outputs
-        }
-        return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=stream.alarms)
+        return self.stream().taken(record).watch(self, record, self._told_by)
+
+    def _told_by(self, name: str) -> tuple[str, ...]:
+        """Return the channels that a score tells of: its gyro, or all."""
+        gyro = name.split()[0]
+        return (gyro,) if gyro in self.suspects else self.channels
 
     def figures(self) -> dict[str, Any]:
         """Return sample period, parameters, model and thresholds as plain JSON values."""

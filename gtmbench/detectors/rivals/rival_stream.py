@@ -5,29 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
+from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.method.windowed_alarms import came_down, rising
-from gtmbench.values.clock import ChunkClock, advanced
-from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+from gtmbench.values.clock import ChunkClock
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _LOOKS_S = 1.0  # after an alarm: whose score is greatest then?
 _CLEARLY = 2.0  # times the next, or it can't tell
 _SAME_S = 20.48  # the longest window: who alarms again before it has emptied tells of the same fault
-
-
-class Said(NamedTuple):
-    """Of a chunk: scores and where they are armed, by output, and the alarms that are new or told more of."""
-
-    known_s: FloatArray
-    scores: Mapping[str, FloatArray]
-    armed: Mapping[str, BoolArray]
-    told: tuple[Alarm, ...]
 
 
 class Watching(Protocol):
@@ -109,13 +101,8 @@ class RivalStream:
 
     def taken(self, chunk: Record) -> Said:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
-        check_record(chunk)
-        new = chunk.select(self._monitor.channels)
-        new.check_period(self._period_s, f"'{self._monitor.name}' was calibrated at")
-        here = ChunkClock(
-            start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)
-        )
-        clock = advanced(self._clock, here)
+        monitor = self._monitor
+        clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
         if not len(new):
             nothing = {name: np.zeros(0) for name in self._judges}
             return Said(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
 from gtmbench.detectors.surfaces.deviation import (
@@ -24,21 +25,12 @@ from gtmbench.detectors.surfaces.deviation import (
 )
 from gtmbench.detectors.surfaces.naming import Seen, judged
 from gtmbench.values.channels import COMMANDS, GYROS
-from gtmbench.values.clock import ChunkClock, advanced
-from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+from gtmbench.values.clock import ChunkClock
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _SETTLES_S = 5.0
 _LOOKS_S = (1.0, 4.0, 15.0)  # after an alarm
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
-
-
-class Said(NamedTuple):
-    """Of a chunk: scores and where they are armed, a row a sample, and the alarms that are new or told more of."""
-
-    known_s: FloatArray
-    scores: Mapping[str, FloatArray]
-    armed: Mapping[str, BoolArray]
-    told: tuple[Alarm, ...]
 
 
 class Watching(Protocol):
@@ -105,6 +97,10 @@ class SurfaceStream:
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
         self._is_armed = np.zeros(surfaces, dtype=bool)
+        self._held = (
+            np.full((1, surfaces), np.nan),
+            np.zeros((1, surfaces), dtype=bool),
+        )  # scores and armed, as told last
         self._above_block = -np.inf  # where a score was last above its threshold
         self._open: _Open | None = None
         self._alarms: dict[int, Alarm] = {}
@@ -131,13 +127,8 @@ class SurfaceStream:
 
     def taken(self, chunk: Record) -> Said:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
-        check_record(chunk)
-        new = chunk.select(self._monitor.channels)
-        new.check_period(self._period_s, f"'{self._monitor.name}' was calibrated at")
-        here = ChunkClock(
-            start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)
-        )
-        clock = advanced(self._clock, here)
+        monitor = self._monitor
+        clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
         if len(new):
             self._kinematics.push(chunk.select(self._monitor.kinematics.channels))
         before = dict(self._alarms)
@@ -264,8 +255,7 @@ class SurfaceStream:
     ) -> Said:
         """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
         surfaces = self._monitor.suspects
-        held = np.concatenate([self._before_scores(len(surfaces)), scores])
-        could = np.concatenate([self._before_armed(len(surfaces)), armed])
+        held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
         at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
         self._held = held[-1:], could[-1:]
         return Said(
@@ -274,14 +264,6 @@ class SurfaceStream:
             {name: could[at, i] for i, name in enumerate(surfaces)},
             told,
         )
-
-    _held: tuple[FloatArray, BoolArray] | None = None
-
-    def _before_scores(self, surfaces: int) -> FloatArray:
-        return np.full((1, surfaces), np.nan) if self._held is None else self._held[0]
-
-    def _before_armed(self, surfaces: int) -> BoolArray:
-        return np.zeros((1, surfaces), dtype=bool) if self._held is None else self._held[1]
 
 
 def _read(monitor: Watching) -> tuple[str, ...]:

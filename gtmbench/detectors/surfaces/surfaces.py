@@ -19,7 +19,7 @@ from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibration import divided
 from gtmbench.detectors.bank_detector import BankMonitor, restore_bank
 from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
-from gtmbench.detectors.protocol import Score, Watch
+from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of, identified
 from gtmbench.detectors.surfaces.deviation import (
@@ -303,19 +303,7 @@ class SurfaceMonitor:
         InputError
             If the record lacks a channel or has another sample period.
         """
-        stream = self.stream()
-        said = stream.taken(record)
-        scores = {
-            name: Score(
-                name=name,
-                values=said.scores[name],
-                known_s=said.known_s,
-                channels=(name,),
-                armed=said.armed[name],
-            )
-            for name in self.suspects
-        }
-        return Watch(monitor=self, record=record, scores=MappingProxyType(scores), alarms=stream.alarms)
+        return self.stream().taken(record).watch(self, record, lambda name: (name,))
 
     def sizes(self, record: Record) -> dict[str, SurfaceSizes]:
         """Return from which size on a fault of each surface would be detected, as a record is excited.

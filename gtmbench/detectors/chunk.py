@@ -1,0 +1,54 @@
+"""A chunk of samples at a stream whose scores know each sample: how it is taken, and what is said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.protocol import Monitor, Score, Watch
+from gtmbench.values.clock import ChunkClock, advanced
+from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+
+
+class Said(NamedTuple):
+    """Of a chunk: scores and where they are armed, a row a sample, and the alarms that are new or told more of."""
+
+    known_s: FloatArray
+    scores: Mapping[str, FloatArray]
+    armed: Mapping[str, BoolArray]
+    told: tuple[Alarm, ...]
+
+    def watch(self, monitor: Monitor, record: Record, channels: Callable[[str], Sequence[str]]) -> Watch:
+        """Return the watch of a record that was the one chunk; `channels` gives whom a score tells of, by its name."""
+        scores = {
+            name: Score(
+                name=name,
+                values=values,
+                known_s=self.known_s,
+                channels=tuple(channels(name)),
+                armed=self.armed[name],
+            )
+            for name, values in self.scores.items()
+        }
+        return Watch(monitor=monitor, record=record, scores=MappingProxyType(scores), alarms=self.told)
+
+
+def taken(
+    clock: ChunkClock | None, chunk: Record, channels: Sequence[str], sample_period_s: float, name: str
+) -> tuple[ChunkClock, Record]:
+    """Return where a stream stands after a chunk, and the channels of it that a monitor of some name reads.
+
+    Raises
+    ------
+    InputError
+        If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+    """
+    check_record(chunk)
+    new = chunk.select(channels)
+    new.check_period(sample_period_s, f"'{name}' was calibrated at")
+    here = ChunkClock(
+        start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)
+    )
+    return advanced(clock, here), new
