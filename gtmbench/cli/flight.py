@@ -169,9 +169,8 @@ def fly_command(
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     estimator_of(attitude)
-    flown_by = (
-        load_object(controller) if closed_loop and controller is not None else None
-    )  # a scenario may name it, too
+    # imported before the faults are read: their scenario may name it, too
+    flown_by = load_object(controller) if closed_loop and controller is not None else None
     faults = chosen_faults(given, onset, trial).faults
     of_surfaces = [fault for fault in faults if is_of_surface(fault)]
     of_sensors = [fault for fault in faults if not is_of_surface(fault)]

@@ -227,7 +227,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     strays = [] if first.sensor is not None else _strays(case, best)
     excess = whose_excess(case, best.channel) if best.is_absorbing and first.sensor is None else None
     order = (*_rivals(case, good, excess), *_freer(case, best))
-    holder = None if first.sensor is not None else _holder(case, good, strays, excess)
+    holder = _holder(case, good, strays, excess)
     if holder is not None:
         is_near = holder.channel in order or strays
         order = (holder.channel, *(name for name in order if not is_near or name not in axis_of(holder.channel)))
