@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
@@ -134,6 +133,8 @@ def with_magnetometer(
     taken = [name for name in MAGNETOMETER if name in readings]
     if taken:
         raise InputError(f"the readings have {', '.join(taken)} already; a record holds one magnetometer")
+    from scipy.spatial.transform import Rotation  # takes longer than all of ours
+
     attitude = truth.matrix(ATTITUDE)
     if not np.isfinite(attitude).all():
         raise InputError("the truth lacks phi, theta or psi in some rows; the field can't be turned there")

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import maximum_filter1d
 
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -72,9 +71,15 @@ class Turning:
         """Return the rows in which gyros say that it is beyond, and about then the attitude does."""
         with np.errstate(invalid="ignore"):
             beyond = _sizes(record) > _BEYOND * np.array(self.limits)[:, np.newaxis]
-        near = 2 * round(_APART_S / record.sample_period_s) + 1
-        rate, swing = (maximum_filter1d(told, near) for told in beyond[2:])
+        rate, swing = (_about(told, round(_APART_S / record.sample_period_s)) for told in beyond[2:])
         return np.asarray((beyond[0] & rate) | (beyond[1] & swing))
+
+
+def _about(told: BoolArray, rows: int) -> BoolArray:
+    """Return where any is told within so many rows; scipy.ndimage, which has this, takes long to import."""
+    count = np.concatenate([[0], np.cumsum(told)])
+    at = np.arange(len(told))
+    return np.asarray(count[np.minimum(at + rows + 1, len(told))] > count[np.maximum(at - rows, 0)])
 
 
 def _sizes(record: Record) -> FloatArray:

@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.spatial.transform import Rotation
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
 from gtmbench.values.channels import GYROS, MAGNETOMETER
 from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 MAGNETOMETER_ITSELF = "magnetometer"
 SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
@@ -273,6 +275,8 @@ def _fit(stretch: Record, usual_share: float) -> _Fit | None:
 
 def _integrated(rates: FloatArray, period_s: float) -> Rotation:
     """Return C(k), from body axes at row k to those at row 0, by the mean of the gyros at both ends of a step."""
+    from scipy.spatial.transform import Rotation  # takes longer than all of ours
+
     steps = Rotation.from_rotvec(0.5 * period_s * (rates[1:] + rates[:-1])).as_matrix()
     path = np.empty((len(rates), 3, 3))
     path[0] = np.eye(3)
@@ -283,6 +287,8 @@ def _integrated(rates: FloatArray, period_s: float) -> Rotation:
 
 def _explained(turned: FloatArray, rate: FloatArray, time_s: FloatArray) -> tuple[float, float]:
     """Return the mean error in rad/s and the RMS that it leaves; `rate` is dn/dt of 1 rad/s, shape (readings, 3)."""
+    from scipy.integrate import cumulative_trapezoid  # takes longer than all of ours
+
     centre = 0.5 * (time_s[0] + time_s[-1])
     half = max(0.5 * (time_s[-1] - time_s[0]), 1e-9)
     growing = rate * ((time_s - centre) / half)[:, np.newaxis]

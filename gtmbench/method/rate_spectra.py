@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -220,13 +221,13 @@ def _new_hz(record: Record, angle: str) -> float:
 
     An interpolated angle's do, and a held one's; of a coarse one some do, too, and it counts as slower than it is.
     """
-    from scipy.ndimage import maximum_filter1d
-
     bends: Any = np.diff(np.unwrap(np.asarray(record[angle], dtype=np.float64), period=360.0), 2)
     bends = np.abs(bends[np.isfinite(bends)])
     if not len(bends):
         return 0.0
-    straight = float(np.mean(bends <= _STRAIGHT * maximum_filter1d(bends, _AROUND)))
+    # scipy.ndimage has such a filter, and takes longer to import than a flight to watch
+    around = sliding_window_view(np.pad(bends, _AROUND // 2, mode="symmetric"), _AROUND).max(axis=1)
+    straight = float(np.mean(bends <= _STRAIGHT * around))
     rate_hz = 1.0 / record.sample_period_s
     return rate_hz if straight < _MANY else _OF_ATTITUDE * rate_hz * (1.0 - straight) / 2.0
 

@@ -48,6 +48,12 @@ def test_the_package_alone_loads_nothing():
     assert not set(HEAVY) & set(modules)
 
 
+def test_everything_public_loads_without_scipy_pandas_or_what_draws():
+    probe = "import sys, gtmbench.api; print(*{name.partition('.')[0] for name in sys.modules})"
+    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert set(HEAVY) & set(modules) == {"asyncio", "jsbsim", "multiprocessing", "numpy"}
+
+
 def first_lines(objects):
     return {name: of.__doc__.strip().splitlines()[0].replace("``", "") for name, of in objects.items()}
 
