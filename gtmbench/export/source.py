@@ -13,16 +13,18 @@ import numpy as np
 from gtmbench.detectors.statistics.statistic import ordinary_powers
 from gtmbench.export.board import DERIVED, Board, BoardResidual
 from gtmbench.values.channels import CHANNELS
+from gtmbench.values.record import FloatArray
 
 RECENT, LATE, GROUPS = 52, 28, 11  # blocks of the noise's memory; old ones in groups of 34
 _FIRST = 14
-_ROWS_A_CALL = (0, 100, 15, 60, 15, 15, 15, 3)  # of each pass over rows that wait while the noise is learnt
-_ROWS_COMPACT = (0, 100, 25, 100, 25, 25, 25, 4)  # there is no room for more that wait
-_ALONE = 16  # rows of a block a residual, from which on a call that learns needn't judge rows that wait
-TO_CATCH_UP = {False: 2.45, True: 1.68}  # times the rows that wait at first: with those until all have been judged
+_ROWS_A_CALL = {  # of each pass over rows that wait while the noise is learnt, and of judging them: not, and compact
+    False: (0, 80, 15, 60, 15, 15, 15, 3),
+    True: (0, 80, 25, 70, 22, 25, 25, 3),  # there is no room for more that wait
+}
+_CENTRINGS = 7  # passes of the first kind
 _SUSPECTED = 12.0  # nats
 MISSING_MOST_S = 0.25
-_SCALE = 320.0  # of a stored sample, as the code has it
+_SCALE, _MOST = 320.0, 100.0  # of a stored sample, as the code has it, and its bound in deviations
 
 
 def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
@@ -39,7 +41,6 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     there = -(-board.suspicions[-1] // 32) * 32
     sizes: list[tuple[str, object]] = [
         ("COMPACT", int(compact)),
-        ("REPLAYS_ALONE", int(not compact and board.block >= _ALONE * len(board.residuals))),
         ("PERIOD_US", f"{round(board.period_s * 1e6)}u"),
         ("RESIDUALS", f"{len(board.residuals)}u"),
         ("CHANNELS", f"{len(board.channels)}u"),
@@ -61,10 +62,12 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
         ("LATE", f"{LATE}u"),
         ("GROUPS", f"{GROUPS}u"),
         ("SUSPICIONS", f"{len(board.suspicions)}u"),
+        ("SUSPICIONS_ARE_WINDOWS", int(set(board.suspicions) <= set(board.windows))),
         ("THERE", f"{there}u"),
         ("THERE_WORDS", f"{there // 32}u"),
         ("WAITING", f"{waiting}u"),
         ("FIRST_MOST", f"{first_most}u"),
+        ("SQUARE_SHIFT", f"{square_shift(board)}u"),
         ("LOST", f"{board.lost}u"),
         ("MISSING_MOST", f"{max(round(MISSING_MOST_S / board.period_s), 1)}u"),
     ]
@@ -80,8 +83,19 @@ def sizes_of(board: Board, *, compact: bool) -> list[tuple[str, object]]:
     return sizes
 
 
+def times_to_catch_up(*, compact: bool) -> float:
+    """Return how many times the rows that are learnt from have come once all that waited have been judged.
+
+    Passes over n rows take ``7 n / r_1 + n / r_2 + ... + n / r_6`` calls, and judging, r_7 rows a call, makes up for
+    r_7 - 1 of them; and a twentieth.
+    """
+    _, centring, *others, judged = _ROWS_A_CALL[compact]
+    passes = _CENTRINGS / centring + sum(1.0 / rows for rows in others)
+    return 1.05 * (1.0 + passes) * judged / (judged - 1)
+
+
 def _waiting(board: Board, blocks: int, *, compact: bool) -> int:
-    return math.ceil(TO_CATCH_UP[compact] * blocks * board.block) + 50
+    return math.ceil(times_to_catch_up(compact=compact) * blocks * board.block) + 50
 
 
 def _waiting_bytes(board: Board, blocks: int, *, compact: bool) -> int:
@@ -100,15 +114,13 @@ def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
     own, tables = board.residuals, _Tables()
     tables.whole("WINDOW_ROWS", board.windows)
     tables.whole("SUSPICION_ROWS", board.suspicions)
+    own_place = {rows: w for w, rows in enumerate(board.windows)}
+    tables.whole("SUSPICION_WINDOWS", [own_place.get(rows, 0) for rows in board.suspicions])
     nats = [_SUSPECTED - math.log(rows / board.suspicions[0]) for rows in board.suspicions]
-    ordinary = [ordinary_powers(rows, least) for rows, least in zip(board.suspicions, nats, strict=True)]
-    tables.real("SHARES", [1.0 / (rows * _SCALE) for rows in board.windows])
-    tables.real("SUSPICION_SHARES", [1.0 / (rows * _SCALE) for rows in board.suspicions])
-    tables.real("SUSPICION_NATS", nats)
-    tables.real("SUSPICION_NEAR", [2.0 * least / rows for rows, least in zip(board.suspicions, nats, strict=True)])
-    tables.real("SUSPICION_QUIET", [low for low, _ in ordinary])
-    tables.real("SUSPICION_LOUD", [high for _, high in ordinary])
-    tables.whole("ROWS_A_CALL", _ROWS_COMPACT if compact else _ROWS_A_CALL)
+    powers = np.array([ordinary_powers(rows, least) for rows, least in zip(board.suspicions, nats, strict=True)])
+    near = np.sqrt(2.0 * np.array(nats) / board.suspicions)
+    tables.real("SUSPICIONS", _tests(board, board.suspicions, near, powers, nats, nats).ravel())
+    tables.whole("ROWS_A_CALL", _ROWS_A_CALL[compact])
     tables.whole("TAPS", [each.markov.shape[1] for each in own])
     tables.whole("AHEAD", [each.ahead for each in own])
     tables.whole("READS", [_reads(board, each) for each in own])
@@ -121,18 +133,47 @@ def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int]:
         [[board.signals.index(name) for name in each.inputs] + [0] * (most - len(each.inputs)) for each in own],
     )
     tables.real("OFFSETS", [each.offset for each in own])
-    tables.pointed("MARKOV", [each.markov.ravel() for each in own])
+    tables.pointed("MARKOV", [np.tile(each.markov, 2).ravel() for each in own])  # twice: see `dot`
     tables.whole("WHITE_TAPS", [len(each.whitener) for each in own])
     tables.real("WHITENER_SUMS", [float(each.whitener.sum()) for each in own])
-    tables.pointed("WHITENERS", [each.whitener for each in own])
+    tables.pointed("WHITENERS", [np.tile(each.whitener, 2) for each in own])
     tables.reals("TOLERANCES", [each.tolerance for each in own])
-    tables.reals("OF_MEAN", [1.0 / each.mean_thresholds for each in own])
-    tables.reals("OF_ENERGY", [1.0 / each.energy_thresholds for each in own])
-    tables.reals("NEAR", [board.near(each) for each in own])
-    tables.reals("QUIET", [board.ordinary(each)[:, 0] for each in own])
-    tables.reals("LOUD", [board.ordinary(each)[:, 1] for each in own])
+    tests = [
+        _tests(
+            board,
+            board.windows,
+            board.near(each),
+            board.ordinary(each),
+            each.mean_thresholds,
+            each.energy_thresholds,
+        )
+        for each in own
+    ]
+    tables.pointed("TESTS", [rows.ravel() for rows in tests])
     tables.whole("AFFECTED_BY", [mask(board, each.suspects) for each in own], kind="uint32_t")
     return [*tables.lines, _derive(board)], tables.checksum
+
+
+def square_shift(board: Board) -> int:
+    """Return by how many bits squares of stored samples are shortened, so that a window's sum of them fits 32 bits.
+
+    The least s with ``rows 32000^2 / 2^s < 2^32``, for the longest window: each square is rounded, by half of
+    ``2^s / 320^2`` of the noise's power at most.
+    """
+    return max(math.ceil(math.log2(board.windows[-1] * (_MOST * _SCALE) ** 2 / 2.0**32)), 1)
+
+
+def _tests(
+    board: Board,
+    rows: Sequence[int],
+    near: FloatArray,
+    powers: FloatArray,
+    mean_nats: Sequence[float] | FloatArray,
+    energy_nats: Sequence[float] | FloatArray,
+) -> FloatArray:
+    """Return what windows are judged by, shape (windows, 7): the columns are those of the code's enumeration."""
+    share = 1.0 / (np.array(rows) * _SCALE)
+    return np.column_stack([share, share * 2.0 ** square_shift(board) / _SCALE, near, powers, mean_nats, energy_nats])
 
 
 def mask(board: Board, names: Iterable[str]) -> int:

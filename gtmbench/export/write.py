@@ -13,7 +13,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor_file import digest_in, digest_of_monitor, load_monitor
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.export.board import Board, BoardResidual, board_of
-from gtmbench.export.source import TO_CATCH_UP, fields_of, number, sizes_of, summed_tables, tables_of
+from gtmbench.export.source import fields_of, number, sizes_of, summed_tables, tables_of, times_to_catch_up
 from gtmbench.export.vectors import vectors_of
 from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.version import __version__
@@ -168,7 +168,7 @@ def _readme(board: Board, *, compact: bool) -> dict[str, Any]:
         "missing_most": str(sizes["MISSING_MOST"]).rstrip("u"),
         "residual_rows": [_residual_row(each, board) for each in board.residuals],
         "learn_s": f"{learn_s:g}",
-        "caught_s": f"{TO_CATCH_UP[compact] * learn_s:.3g}",
+        "caught_s": f"{times_to_catch_up(compact=compact) * learn_s:.3g}",
         "suspicion_s": f"{-(-board.suspicions[-1] // board.block) * board.block * board.period_s:g}",
         "baseline_s": f"{board.baseline * board.period_s:g}",
         "shortest": board.windows[0],

@@ -165,8 +165,17 @@ class OnM4:
     said: str
 
 
-def run_on_m4(folder: Path, board: Board, aside: Path) -> OnM4:
+def run_on_m4(folder: Path, board: Board, aside: Path, *, optimised: str = "-O2") -> OnM4:
     """Cross-compile an exported folder, run its own test in qemu's M4 machine, and count instructions a call.
+
+    Parameters
+    ----------
+    folder : Path
+    board : Board
+    aside : Path
+        A folder for what is compiled.
+    optimised : str
+        How it is compiled where instructions are counted. Flash is always of ``-Os``.
 
     Raises
     ------
@@ -185,7 +194,7 @@ def run_on_m4(folder: Path, board: Board, aside: Path) -> OnM4:
     flash = _run([size, str(aside / "monitor.o")]).splitlines()[1].split()
     linked = ["--specs=rdimon.specs", "-T", str(_file("m4.ld")), f"-I{folder}"]
     sources = [str(aside / "count.c"), str(_file("m4_start.c"))]
-    _run([gcc, "-std=gnu99", "-O2", *_M4, *linked, *sources, "-o", str(aside / "m4.elf"), "-lm"])
+    _run([gcc, "-std=gnu99", optimised, *_M4, *linked, *sources, "-o", str(aside / "m4.elf"), "-lm"])
     machine = ["qemu-system-arm", "-M", "mps2-an386", "-nographic", "-icount", "shift=10"]
     semihosting = ["-semihosting-config", "enable=on,target=native", "-kernel", str(aside / "m4.elf")]
     told = _run([*machine, *semihosting])

@@ -10,12 +10,24 @@
 #define ORDER GTM_MONITOR_ORDER
 #define BLOCK GTM_MONITOR_BLOCK
 #define NAMES ((size_t)ORDER + 9u) /* columns of a recent block */
+#define LONGEST WINDOW_ROWS[GTM_MONITOR_WINDOWS - 1u]
+#define STAGES 3u /* of learning anew */
+#define LEARNS_AT_ONCE (BLOCK < 4u * STAGES * GTM_MONITOR_RESIDUALS) /* up to 4 rows a call are judged at first */
+#define LEAST_POWER (0.5f * (float)(1u << GTM_MONITOR_SQUARE_SHIFT) / (SCALE * SCALE)) /* squares of less are stored as 0 */
 #define FLOOR 0.0025f
 #define LEAST 0.005f
+/* once a window and residual: a call each would cost a seventh more, but compiled for size it is one function */
+#if defined(__GNUC__) && !defined(__OPTIMIZE_SIZE__)
+#define INLINE inline __attribute__((always_inline))
+#else
+#define INLINE inline
+#endif
 #if GTM_MONITOR_COMPACT
 #define BASE_SHARE (1.0f / ((float)GTM_MONITOR_BASE_BLOCKS * SCALE))
+#define BASE_BACK 0u
 #else
 #define BASE_SHARE (1.0f / ((float)GTM_MONITOR_BASELINE * SCALE))
+#define BASE_BACK GTM_MONITOR_BASELINE
 #endif
 #define UNSTEADIEST 9.0f /* times the power that was learnt: noise that wanders so far is a fault */
 
@@ -23,16 +35,16 @@ enum { WAITING, CENTRING, CONVERTING, SIZING, COLOURING, TAILING, WHITENING, FOL
 enum { COUNT, SIZE, FOURTH, SUM, CLIPPED, LAGS = 8 };              /* columns of recent blocks */
 enum { SLOW, FAST, LOW, SQUARES, FOURTHS, MEANS, ALL_LATE = 10 };  /* of late ones */
 enum { OLD_SUM = 10, OLD_MOMENT = 11, ALL_OLD = 12 };              /* and of groups of old ones */
+enum { SHARE, SHARE_OF_SQUARES, NEAR, QUIET, LOUD, ENOUGH, ALL_TESTS = 7 }; /* of windows; nats of mean and of energy */
 
 static const float CLIPS[4] = {2.5f, 3.0f, 3.5f, 4.0f};
 static const uint16_t MEAN_BLOCKS[5] = {1u, 2u, 4u, 8u, 16u};
+static const float NO_TOLERANCE[3] = {0.0f, 1.0f, 1.0f};
 
 static float largest(float a, float b) { return a > b ? a : b; }
 static float least(float a, float b) { return a < b ? a : b; }
 static float within(float value, float most) { return value > most ? most : value < -most ? -most : value; }
 static float filled(float value) { return isfinite(value) ? value : 0.0f; }
-/* A sum of squares; two conversions are much cheaper than one of 64 bits. */
-static float real(int64_t sum) { return (float)(uint32_t)(sum >> 16) * 65536.0f + (float)(uint32_t)(sum & 0xFFFF); }
 static int32_t nearest(float value) { return (int32_t)(value < 0.0f ? value - 0.5f : value + 0.5f); }
 
 /* A float's upper half, rounded: eight bits of mantissa, whose rounding averages out over many blocks. */
@@ -52,25 +64,22 @@ static float unpacked(uint16_t half)
     return value;
 }
 
-static float products(const float *a, const float *b, unsigned count, float sum)
-{
-    for (; count >= 4u; count -= 4u, a += 4, b += 4) {
-        sum += a[0] * b[0];
-        sum += a[1] * b[1];
-        sum += a[2] * b[2];
-        sum += a[3] * b[3];
-    }
-    for (; count > 0u; count--) {
-        sum += *a++ * *b++;
-    }
-    return sum;
-}
-
-/* The sum of taps (for the oldest first) times a ring's values. */
+/* The sum of taps, for the oldest first, times a ring's values. Tables hold their taps twice, so those that belong to the
+ * ring's places in their order stand side by side. */
 static float dot(const float *taps, const float *ring, unsigned count, unsigned newest)
 {
-    unsigned old = count - newest - 1u;
-    return products(taps + old, ring, newest + 1u, products(taps, ring + newest + 1u, old, 0.0f));
+    const float *tap = taps + (count - 1u - newest), *value = ring;
+    float sum = 0.0f;
+    for (; count >= 4u; count -= 4u, tap += 4, value += 4) {
+        sum += tap[0] * value[0];
+        sum += tap[1] * value[1];
+        sum += tap[2] * value[2];
+        sum += tap[3] * value[3];
+    }
+    for (; count > 0u; count--) {
+        sum += *tap++ * *value++;
+    }
+    return sum;
 }
 
 static uint16_t next_of(unsigned at, unsigned count) { return (uint16_t)(at + 1u < count ? at + 1u : 0u); }
@@ -82,90 +91,88 @@ static void nothing(float *values, unsigned count)
     }
 }
 
-/* ---- whitened samples, their sums over windows ---- */
+/* ---- whitened samples ---- */
 
-static int32_t sample_before(const gtm_monitor_line *line, uint32_t lag)
-{
-    uint32_t at = line->ring_at;
-    return line->store.samples.ring[at >= lag ? at - lag : at + GTM_MONITOR_RING - lag];
-}
+static uint32_t place_before(uint32_t at, uint32_t lag) { return at >= lag ? at - lag : at + GTM_MONITOR_RING - lag; }
 
-/* The window of a suspicion counts rows, of which those that are missing read 0. */
-static void put_row(gtm_monitor_line *line, unsigned is_there, int32_t sample)
+/* Of a sample, rounded so that a window's sum of them fits 32 bits. */
+static uint32_t square_of(int32_t sample)
 {
-    const unsigned at = line->there_at;
-    const int32_t square = sample * sample;
-    for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++) {
-        uint32_t rows = SUSPICION_ROWS[w], held = line->in_window[w];
-        unsigned leaves = at >= rows ? at - rows : at + GTM_MONITOR_THERE - rows;
-        int32_t old = 0;
-        if (held == rows || ((line->there[leaves / 32u] >> (leaves % 32u)) & 1u)) {
-            old = sample_before(line, held - 1u); /* the newest one is that of the row before */
-            held--;
-        }
-        line->in_window[w] = (uint16_t)(held + is_there);
-        line->window_sums[w] += sample - old;
-        line->window_squares[w] += square - old * old;
-    }
-    uint32_t bit = 1u << (at % 32u), others = line->there[at / 32u] & ~bit;
-    line->there[at / 32u] = is_there ? others | bit : others;
-    line->there_at = next_of(at, GTM_MONITOR_THERE);
-}
-
-#if GTM_MONITOR_COMPACT
-/* Stored from the end, where no row waits when the first ones come. */
-static int16_t *mean_at(gtm_monitor_line *line, uint32_t block)
-{
-    return &line->store.samples.means[GTM_MONITOR_MEANS_ROOM - 1u - block % GTM_MONITOR_MEANS];
-}
-#endif
-
-static void put_sample(gtm_monitor_line *line, int32_t sample)
-{
-    const int32_t square = sample * sample;
-    if (line->count > 0u) {
-        line->ring_at = next_of(line->ring_at, GTM_MONITOR_RING);
-    }
-    const uint32_t count = ++line->count;
-    /* what leaves a window goes into its baseline; it is read before the newest takes the oldest one's place */
-    for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        uint32_t rows = WINDOW_ROWS[w];
-        int32_t old = count > rows ? sample_before(line, rows) : 0;
-        line->sums[w] += sample - old;
-        line->squares[w] += square - old * old;
-#if !GTM_MONITOR_COMPACT
-        line->bases[w] += count > rows + GTM_MONITOR_BASELINE ? old - sample_before(line, rows + GTM_MONITOR_BASELINE) : old;
-#endif
-    }
-    line->store.samples.ring[line->ring_at] = (int16_t)sample;
-#if GTM_MONITOR_COMPACT
-    if (line->count % GTM_MONITOR_SHORTEST == 0u) {
-        uint32_t block = line->count / GTM_MONITOR_SHORTEST - 1u;
-        int32_t sum = line->sums[0], half = (int32_t)GTM_MONITOR_SHORTEST / 2;
-        int32_t mean = (sum + (sum < 0 ? -half : half)) / (int32_t)GTM_MONITOR_SHORTEST;
-        *mean_at(line, block) = (int16_t)mean;
-    }
-    for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        uint32_t rows = WINDOW_ROWS[w];
-        if (line->count >= rows + GTM_MONITOR_SHORTEST && (line->count - rows) % GTM_MONITOR_SHORTEST == 0u) {
-            uint32_t blocks = (line->count - rows) / GTM_MONITOR_SHORTEST;
-            line->bases[w] += *mean_at(line, blocks - 1u);
-            if (blocks > GTM_MONITOR_BASE_BLOCKS) {
-                line->bases[w] -= *mean_at(line, blocks - 1u - GTM_MONITOR_BASE_BLOCKS);
-            }
-        }
-    }
-    if (line->count >= 2u * GTM_MONITOR_PERIOD) {
-        line->count -= GTM_MONITOR_PERIOD; /* a multiple of all that is counted modulo: it never overflows */
-    }
-#else
-    if (line->count > 2u * GTM_MONITOR_RING) {
-        line->count -= GTM_MONITOR_RING; /* only whether it is long enough is asked: it never overflows */
-    }
-#endif
+    return ((uint32_t)(sample * sample) + (1u << (GTM_MONITOR_SQUARE_SHIFT - 1u))) >> GTM_MONITOR_SQUARE_SHIFT;
 }
 
 /* ---- test statistics ---- */
+
+/* A window's mean is off by `shift` deviations of the noise, which has `variance` by chance; its mean square about the base is
+ * `power`. What is told of either is a likelihood ratio in nats. */
+typedef struct {
+    float rows, shift, power, variance;
+} window_state;
+
+static float square_of_shift(const window_state *window, const float *tolerance)
+{
+    float beyond = largest(fabsf(window->shift) - tolerance[0], 0.0f);
+    return beyond * beyond / window->variance;
+}
+
+static float nats_of_mean(const gtm_monitor_noise *noise, const window_state *window, float square)
+{
+    float known = noise->worth + window->rows, inner = largest(window->power - window->shift * window->shift, 0.0f);
+    float nats = 0.5f * known * log1pf(square / (noise->worth + window->rows * inner));
+    nats = least(nats, square / (2.0f * noise->widened));
+    return largest(nats, square / (2.0f * UNSTEADIEST));
+}
+
+static float nats_of_energy(const gtm_monitor_noise *noise, const window_state *window, const float *tolerance)
+{
+    float rows = window->rows, known = noise->worth + rows, high = tolerance[2];
+    float ratio = window->power / least(largest(window->power, tolerance[1] * noise->quieter), high * noise->louder);
+    float nats = 0.5f * known * log1pf(rows * (ratio - 1.0f) / known) - 0.5f * rows * logf(ratio);
+    float loud = window->power / (high * UNSTEADIEST);
+    if (loud > 1.0f) {
+        nats = largest(nats, 0.5f * rows * (loud - 1.0f - logf(loud)));
+    }
+    return nats;
+}
+
+/* What a window of `rows` with a sum and a sum of squares is about a base: that of `length` samples before it, or where that
+ * is 0 the one that was learnt. */
+static window_state window_of(const gtm_monitor_noise *noise, const float *test, uint32_t rows, int32_t sum, uint32_t squares,
+    float base, uint32_t length)
+{
+    window_state window;
+    float mean = (float)sum * test[SHARE];
+    window.rows = (float)rows;
+    window.shift = mean - base;
+    window.power = (float)squares * test[SHARE_OF_SQUARES] - (mean + window.shift) * base;
+    if (length > 0u) {
+        window.power = largest(window.power, LEAST_POWER);
+        window.variance = 1.0f / window.rows + 1.0f / (float)length + 2.0f * noise->slow;
+    } else { /* rows that are missing have no power at all */
+        window.power = largest(window.power, 1e-12f);
+        window.variance = 1.0f / window.rows + noise->slow;
+    }
+    return window;
+}
+
+/* Whether a ratio of a window is more than enough. Logarithms are dear, so the noise is asked first whether it could be. */
+static int is_over(const gtm_monitor_noise *noise, const float *test, const window_state *window, const float *tolerance)
+{
+    float square = square_of_shift(window, tolerance);
+    if (square > 2.0f * noise->widened * test[ENOUGH] && nats_of_mean(noise, window, square) > test[ENOUGH]) {
+        return 1;
+    }
+    return (window->power < tolerance[1] * noise->quieter || window->power > tolerance[2] * noise->louder)
+        && nats_of_energy(noise, window, tolerance) > test[ENOUGH + 1];
+}
+
+/* Nearly all windows lie where no ratio can be enough, whatever noise was learnt: within NEAR, and between QUIET and LOUD. */
+static inline int is_ordinary(const float *test, int32_t sum, uint32_t squares, float base)
+{
+    float mean = (float)sum * test[SHARE], shift = mean - base;
+    float power = (float)squares * test[SHARE_OF_SQUARES] - (mean + shift) * base;
+    return fabsf(shift) < test[NEAR] && power > test[QUIET] && power < test[LOUD];
+}
 
 /* How many samples a window's baseline has, and the mean of it; 0 where there are too few. */
 static uint32_t baseline_of(const gtm_monitor_line *line, unsigned w, float *base)
@@ -188,86 +195,152 @@ static uint32_t baseline_of(const gtm_monitor_line *line, unsigned w, float *bas
 #endif
 }
 
-/* Mean and mean square of a window about the mean of the baseline before it; 0 where there are too few samples. */
-static uint32_t window_of(const gtm_monitor_line *line, unsigned w, float *shift, float *power)
+#if GTM_MONITOR_COMPACT
+/* Stored from the end, where no row waits when the first ones come. */
+static int16_t *mean_at(gtm_monitor_line *line, uint32_t block)
 {
-    float base, share = SHARES[w]; /* 1 / (rows SCALE) */
-    uint32_t length = baseline_of(line, w, &base);
-    if (length > 0u) {
-        float mean = (float)line->sums[w] * share;
-        *shift = mean - base;
-        *power = largest(real(line->squares[w]) * (share / SCALE) - (mean + *shift) * base, 1e-12f);
-    }
-    return length;
+    return &line->store.samples.means[GTM_MONITOR_MEANS_ROOM - 1u - block % GTM_MONITOR_MEANS];
 }
 
-/* Of a mean that is off by `shift` deviations and a mean square `power`, over `rows` samples: likelihood ratios in nats. */
-static float mean_ratio(const gtm_monitor_noise *noise, float rows, float shift, float power, float chance)
+static void move_baseline(gtm_monitor_line *line, unsigned w, uint32_t had)
 {
-    float known = noise->worth + rows;
-    float inner = largest(power - shift * shift, 0.0f);
-    return 0.5f * known * log1pf(chance / (noise->worth + rows * inner));
-}
-
-static float nats_of_mean(const gtm_monitor_noise *noise, float rows, float shift, float power, float variance, float free)
-{
-    float beyond = largest(fabsf(shift) - free, 0.0f);
-    float square = beyond * beyond / variance;
-    float nats = mean_ratio(noise, rows, shift, power, square);
-    nats = least(nats, square / (2.0f * noise->widened));
-    return largest(nats, square / (2.0f * UNSTEADIEST));
-}
-
-static float nats_of_energy(const gtm_monitor_noise *noise, float rows, float power, float low, float high)
-{
-    float known = noise->worth + rows;
-    float ratio = power / least(largest(power, low * noise->quieter), high * noise->louder);
-    float nats = 0.5f * known * log1pf(rows * (ratio - 1.0f) / known) - 0.5f * rows * logf(ratio);
-    float loud = power / (high * UNSTEADIEST);
-    if (loud > 1.0f) {
-        nats = largest(nats, 0.5f * rows * (loud - 1.0f - logf(loud)));
-    }
-    return nats;
-}
-
-static float of_mean(const gtm_monitor_line *line, unsigned j, unsigned w, float shift, float power, uint32_t length)
-{
-    float rows = (float)WINDOW_ROWS[w];
-    float variance = 1.0f / rows + 1.0f / (float)length + 2.0f * line->noise.slow;
-    return nats_of_mean(&line->noise, rows, shift, power, variance, TOLERANCES[j][0]) * OF_MEAN[j][w];
-}
-
-static float of_energy(const gtm_monitor_line *line, unsigned j, unsigned w, float power)
-{
-    float rows = (float)WINDOW_ROWS[w];
-    return nats_of_energy(&line->noise, rows, power, TOLERANCES[j][1], TOLERANCES[j][2]) * OF_ENERGY[j][w];
-}
-
-/* 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. Logarithms are dear, and nearly
- * all samples lie where no ratio of a window can reach its threshold: NEAR, QUIET and LOUD. */
-static int judged(const gtm_monitor_line *line, unsigned j)
-{
-    int known = -1;
-    for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
-        uint32_t rows = WINDOW_ROWS[w], length = GTM_MONITOR_BASELINE;
-        float base = (float)line->bases[w] * BASE_SHARE, share = SHARES[w];
-        if (line->count < rows + GTM_MONITOR_BASELINE) {
-            length = baseline_of(line, w, &base);
-            if (length == 0u) {
-                break; /* longer ones have fewer samples before them */
-            }
-        }
-        float mean = (float)line->sums[w] * share, shift = mean - base;
-        float power = real(line->squares[w]) * (share / SCALE) - (mean + shift) * base;
-        known = 0;
-        if (fabsf(shift) >= NEAR[j][w] && of_mean(line, j, w, shift, largest(power, 1e-12f), length) > 1.0f) {
-            return 1;
-        }
-        if ((power <= QUIET[j][w] || power >= LOUD[j][w]) && of_energy(line, j, w, largest(power, 1e-12f)) > 1.0f) {
-            return 1;
+    if (had >= GTM_MONITOR_SHORTEST && had % GTM_MONITOR_SHORTEST == 0u) {
+        uint32_t blocks = had / GTM_MONITOR_SHORTEST;
+        line->bases[w] += *mean_at(line, blocks - 1u);
+        if (blocks > GTM_MONITOR_BASE_BLOCKS) {
+            line->bases[w] -= *mean_at(line, blocks - 1u - GTM_MONITOR_BASE_BLOCKS);
         }
     }
-    return known;
+}
+#endif
+
+/* A sample on its way into the windows. */
+typedef struct {
+    int32_t sample;
+    uint32_t square, count, at, base_at;
+} arrival;
+
+/* Put a sample into a window; what leaves it goes into its baseline. Return `said`, or 1 where that was 0 and a statistic is
+ * above its threshold. Where `is_full`, the window and its baseline are. */
+static INLINE int put_in_window(gtm_monitor_line *line, const arrival *arriving, unsigned j, unsigned w, int is_full, int said)
+{
+    const int16_t *ring = line->store.samples.ring;
+    const float *test = TESTS[j] + (size_t)w * ALL_TESTS;
+    const uint32_t rows = WINDOW_ROWS[w], had = is_full || arriving->count > rows ? arriving->count - rows : 0u;
+    int32_t old = is_full || had > 0u ? ring[place_before(arriving->at, rows)] : 0;
+    uint32_t length = GTM_MONITOR_BASELINE;
+    int32_t sum = line->sums[w] += arriving->sample - old;
+    uint32_t squares = line->squares[w] += arriving->square - square_of(old);
+#if GTM_MONITOR_COMPACT
+    move_baseline(line, w, had);
+#else
+    line->bases[w] += is_full || had > GTM_MONITOR_BASELINE ? old - ring[place_before(arriving->base_at, rows)] : old;
+#endif
+    float base = (float)line->bases[w] * BASE_SHARE;
+    if (!is_full && had < GTM_MONITOR_BASELINE) {
+        length = baseline_of(line, w, &base);
+        if (length == 0u) {
+            return said;
+        }
+    }
+    if (is_ordinary(test, sum, squares, base) || said != 0) {
+        return said;
+    }
+    window_state window = window_of(&line->noise, test, rows, sum, squares, base, length);
+    return is_over(&line->noise, test, &window, TOLERANCES[j]);
+}
+
+/* Put a sample into all windows. Return 1 where a statistic is above its threshold, 0 where none is, -1 where none is known. */
+static int put_sample(gtm_monitor_line *line, unsigned j, int32_t sample)
+{
+    const uint32_t count = ++line->count, at = count > 1u ? next_of(line->ring_at, GTM_MONITOR_RING) : line->ring_at;
+    const arrival arriving = {sample, square_of(sample), count, at, place_before(at, BASE_BACK)};
+    int said = count < WINDOW_ROWS[0] + GTM_MONITOR_LEAST_BASELINE ? -1 : 0;
+    /* the oldest sample is read before the newest takes its place */
+    if (count > LONGEST + GTM_MONITOR_BASELINE) {
+        for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
+            said = put_in_window(line, &arriving, j, w, 1, said);
+        }
+    } else {
+        for (unsigned w = 0u; w < GTM_MONITOR_WINDOWS; w++) {
+            said = put_in_window(line, &arriving, j, w, 0, said);
+        }
+    }
+    line->ring_at = (uint16_t)at;
+    line->store.samples.ring[at] = (int16_t)sample;
+    /* counted modulo all that is asked of it: it never overflows */
+#if GTM_MONITOR_COMPACT
+    if (count % GTM_MONITOR_SHORTEST == 0u) {
+        int32_t sum = line->sums[0], half = (int32_t)GTM_MONITOR_SHORTEST / 2;
+        int32_t mean = (sum + (sum < 0 ? -half : half)) / (int32_t)GTM_MONITOR_SHORTEST;
+        *mean_at(line, count / GTM_MONITOR_SHORTEST - 1u) = (int16_t)mean;
+    }
+    if (count >= 2u * GTM_MONITOR_PERIOD) {
+        line->count -= GTM_MONITOR_PERIOD;
+    }
+#else
+    if (count > 2u * GTM_MONITOR_RING) {
+        line->count -= GTM_MONITOR_RING;
+    }
+#endif
+    return said;
+}
+
+/* ---- suspicions: a window that departs from what was learnt stops the learning ---- */
+
+/* Whether no row was missing in any window of suspicions: where those are windows of the tests, too, their sums are the same. */
+static int is_whole(const gtm_monitor_line *line, unsigned is_there)
+{
+    const unsigned last = GTM_MONITOR_SUSPICIONS - 1u;
+    return GTM_MONITOR_SUSPICIONS_ARE_WINDOWS && is_there && line->in_window[last] == SUSPICION_ROWS[last];
+}
+
+/* Put a row into the windows of suspicions, which count rows: those that are missing read 0. The newest stored sample is
+ * that of the row before, up to which nothing may have been missing. */
+static void put_row(gtm_monitor_line *line, unsigned is_there, int32_t sample)
+{
+    const uint32_t square = square_of(sample);
+    const unsigned at = line->there_at;
+    const int were_same = is_whole(line, 1u);
+    for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++) {
+        if (were_same) {
+            line->window_sums[w] = line->sums[SUSPICION_WINDOWS[w]];
+            line->window_squares[w] = line->squares[SUSPICION_WINDOWS[w]];
+        }
+        uint32_t rows = SUSPICION_ROWS[w], held = line->in_window[w];
+        unsigned leaves = at >= rows ? at - rows : at + GTM_MONITOR_THERE - rows;
+        int32_t old = 0;
+        if (held == rows || ((line->there[leaves / 32u] >> (leaves % 32u)) & 1u)) {
+            old = line->store.samples.ring[place_before(line->ring_at, held - 1u)];
+            held--;
+        }
+        line->in_window[w] = (uint16_t)(held + is_there);
+        line->window_sums[w] += sample - old;
+        line->window_squares[w] += square - square_of(old);
+    }
+    uint32_t bit = 1u << (at % 32u), others = line->there[at / 32u] & ~bit;
+    line->there[at / 32u] = is_there ? others | bit : others;
+    line->there_at = next_of(at, GTM_MONITOR_THERE);
+}
+
+/* The longest window that departs is remembered until the block ends. */
+static void suspect_row(gtm_monitor_line *line, int is_same)
+{
+    const gtm_monitor_noise *noise = &line->noise;
+    const float *test = SUSPICIONS;
+    for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++, test += ALL_TESTS) {
+        const uint32_t rows = SUSPICION_ROWS[w];
+        int32_t sum = line->window_sums[w];
+        uint32_t squares = line->window_squares[w];
+        if (is_same) {
+            sum = line->sums[SUSPICION_WINDOWS[w]];
+            squares = line->squares[SUSPICION_WINDOWS[w]];
+        }
+        if (!is_ordinary(test, sum, squares, noise->base) && rows > line->suspected) {
+            window_state window = window_of(noise, test, rows, sum, squares, noise->base, 0u);
+            line->suspected = is_over(noise, test, &window, NO_TOLERANCE) ? (uint16_t)rows : line->suspected;
+        }
+    }
 }
 
 /* ---- what blocks of half a second tell of the noise ---- */
@@ -284,12 +357,12 @@ static float column_sum(const uint16_t *first, unsigned count)
     return sum;
 }
 
-/* Sums over `count` blocks, of which `newer` ones are younger. */
-static void add_recent(const gtm_monitor_blocks *blocks, unsigned newer, unsigned count, float *sums)
+/* Sums of columns from `first` to before `end`, over `count` blocks, of which `newer` ones are younger. */
+static void add_recent(const gtm_monitor_blocks *blocks, unsigned newer, unsigned count, unsigned first, unsigned end, float *sums)
 {
     unsigned stop = (blocks->recent_next + GTM_MONITOR_RECENT - newer) % GTM_MONITOR_RECENT;
     unsigned early = count > stop ? count - stop : 0u; /* of them stand at the ring's end */
-    for (unsigned i = 0u; i < NAMES; i++) {
+    for (unsigned i = first; i < end; i++) {
         sums[i] = column_sum(&blocks->recent[stop + early - count][i], count - early);
         if (early > 0u) {
             sums[i] += column_sum(&blocks->recent[GTM_MONITOR_RECENT - early][i], early);
@@ -422,11 +495,11 @@ static void learn_colour(gtm_monitor_noise *noise, const float *sums)
     }
     float deviation = sqrtf(variance);
     for (unsigned i = 0u; i <= ORDER; i++) {
-        noise->taps[ORDER - i] = taps[i] / deviation; /* for the oldest first */
+        noise->taps[i] = taps[i] / deviation;
     }
 }
 
-static float learn_tail(gtm_monitor_noise *noise, const float *sums)
+static void learn_tail(gtm_monitor_noise *noise, const float *sums)
 {
     float count = largest(sums[COUNT], 1.0f), clipped[4], gain = 0.0f;
     for (unsigned i = 0u; i < 4u; i++) {
@@ -444,10 +517,11 @@ static float learn_tail(gtm_monitor_noise *noise, const float *sums)
     float floored = largest(power + FLOOR * gain, 1e-12f);
     noise->clip = clip;
     noise->scale = 1.0f / sqrtf(floored);
-    return largest(power / floored, 1e-6f);
+    float silent = 0.5f * logf(largest(power / floored, 1e-6f));
+    noise->unsteady = silent * silent; /* at least */
 }
 
-static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks *remembered, unsigned to_come, float quiet)
+static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks *remembered, unsigned to_come)
 {
     float sums[ALL_OLD];
     float blocks = (float)add_remembered(remembered, to_come, sums);
@@ -475,8 +549,7 @@ static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks 
         }
     }
     noise->slow = slow + worth * worth * worth * worth / size;
-    float silent = 0.5f * logf(quiet);
-    noise->unsteady = largest(unsteady, silent * silent);
+    noise->unsteady = largest(unsteady, noise->unsteady);
     float sigma = sqrtf(noise->unsteady), wide = expf(2.0f * sigma);
     noise->worth = 2.0f / noise->unsteady;
     noise->widened = least(expf(2.5f * largest(sigma - 0.03f, 0.0f)), UNSTEADIEST);
@@ -484,21 +557,35 @@ static void learn_steadiness(gtm_monitor_noise *noise, const gtm_monitor_blocks 
     noise->louder = least(wide, UNSTEADIEST);
 }
 
-/* What blocks are whitened by once `to_come` more is there: the youngest block is never learnt from, so what the next
- * one is whitened by is known as soon as this one begins. */
-static void learn_all(const gtm_monitor_blocks *blocks, unsigned to_come, gtm_monitor_noise *noise)
+/* One of the STAGES of learning what blocks are whitened by once `to_come` more is there: the youngest block is never
+ * learnt from, so what the next one is whitened by is known as soon as this one begins. Each stands on those before it. */
+static void learn_stage(const gtm_monitor_blocks *blocks, unsigned to_come, unsigned stage, gtm_monitor_noise *noise)
 {
     unsigned newer = blocks->recent_count + to_come > 1u ? GAP - to_come : 0u, count = blocks->recent_count - newer;
     float sums[NAMES];
-    add_recent(blocks, newer, count < SPAN ? count : SPAN, sums);
-    learn_level(noise, sums);
-    learn_colour(noise, sums);
-    float quiet = learn_tail(noise, sums);
-    learn_steadiness(noise, blocks, to_come, quiet);
-    noise->base = sums[SUM] / largest(sums[COUNT], 1.0f);
+    count = count < SPAN ? count : SPAN;
+    if (stage == 0u) {
+        add_recent(blocks, newer, count, COUNT, COUNT + 1u, sums);
+        add_recent(blocks, newer, count, LAGS, NAMES, sums);
+        learn_colour(noise, sums);
+    } else if (stage == 1u) {
+        add_recent(blocks, newer, count, COUNT, LAGS, sums);
+        learn_level(noise, sums);
+        learn_tail(noise, sums);
+        noise->base = sums[SUM] / largest(sums[COUNT], 1.0f);
+    } else {
+        learn_steadiness(noise, blocks, to_come);
+    }
 }
 
-/* Learn, where that is due: it is dear, so one residual does it in a call. */
+static void learn_all(const gtm_monitor_blocks *blocks, unsigned to_come, gtm_monitor_noise *noise)
+{
+    for (unsigned stage = 0u; stage < STAGES; stage++) {
+        learn_stage(blocks, to_come, stage, noise);
+    }
+}
+
+/* Learn, where that is due: it is dear, so one residual does it in a call, or a stage of it where a block has calls enough. */
 static void learn_due(gtm_monitor_line *line, unsigned *may_learn)
 {
     if (*may_learn == 0u || line->phase != FOLLOWING) {
@@ -508,9 +595,11 @@ static void learn_due(gtm_monitor_line *line, unsigned *may_learn)
         learn_all(&line->blocks, 0u, &line->noise);
         line->is_due = 0u;
         *may_learn = 0u;
-    } else if (!line->is_held && !line->is_ready && line->row_in_block > 0u) {
-        learn_all(&line->blocks, 1u, &line->next);
-        line->is_ready = 1u;
+    } else if (!line->is_held && line->stages < STAGES && line->row_in_block > 0u) {
+        do {
+            learn_stage(&line->blocks, 1u, line->stages, &line->next);
+            line->stages++;
+        } while (LEARNS_AT_ONCE && line->stages < STAGES);
         *may_learn = 0u;
     }
 }
@@ -526,9 +615,7 @@ static void open_block(gtm_monitor_line *line)
 
 static void end_nothing(gtm_monitor_line *line)
 {
-    for (unsigned i = 0u; i <= ORDER; i++) {
-        line->lagged[i] = 0.0f;
-    }
+    memset(line->lagged, 0, sizeof line->lagged);
     memset(line->powers, 0, sizeof line->powers);
     memset(line->block_sums, 0, sizeof line->block_sums);
     line->burst = 0.0f;
@@ -545,24 +632,28 @@ static void measure_size(gtm_monitor_line *line, float x)
 static void measure_colour(gtm_monitor_line *line, float x)
 {
     float own = within(filled(x), CLIPS[3] * line->noise.local);
-    line->lagged_at = next_of(line->lagged_at, ORDER + 1u);
-    line->lagged[line->lagged_at] = own;
-    unsigned at = line->lagged_at, lag = 0u;
-    for (unsigned i = at + 1u; i-- > 0u;) {
-        line->open.lags[lag++] += own * line->lagged[i];
-    }
-    for (unsigned i = ORDER + 1u; i-- > at + 1u;) {
-        line->open.lags[lag++] += own * line->lagged[i];
+    float *lagged = line->lagged, *sums = line->open.lags, newer = own;
+    for (unsigned lag = 0u; lag <= ORDER; lag += 2u) {
+        float older = lagged[lag], oldest = lagged[lag + 1u];
+        lagged[lag] = newer;
+        lagged[lag + 1u] = older;
+        sums[lag] += own * newer;
+        sums[lag + 1u] += own * older;
+        newer = oldest;
     }
 }
 
 static void measure_tail(gtm_monitor_line *line, float y)
 {
-    float own = filled(y), square = 0.0f;
-    for (unsigned i = 0u; i < 4u; i++) {
-        float clipped = within(own, CLIPS[i]);
-        square = clipped * clipped;
-        line->open.clipped[i] += square;
+    float own = filled(y), square = own * own;
+    if (square <= CLIPS[0] * CLIPS[0]) {
+        line->open.within_all += square;
+    } else {
+        for (unsigned i = 0u; i < 4u; i++) {
+            float clipped = within(own, CLIPS[i]);
+            square = clipped * clipped;
+            line->open.beyond[i] += square;
+        }
     }
     line->open.fourth += square * square;
 }
@@ -589,18 +680,18 @@ static uint32_t sizes_upto(const gtm_monitor_line *line, uint32_t code)
 }
 
 /* One and a half times the median of the last sizes, where it is more than `clip`: what is as loud for longer is no
- * outlier. Codes of sizes are in their order, so the median is found by halving. */
-static float lasting(const gtm_monitor_line *line, float clip)
+ * outlier. Codes of sizes are in their order, so the median is found by halving, and only as far as `size` is clipped. */
+static float lasting(const gtm_monitor_line *line, float clip, float size)
 {
     const uint32_t half = (GTM_MONITOR_LASTING + 1u) / 2u;
-    uint32_t low = packed(clip / 1.5f), high = 0u, above = 0xFFFFu;
+    uint32_t low = packed(clip / 1.5f), high = packed(size / 1.5f), above = 0xFFFFu;
     if (sizes_upto(line, low) > half) {
         return clip;
     }
-    for (unsigned i = 0u; i < GTM_MONITOR_LASTING; i++) {
-        high = line->sizes[i] > high ? line->sizes[i] : high;
+    if (sizes_upto(line, high) < half) {
+        return size;
     }
-    for (low = 0u; low < high;) {
+    while (low < high) {
         uint32_t middle = (low + high) / 2u;
         if (sizes_upto(line, middle) >= half) {
             high = middle;
@@ -621,9 +712,21 @@ static float lasting(const gtm_monitor_line *line, float clip)
 /* Behind both filters; NaN where a row that it needs is missing. */
 static float behind_both(gtm_monitor_line *line, float x)
 {
-    line->second_at = next_of(line->second_at, ORDER + 1u);
-    line->second[line->second_at] = x;
-    return dot(line->noise.taps, line->second, ORDER + 1u, line->second_at);
+    const float *taps = line->noise.taps;
+    float *second = line->second, newer = x, sum = 0.0f;
+    for (unsigned lag = 0u; lag < ORDER; lag += 2u) {
+        float older = second[lag], oldest = second[lag + 1u];
+        second[lag] = newer;
+        second[lag + 1u] = older;
+        sum += taps[lag] * newer;
+        sum += taps[lag + 1u] * older;
+        newer = oldest;
+    }
+    if (ORDER % 2u == 0u) {
+        second[ORDER] = newer;
+        sum += taps[ORDER] * newer;
+    }
+    return sum;
 }
 
 /* Clipped and of variance 1. After a gross outlier in noise with a heavy tail, its echo counts for little. */
@@ -644,7 +747,7 @@ static float clipped_white(gtm_monitor_line *line, float y)
         clip = 5.0f;
     }
     if (size > clip) {
-        clip = lasting(line, clip);
+        clip = lasting(line, clip, size);
     }
     return within(y, clip) * line->noise.scale;
 }
@@ -660,7 +763,7 @@ static void measured(const gtm_monitor_line *line, float *recent, float *late, f
     recent[FOURTH] = open->fourth;
     recent[SUM] = open->sum;
     for (unsigned i = 0u; i < 4u; i++) {
-        recent[CLIPPED + i] = open->clipped[i];
+        recent[CLIPPED + i] = open->within_all + open->beyond[i];
     }
     for (unsigned i = 0u; i <= ORDER; i++) {
         recent[LAGS + i] = open->lags[i];
@@ -710,26 +813,7 @@ static void end_block(gtm_monitor_line *line, const float powers[2], float burst
     line->block_sums[0] = line->open.sum;
 }
 
-/* ---- suspicions: a window that departs from what was learnt stops the learning ---- */
-
-static void suspect_row(gtm_monitor_line *line)
-{
-    const gtm_monitor_noise *noise = &line->noise;
-    for (unsigned w = 0u; w < GTM_MONITOR_SUSPICIONS; w++) {
-        float share = SUSPICION_SHARES[w], mean = (float)line->window_sums[w] * share, shift = mean - noise->base;
-        float square = real(line->window_squares[w]) * (share / SCALE);
-        float power = largest(square - (mean + shift) * noise->base, 1e-12f);
-        if (shift * shift > SUSPICION_NEAR[w] || power < SUSPICION_QUIET[w] || power > SUSPICION_LOUD[w]) {
-            float rows = (float)SUSPICION_ROWS[w], enough = SUSPICION_NATS[w];
-            float variance = 1.0f / rows + noise->slow;
-            float nats = nats_of_mean(noise, rows, shift, power, variance, 0.0f);
-            nats = largest(nats, nats_of_energy(noise, rows, power, 1.0f, 1.0f));
-            if (nats > enough && SUSPICION_ROWS[w] > line->suspected) {
-                line->suspected = (uint16_t)SUSPICION_ROWS[w];
-            }
-        }
-    }
-}
+/* ---- the end of a block ---- */
 
 /* The noise is learnt anew from here on: what is there has become the noise. */
 static void begin_learning(gtm_monitor_line *line)
@@ -754,7 +838,7 @@ static void begin_learning(gtm_monitor_line *line)
     line->at = 0u;
     line->is_held = 0u;
     line->is_due = 0u;
-    line->is_ready = 0u;
+    line->stages = 0u;
     end_nothing(line);
     open_block(line);
 }
@@ -786,18 +870,18 @@ static void complete_block(gtm_monitor_line *line)
         end_block(line, powers, burst);
         if (line->open.count >= 0.5f * (float)BLOCK) {
             remember(&line->blocks, recent, late);
-            if (line->is_ready) {
+            if (line->stages == STAGES) {
                 line->noise = line->next;
             } else {
                 learn_all(&line->blocks, 0u, &line->noise);
             }
         }
     }
-    line->is_ready = 0u;
+    line->stages = 0u;
     open_block(line);
 }
 
-/* Take a row behind the calibrated filter; return what `judged` says of it. */
+/* Take a row behind the calibrated filter; return what `put_sample` says of it. */
 static int follow(gtm_monitor_line *line, unsigned j, float x, int is_silent)
 {
     int said = -1;
@@ -810,14 +894,16 @@ static int follow(gtm_monitor_line *line, unsigned j, float x, int is_silent)
     }
     unsigned is_there = isfinite(z) ? 1u : 0u;
     int32_t sample = is_there ? nearest(within(z, MOST) * SCALE) : 0;
-    put_row(line, is_there, sample);
-    if (is_there) {
-        put_sample(line, sample);
-        said = is_silent ? -1 : judged(line, j);
+    const int is_same = is_whole(line, is_there);
+    if (!is_same) {
+        put_row(line, is_there, sample);
     }
-    suspect_row(line);
+    if (is_there) {
+        said = put_sample(line, j, sample);
+    }
+    suspect_row(line, is_same);
     line->row_in_block++; /* a complete block is closed with the next row: until then its noise is what rows are judged by */
-    return said;
+    return is_silent ? -1 : said;
 }
 
 /* ---- learning the noise at first: passes over the rows that wait, a few rows a call ---- */
@@ -926,18 +1012,22 @@ static void fill_blocks(gtm_monitor_line *line)
 static void end_pass(gtm_monitor_line *line)
 {
     unsigned all = line->learnt_rows / BLOCK;
+    unsigned count = all < SPAN ? all : SPAN;
     float sums[NAMES];
     line->blocks.recent_next = (uint16_t)(all % GTM_MONITOR_RECENT);
     line->blocks.recent_count = (uint16_t)all;
-    add_recent(&line->blocks, 0u, all < SPAN ? all : SPAN, sums);
+    add_recent(&line->blocks, 0u, count, COUNT, COUNT + 1u, sums);
     end_nothing(line);
     nothing(line->second, ORDER + 1u);
     if (line->phase == SIZING) {
+        add_recent(&line->blocks, 0u, count, SIZE, SIZE + 1u, sums);
         learn_level(&line->noise, sums);
     } else if (line->phase == COLOURING) {
+        add_recent(&line->blocks, 0u, count, LAGS, NAMES, sums);
         learn_colour(&line->noise, sums);
     } else if (line->phase == TAILING) {
-        (void)learn_tail(&line->noise, sums);
+        add_recent(&line->blocks, 0u, count, FOURTH, LAGS, sums);
+        learn_tail(&line->noise, sums);
         line->outlier_age = 0xFFFFu;
         memset(line->sizes, 0, sizeof line->sizes);
     } else {
@@ -945,8 +1035,10 @@ static void end_pass(gtm_monitor_line *line)
         unsigned kept = 0u;
         for (unsigned k = 0u; k < all; k++) {
             if ((line->whole >> k) & 1u) {
-                memmove(line->blocks.recent[kept], line->blocks.recent[k], sizeof line->blocks.recent[0]);
-                memmove(line->blocks.late[kept], line->blocks.late[k % GTM_MONITOR_LATE], sizeof line->blocks.late[0]);
+                if (kept < k) {
+                    memmove(line->blocks.recent[kept], line->blocks.recent[k], sizeof line->blocks.recent[0]);
+                    memmove(line->blocks.late[kept], line->blocks.late[k % GTM_MONITOR_LATE], sizeof line->blocks.late[0]);
+                }
                 kept++;
             }
         }
@@ -1005,7 +1097,7 @@ static void pass_row(gtm_monitor_line *line, unsigned j)
     }
 }
 
-/* Take what `judged` said of a row; return 1 where that is an alarm: a rise after it had come down. */
+/* Take what was said of a row; return 1 where that is an alarm: a rise after it had come down. */
 static uint32_t hear(gtm_monitor_line *line, int said)
 {
     uint32_t rose = 0u;
@@ -1042,8 +1134,8 @@ static uint32_t take_residual(gtm_monitor_line *line, unsigned j, float raw, uns
     }
     waiting(line)[line->rows++] = raw;
     const unsigned phase = line->phase;
-    if (phase == FOLLOWING && (line->is_due || (GTM_MONITOR_REPLAYS_ALONE && *may_learn == 0u))) {
-        return 0u; /* the noise isn't learnt yet, or this call has done enough */
+    if (phase == FOLLOWING && line->is_due) {
+        return 0u; /* the noise isn't learnt yet */
     }
     for (unsigned k = 0u; k < ROWS_A_CALL[phase] && line->phase == phase; k++) {
         if (phase != FOLLOWING) {
@@ -1083,12 +1175,8 @@ static float slope_of(const gtm_monitor_state *state, unsigned channel)
 }
 
 /* Channels that are missing while others live: more than half a second of the last two. */
-static void count_missing(gtm_monitor_state *state)
+static void count_missing(gtm_monitor_state *state, uint32_t lost)
 {
-    uint32_t lost = 0u;
-    for (unsigned c = 0u; c < GTM_MONITOR_CHANNELS; c++) {
-        lost |= isfinite(state->latest[c]) ? 0u : 1u << c;
-    }
     if (lost == (1u << GTM_MONITOR_CHANNELS) - 1u) {
         return; /* nothing was recorded: that says nothing of any sensor */
     }
@@ -1112,12 +1200,14 @@ static void count_missing(gtm_monitor_state *state)
 static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_events *events)
 {
     float derived[GTM_MONITOR_DERIVED + 1];
+    uint32_t lost = 0u;
     for (unsigned c = 0u; c < GTM_MONITOR_CHANNELS; c++) {
         state->before[c] = state->middle[c];
         state->middle[c] = state->latest[c];
         state->latest[c] = isfinite(values[c]) ? within(values[c], 1e9f) : NAN;
+        lost |= isfinite(values[c]) ? 0u : 1u << c;
     }
-    count_missing(state);
+    count_missing(state, lost);
     derive(state, derived);
     unsigned may_learn = 1u;
     for (unsigned j = 0u; j < GTM_MONITOR_RESIDUALS; j++) {
@@ -1128,7 +1218,7 @@ static void take_row(gtm_monitor_state *state, const float *values, gtm_monitor_
             unsigned from = INPUTS[j][i];
             const float *channels = IS_LATE[j] ? state->middle : state->latest;
             line->inputs[i][line->input_at] = from < GTM_MONITOR_CHANNELS ? channels[from] : derived[from - GTM_MONITOR_CHANNELS];
-            predicted += dot(MARKOV[j] + (size_t)i * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
+            predicted += dot(MARKOV[j] + (size_t)i * 2u * TAPS[j], line->inputs[i], TAPS[j], line->input_at);
         }
         line->read_at = next_of(line->read_at, READS[j]);
         line->reads[line->read_at] = OUTPUTS[j] < GTM_MONITOR_CHANNELS ? state->latest[OUTPUTS[j]] : derived[OUTPUTS[j] - GTM_MONITOR_CHANNELS];
@@ -1244,14 +1334,19 @@ float gtm_monitor_noise_level(const gtm_monitor_state *state, unsigned residual)
 
 float gtm_monitor_statistic(const gtm_monitor_state *state, unsigned residual, unsigned window, unsigned is_energy)
 {
-    float shift, power;
+    float base;
     if (residual >= GTM_MONITOR_RESIDUALS || window >= GTM_MONITOR_WINDOWS || state->lines[residual].phase != FOLLOWING) {
         return NAN;
     }
     const gtm_monitor_line *line = &state->lines[residual];
-    uint32_t length = window_of(line, window, &shift, &power);
+    const float *test = TESTS[residual] + (size_t)window * ALL_TESTS, *tolerance = TOLERANCES[residual];
+    uint32_t length = baseline_of(line, window, &base);
     if (length == 0u) {
         return NAN;
     }
-    return is_energy ? of_energy(line, residual, window, power) : of_mean(line, residual, window, shift, power, length);
+    window_state own = window_of(&line->noise, test, WINDOW_ROWS[window], line->sums[window], line->squares[window], base, length);
+    if (is_energy) {
+        return nats_of_energy(&line->noise, &own, tolerance) / test[ENOUGH + 1];
+    }
+    return nats_of_mean(&line->noise, &own, square_of_shift(&own, tolerance)) / test[ENOUGH];
 }
