@@ -23,12 +23,14 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
+from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
+from gtmbench.study.log.standing import standing_gyros
 from gtmbench.study.log.starts import steady
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
@@ -60,6 +62,8 @@ class Said:
         log, or the log hasn't both.
     witnesses : tuple of FieldWitness
         The magnetometers that were asked where r or psi was left open.
+    standing : tuple of Alarm
+        Gyros that read a turn while the aircraft stands.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -72,6 +76,7 @@ class Said:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    standing: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
 
 
@@ -101,6 +106,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
+    said = replace(said, standing=_standing(said))
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -115,13 +121,14 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
+    watches = over(watches, said.excursions)
     return _settled(
         replace(
             said,
             watches=tuple(watches),
             check=check,
             comparison=comparison,
-            means=_means(said),
+            means=but_after_crashes(_means(said), watches, said.excursions),
             findings=findings,
         )
     )
@@ -139,6 +146,12 @@ def _beginning(log: FlightLog) -> Span:
     """Return the log's first seconds: how its IMUs differ, where nothing was learnt."""
     start_s, _ = whole_s(log)
     return start_s, start_s + _BEGINNING_S
+
+
+def _standing(said: Said) -> tuple[Alarm, ...]:
+    """Return the gyros that read a turn while the aircraft stands, in all of a log; none where it is misread."""
+    motion = said.learnt.opened.own.motion
+    return () if motion is None or said.check.causes else standing_gyros(motion.segments)
 
 
 def _means(said: Said) -> SlowMeans | None:

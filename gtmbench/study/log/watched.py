@@ -72,6 +72,8 @@ class WatchedLog:
     witnesses : tuple of FieldWitness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
+    standing : tuple of Alarm
+        Gyros that read a turn while the aircraft stands, by its accelerometers.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -109,6 +111,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    standing: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -127,7 +130,7 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         told = [alarm for watch in self.watches for alarm in watch.faults]
-        told += further(told, self.comparison)
+        told += [*self.standing, *further(told, self.comparison)]
         return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
 
     @property
@@ -187,6 +190,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         means=said.means,
         witnesses=said.witnesses,
+        standing=said.standing,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,
