@@ -72,9 +72,12 @@ def slow_size(means: SlowMeans, sensor: str, kind: str, share: float) -> SlowSiz
 def _begins(means: SlowMeans, axis: int) -> IntArray:
     """Return the seconds on which a fault is put: those that are watched and known, but for the last of them.
 
-    What wasn't logged, or nobody can tell of, isn't watched: it counts for nothing.
+    What wasn't logged, or nobody can tell of, isn't watched: it counts for nothing. A fault that begins before what
+    was identified on is learnt as healthy.
     """
+    learnt = np.flatnonzero(~means.is_watched)
     seconds = np.flatnonzero(means.is_watched & np.isfinite(means.error[:, axis]))
+    seconds = seconds[seconds > (learnt[-1] if len(learnt) else -1)]
     return seconds[: len(seconds) - min(_WITHIN_S, len(seconds) // 2)]
 
 
