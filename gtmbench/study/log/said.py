@@ -25,11 +25,11 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
+from gtmbench.study.log.slow_means import SlowMeans, beyond, mean_error_deg_s, slow_means
 from gtmbench.study.log.standing import standing_gyros
 from gtmbench.study.log.starts import steady
 from gtmbench.values.channels import GYROS
@@ -78,6 +78,15 @@ class Said:
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
+
+
+def first_alarms(
+    watches: Sequence[Watch], standing: Sequence[Alarm], comparison: Comparison | None, means: SlowMeans | None
+) -> tuple[Alarm, ...]:
+    """Return the first alarm of each fault that is said of a log, in order of time."""
+    told = [alarm for watch in watches for alarm in watch.faults]
+    told += [*standing, *further(told, comparison)]
+    return tuple(sorted([*told, *beyond(told, means)], key=lambda alarm: alarm.time_s))
 
 
 def listened(learnt: Learnt, progress: Progress) -> Said:

@@ -16,10 +16,10 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.field_witnesses import FieldWitness
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.imu_comparison import Comparison, further
-from gtmbench.study.log.said import Said
+from gtmbench.study.log.imu_comparison import Comparison
+from gtmbench.study.log.said import Said, first_alarms
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
+from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
 
@@ -129,9 +129,7 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        told = [alarm for watch in self.watches for alarm in watch.faults]
-        told += [*self.standing, *further(told, self.comparison)]
-        return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
+        return first_alarms(self.watches, self.standing, self.comparison, self.means)
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
