@@ -126,19 +126,19 @@ def watch_whole(path: Path) -> Whole:
 
 
 def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) -> Iterator[Tried]:
-    """Give what is said of faults of every gyro that is watched and of some kinds, alone and through an estimator.
+    """Give what is said of faults of some kinds, alone and through an estimator: of a gyro at a time, by turns.
 
-    One onset a gyro and kind is drawn, evenly over what is watched and leaves `LEFT_S`.
+    The first gyro and one onset a kind are drawn, evenly over what is watched and leaves `LEFT_S`.
     """
     random = np.random.default_rng([zlib.crc32(whole.path.name.encode()), seed])
-    onsets_s = _onsets_s(whole.watched)
-    for sensor in GYROS:
-        for kind in kinds:
-            share, is_turned = random.random(), bool(random.integers(2))
-            if sensor in _suspects(whole.watched) and len(onsets_s):
-                onset_s = float(onsets_s[int(share * len(onsets_s))])
-                for attitude in (ALONE, THROUGH):
-                    yield from _tried(whole, sensor, kind, onset_s, attitude, is_turned=is_turned)
+    onsets_s, gyros = _onsets_s(whole.watched), [name for name in GYROS if name in _suspects(whole.watched)]
+    first = int(random.integers(len(GYROS)))
+    for turn, kind in enumerate(kinds):
+        share, is_turned = random.random(), bool(random.integers(2))
+        if gyros and len(onsets_s):
+            sensor, onset_s = gyros[(first + turn) % len(gyros)], float(onsets_s[int(share * len(onsets_s))])
+            for attitude in (ALONE, THROUGH):
+                yield from _tried(whole, sensor, kind, onset_s, attitude, is_turned=is_turned)
 
 
 def coverage(watched: WatchedLog) -> tuple[float, float, float]:

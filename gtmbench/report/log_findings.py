@@ -15,8 +15,8 @@ from gtmbench.detectors.excursion import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.style import colours
-from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.contacts import is_contact
+from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Record, Span
 

@@ -42,6 +42,8 @@ def over(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> tuple[Wat
     excursions : sequence of Excursion
         Of the whole log.
     """
+    if not any(_is_of_contact(alarm) for watch in watches for alarm in watch.alarms):
+        return tuple(watches)
     open_s = [alarm.onset_s for watch in watches for alarm in watch.faults if _is_open(alarm)]
     flown_s = _flown_s(watches)
 
@@ -74,8 +76,8 @@ def but_after_crashes(
     excursions : sequence of Excursion
         Of the whole log.
     """
-    if means is None:
-        return None
+    if means is None or not any(alarm.doubt for alarm in means.alarms):
+        return means
     flown_s = _flown_s(watches)
     hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
     crashes = [each for each in hard if not _flies_on(flown_s, each.end_s)]
@@ -121,4 +123,3 @@ def _is_near(excursion: Excursion, alarm: Alarm) -> bool:
 def _explained(alarm: Alarm, ended_s: float) -> Alarm:
     judged = Judgement(time_s=max(ended_s, alarm.time_s), sensor=None, candidates=(), reason=alarm.doubt)
     return replace(alarm, judgements=(*alarm.judgements, judged))
-

@@ -29,9 +29,10 @@ from gtmbench.study.log.imu_comparison import Comparison, beside, compare, furth
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.study.log.slow_means import SlowMeans, beyond, mean_error_deg_s, slow_means
+from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
 from gtmbench.study.log.standing import standing_gyros
 from gtmbench.study.log.starts import steady
+from gtmbench.study.log.vertical import contradiction
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
 
@@ -115,7 +116,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
-    said = replace(said, standing=_standing(said))
+    said = _beside_accelerometers(said)
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -131,13 +132,14 @@ def doubted(said: Said, progress: Progress) -> Said:
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     watches = over(watches, said.excursions)
+    means = but_beside(_means(said), [alarm for watch in watches for alarm in watch.faults])
     return _settled(
         replace(
             said,
             watches=tuple(watches),
             check=check,
             comparison=comparison,
-            means=but_after_crashes(_means(said), watches, said.excursions),
+            means=but_after_crashes(means, watches, said.excursions),
             findings=findings,
         )
     )
@@ -157,10 +159,14 @@ def _beginning(log: FlightLog) -> Span:
     return start_s, start_s + _BEGINNING_S
 
 
-def _standing(said: Said) -> tuple[Alarm, ...]:
-    """Return the gyros that read a turn while the aircraft stands, in all of a log; none where it is misread."""
+def _beside_accelerometers(said: Said) -> Said:
+    """Return what is said with what accelerometers contradict, in all of a log; as it is where the log is misread."""
     motion = said.learnt.opened.own.motion
-    return () if motion is None or said.check.causes else standing_gyros(motion.segments)
+    if motion is None or said.check.causes:
+        return said
+    wrong = contradiction(motion.segments)
+    doubts = (*said.check.doubts, *([wrong] if wrong else []))
+    return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 
 def _means(said: Said) -> SlowMeans | None:

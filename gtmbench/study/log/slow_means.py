@@ -144,12 +144,40 @@ def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
     return [each for each in told if not any(_is_told(each, alarm) for alarm in sure)]
 
 
-def _is_told(slow: Alarm, alarm: Alarm) -> bool:
-    """Tell whether an alarm is of the same axis, and its fault there while the mean was off."""
+def but_beside(means: SlowMeans | None, alarms: Sequence[Alarm]) -> SlowMeans | None:
+    """Return means that name no gyro while the residual of another rose: a bent attitude shows in all of them.
+
+    Parameters
+    ----------
+    means : SlowMeans or None
+    alarms : sequence of Alarm
+        The monitor's own.
+    """
+    if means is None:
+        return None
+    left = [alarm for alarm in alarms if not alarm.has_passed]
+
+    def doubted(slow: Alarm) -> Alarm:
+        beside = next((each for each in left if each.source != slow.source and _overlap(slow, each)), None)
+        if beside is None or slow.last is None or not slow.accuses:
+            return slow
+        doubt = f"the means of {slow.source} differ from the attitude's, but {beside.source} rose, too: it may be bent"
+        judged = replace(slow.last, sensor=None, doubt=doubt, reason=f"{beside.source} rose at {beside.time_s:.1f} s")
+        return replace(slow, judgements=(judged,))
+
+    return replace(means, alarms=tuple(map(doubted, means.alarms)))
+
+
+def _overlap(slow: Alarm, alarm: Alarm) -> bool:
+    """Tell whether two alarms tell of one time."""
     until_s = np.inf if slow.ended_s is None else slow.ended_s
     ended_s = np.inf if alarm.ended_s is None else alarm.ended_s
-    is_while = alarm.onset_s <= until_s and ended_s >= slow.onset_s
-    return is_while and (slow.sensor is None or slow.sensor in alarm.candidates)
+    return alarm.onset_s <= until_s and ended_s >= slow.onset_s
+
+
+def _is_told(slow: Alarm, alarm: Alarm) -> bool:
+    """Tell whether an alarm is of the same axis, and its fault there while the mean was off."""
+    return _overlap(slow, alarm) and (slow.sensor is None or slow.sensor in alarm.candidates)
 
 
 def mean_error_deg_s(alarm: Alarm) -> float | None:

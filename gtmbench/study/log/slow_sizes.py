@@ -8,16 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from gtmbench.faults.additive import Bias, Drift
-from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.seconds import SECOND_S, IntArray
 from gtmbench.study.log.slow_means import WINDOWS, SlowMeans
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
-
-IntArray = npt.NDArray[np.int_]
 
 _WITHIN_S = 60  # of its onset
 

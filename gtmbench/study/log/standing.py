@@ -14,13 +14,15 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.study.log.seconds import SECOND_S, rows_by_second
+from gtmbench.study.log.seconds import SECOND_S, Seconds, of_seconds
 from gtmbench.study.log.self_check.motion import attitude_rates
+from gtmbench.study.log.vertical import up_of
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, runs
 
 STANDING = "while it stands"  # test of such alarms
 _QUIET_G, _QUIET_DEG_S = 0.02, 0.6  # the largest deviations of a second, of the specific force and of a gyro
+_DEAD_G = 1e-5  # of a second's deviation: it reads one value
 _FROM_1_G = 0.1  # accelerometers' scale and offset
 _STAYS_DEG, _TUMBLES_DEG = 2.0, 30.0  # by which the vertical turns, as accelerometers and as the attitude tell
 _FEWEST_S, _LONGEST_S = 6, 20
@@ -55,25 +57,22 @@ def standing_gyros(records: Sequence[Record]) -> tuple[Alarm, ...]:
 
 def _of_record(record: Record, number: int) -> Iterator[Alarm]:
     """Give the alarms of a record, of every stretch in which it stands."""
-    seconds = [rows for _, rows in rows_by_second(record, record.start_s)]
-    gyros, force = record.matrix(GYROS), record.matrix(ACCELEROMETERS)
-    rates, vertical = attitude_rates(record), _vertical(record)
-    stands = np.array([_is_quiet(gyros[rows], force[rows]) for rows in seconds], dtype=np.bool_)
-    for first, stop in _stretches(stands):
-        rows = slice(seconds[first].start, seconds[stop - 1].stop)
-        means = np.array([force[each].mean(axis=0) for each in seconds[first:stop]])
-        tumbled_deg = _spread_deg(vertical[rows])
+    seconds = of_seconds(record, record.start_s, lambda part: part.matrix((*GYROS, *ACCELEROMETERS)))
+    for first, stop in _stretches(_is_quiet(seconds)):
+        part = record.part(range(int(seconds.first_row[first]), int(seconds.stop_row[stop - 1])))
+        reads, means = seconds.means[first:stop, :3].mean(axis=0), seconds.means[first:stop, 3:]
+        tumbled_deg = _spread_deg(up_of(part))
         if _spread_deg(means) > _STAYS_DEG or tumbled_deg < _TUMBLES_DEG:
             continue
         along = np.abs(means.mean(axis=0)) / np.linalg.norm(means.mean(axis=0))
-        reads, turns = gyros[rows].mean(axis=0), np.nanmean(rates[rows], axis=0)
+        turns = np.nanmean(attitude_rates(part), axis=0)
         wrong = (np.abs(reads) > _LEAST_DEG_S) & (reads * turns > 0.0) & (along < _ACROSS)
         for axis in np.flatnonzero(wrong).tolist():
             reason = (
                 f"the aircraft stands for {stop - first} s by its accelerometers, while {GYROS[axis]} reads "
                 f"{reads[axis]:.2g} deg/s and the attitude tilts by {tumbled_deg:.0f} deg"
             )
-            start_s = float(record.time_s[rows.start])
+            start_s = part.start_s
             known_s = start_s + _FEWEST_S * SECOND_S
             judged = Judgement(
                 time_s=known_s,
@@ -103,20 +102,12 @@ def _stretches(stands: BoolArray) -> Iterator[tuple[int, int]]:
                 yield first, stop
 
 
-def _is_quiet(gyros: FloatArray, force: FloatArray) -> bool:
-    """Tell whether a second is as quiet as on the ground; sensors without any noise are dead, and tell nothing."""
-    if not (np.isfinite(gyros).all() and np.isfinite(force).all()):
-        return False
-    shaking = force.std(axis=0)
-    is_live = bool((shaking > 0.0).any())
-    is_1_g = abs(float(np.linalg.norm(force.mean(axis=0))) - 1.0) < _FROM_1_G
-    return bool(is_live and is_1_g and shaking.max() < _QUIET_G and gyros.std(axis=0).max() < _QUIET_DEG_S)
-
-
-def _vertical(record: Record) -> FloatArray:
-    """Return where up is, along forward, right and up of the aircraft, as its attitude tells."""
-    phi, theta = np.deg2rad(record["phi"]), np.deg2rad(record["theta"])
-    return np.column_stack([np.sin(theta), -np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)])
+def _is_quiet(seconds: Seconds) -> BoolArray:
+    """Tell which seconds are as quiet as on the ground; sensors without any noise are dead, and tell nothing."""
+    gyros, force = seconds.deviations[:, :3], seconds.deviations[:, 3:]
+    is_1_g = np.abs(np.linalg.norm(seconds.means[:, 3:], axis=1) - 1.0) < _FROM_1_G
+    is_live = (force > _DEAD_G).any(axis=1)
+    return np.asarray(is_live & is_1_g & (force < _QUIET_G).all(axis=1) & (gyros < _QUIET_DEG_S).all(axis=1))
 
 
 def _spread_deg(directions: FloatArray) -> float:
