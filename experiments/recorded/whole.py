@@ -19,6 +19,7 @@ from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.choices import agreed
+from gtmbench.study.log.contacts import is_contact
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
@@ -35,7 +36,8 @@ THROUGH = "5 s"
 ESTIMATOR = gb.AttitudeEstimator(time_constant_s=5.0)
 LEFT_S = 20.0  # of a stretch, after the onset: time to judge
 NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
-USUAL, SLOW = "usual", "slow"
+USUAL, SLOW, CONTACT = "usual", "slow", "at a contact"
+AT_CONTACT, BEFORE_S = ("jam", "bias 5 deg/s", "sign"), 0.5  # what is put so long before a contact with the ground
 FAULTS: dict[str, tuple[str, type[gb.Fault], dict[str, float]]] = {
     "jam": (USUAL, gb.Jam, {}),
     "drift 0.5 deg/s2": (USUAL, gb.Drift, {"slope": 0.5}),
@@ -75,7 +77,7 @@ class Tried:
 
     Attributes
     ----------
-    sensor, fault, group : str
+    sensor, fault, kind : str
     attitude : str
         `ALONE`, or the time constant of the estimator that makes the attitude follow.
     onset_s : float
@@ -91,7 +93,7 @@ class Tried:
 
     sensor: str
     fault: str
-    group: str
+    kind: str
     attitude: str
     onset_s: float
     found_s: float
@@ -128,7 +130,8 @@ def watch_whole(path: Path) -> Whole:
 def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) -> Iterator[Tried]:
     """Give what is said of faults of some kinds, alone and through an estimator: of a gyro at a time, by turns.
 
-    The first gyro and one onset a kind are drawn, evenly over what is watched and leaves `LEFT_S`.
+    The first gyro and one onset a kind are drawn, evenly over what is watched and leaves `LEFT_S`. Where a contact with
+    the ground was explained, faults that begin with it are put, too.
     """
     random = np.random.default_rng([zlib.crc32(whole.path.name.encode()), seed])
     onsets_s, gyros = _onsets_s(whole.watched), [name for name in GYROS if name in _suspects(whole.watched)]
@@ -139,6 +142,11 @@ def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) 
             sensor, onset_s = gyros[(first + turn) % len(gyros)], float(onsets_s[int(share * len(onsets_s))])
             for attitude in (ALONE, THROUGH):
                 yield from _tried(whole, sensor, kind, onset_s, attitude, is_turned=is_turned)
+    contacts_s = [alarm.onset_s - BEFORE_S for alarm in whole.watched.alarms if is_contact(alarm)]
+    for turn, (onset_s, kind) in enumerate((at_s, kind) for at_s in contacts_s for kind in kinds if kind in AT_CONTACT):
+        sensor = gyros[(first + turn) % len(gyros)]
+        for each in _tried(whole, sensor, kind, onset_s, THROUGH, is_turned=False):
+            yield replace(each, kind=CONTACT)
 
 
 def coverage(watched: WatchedLog) -> tuple[float, float, float]:
@@ -193,7 +201,7 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
     yield Tried(
         sensor=sensor,
         fault=kind,
-        group=group,
+        kind=group,
         attitude=attitude,
         onset_s=onset_s,
         found_s=min((alarm.time_s - onset_s for alarm in new), default=np.nan),
