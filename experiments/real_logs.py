@@ -1,10 +1,12 @@
 """Recorded flights, one row a log: what is said of each, of faults that are put on it, and of wrong readings of it.
 
-    python experiments/real_logs.py [FOLDER ...] [--synthetic] [--gtm N] [--misread EVERY] [--quick] [--out DIR]
+    python experiments/real_logs.py [FOLDER ...] [--synthetic] [--gtm N] [--broken N] [--misread N] [--kept DIR]
+        [--quick] [--out DIR]
 
-Watches every log below the folders as `gtmbench monitor LOG --detector auto` does: nobody says what is healthy. Then
-with faults of eight kinds, each on one gyro, from a drawn time on: on the gyro alone, and with an attitude that follows
-through an estimator of 5 s. Every third log's flight (`--misread`) is read in 23 wrong ways (`recorded/mutations.py`),
+Watches every log below the folders as `gtmbench monitor LOG --detector auto` does: nobody says what is healthy. Those
+that end with 0, every nth of them (`--broken`), are watched with faults of eight kinds, each on one gyro, from a drawn
+time on: on the gyro alone, and with an attitude that follows through an estimator of 5 s. Every nth log's flight
+(`--misread`, 3) is read in 23 wrong ways (`recorded/mutations.py`),
 by bank C, identified on its first half. `--synthetic` adds the healthy logs of `gtmbench.testing.mechanisms`, `--gtm`
 so many healthy flights of the GTM. Prints tables; writes report.md, logs.csv, faults.csv and readings.csv into DIR. No
 log is kept. Ends with code 1 where a target is missed (never with --quick).
@@ -48,7 +50,8 @@ DependableSystemsLab/DeLorean (`dl_`, `data/`) are of ArduPilot's simulator; som
 
 - *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged after what was learnt from.
   *watched*: the share of these in which residuals could alarm; *or means*: or means over tens of seconds.
-- *faults*: of eight kinds, each on one gyro by turns, at one drawn time in what is watched, 20 s before a stretch ends;
+- *faults*: on logs that end with 0, of eight kinds, each on one gyro by turns, at one drawn time in what is watched,
+  20 s before a stretch ends;
   bias and drift in a drawn direction. *alone*: the attitude stays as it is. *5 s*: it follows, through an estimator of
   that time constant. A broken log goes through every stage of a verdict but learning. *found*: an alarm is left that
   isn't there without the fault. Then the sensor is *named*, *either-or* with the right one among them, *can't tell*, or
@@ -279,13 +282,21 @@ def figures_of(study: Study) -> dict[str, float]:
 # ---- all of it ----
 
 
-def tasks(folders: Sequence[Path], size: Size, misread: int) -> list[Task]:
-    """Return every file of some folders, each a group; of files that are alike, the first."""
+def tasks(folders: Sequence[Path], size: Size, *, broken: int, misread: int, kept: Path | None) -> list[Task]:
+    """Return every file of some folders, each a group; of files that are alike, the first.
+
+    Every nth is broken, and misread.
+    """
+
+    def of(number: int) -> Size:
+        faults = size.faults if broken and number % broken == 0 else ()
+        return Size(faults=faults, readings=size.readings if misread and number % misread == 0 else ())
+
     once: dict[bytes, Task] = {}
     for folder in folders:
         for number, path in enumerate(sorted(path for path in folder.rglob("*") if path.is_file())):
             log = LogFile(path, str(path.relative_to(folder)))
-            task = Task(log, folder.resolve().name, size, bool(misread) and number % misread == 0)
+            task = Task(log, folder.resolve().name, of(number), kept)
             once.setdefault(hashlib.sha256(path.read_bytes()).digest(), task)
     return list(once.values())
 
@@ -318,7 +329,8 @@ def conduct(campaign: Campaign) -> Findings:
     size = QUICK if campaign.quick else Size()
     with tempfile.TemporaryDirectory() as folder:
         own = made(Path(folder), synthetic=given.synthetic, flights=given.gtm)
-        todo = tasks(given.folders, size, given.misread) + tasks(own, Size(faults=(), readings=()), 0)
+        todo = tasks(given.folders, size, broken=given.broken, misread=given.misread, kept=given.kept)
+        todo += tasks(own, size, broken=0, misread=0, kept=given.kept)
         done = spread(studied, todo, processes=campaign.jobs, step="logs", progress=campaign.tell)
     study = Study(
         *(
@@ -344,6 +356,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("folders", nargs="*", type=Path, help="folders of logs")
     parser.add_argument("--synthetic", action="store_true", help="synthetic healthy logs, too")
     parser.add_argument("--gtm", type=int, default=0, help="healthy flights of the GTM, too (default: %(default)s)")
+    parser.add_argument("--broken", type=int, default=1, help="put faults on every nth log; 0: none (default: 1)")
+    parser.add_argument("--kept", type=Path, help="folder of rows that were made before, and to keep them in")
     parser.add_argument("--misread", type=int, default=3, help="read every nth log wrongly; 0: none (default: 3)")
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from gtmbench.errors import InputError
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import Outcome, WatchedLog
-from recorded.flights import LogFile, watched
+from recorded.flights import LogFile, Parts, watched
 from recorded.mutations import MUTATIONS, Mutation, is_cause
 from recorded.truths import TRUTHS
 from recorded.whole import FAULTS, coverage, tried, watch_whole
@@ -34,12 +37,12 @@ QUICK = Size(faults=("jam", "bias 5 deg/s"), readings=("-q", "p, r swapped", "at
 
 
 class Task(NamedTuple):
-    """A log, the group that it is in, and how much is tried of it."""
+    """A log, the group that it is in, how much is tried of it, and where its rows are kept, if anywhere."""
 
     log: LogFile
     group: str
     size: Size
-    is_misread: bool
+    kept: Path | None = None
 
 
 class Rows(NamedTuple):
@@ -51,7 +54,17 @@ class Rows(NamedTuple):
 
 
 def studied(task: Task) -> Rows:
-    """Watch a log: as it is, broken, misread."""
+    """Watch a log: as it is, broken, misread; or return what was kept of that."""
+    kept = None if task.kept is None else task.kept / f"{task.group} {Path(task.log.name).name}.json"
+    if kept is not None and kept.exists():
+        return Rows(*json.loads(kept.read_text()))
+    rows = _studied(task)
+    if kept is not None:
+        kept.write_text(json.dumps(rows))
+    return rows
+
+
+def _studied(task: Task) -> Rows:
     whose = {"group": task.group, "log": task.log.name}
     try:
         whole = watch_whole(task.log.path)
@@ -59,12 +72,10 @@ def studied(task: Task) -> Rows:
         return Rows([], [], [])
     said = whole.watched
     log = {**whose, **of_log(task.log.name, said), "cpu_s": whole.cpu_s}
-    is_watched = bool(said.watches) and said.outcome is not Outcome.FAILED
-    faults = [
-        {**whose, "exit_healthy": log["exit"], **asdict(each)} for each in tried(whole, task.size.faults)
-    ] * is_watched
-    readings = [{**whose, **row} for row in misread(task.log, task.size.readings)] if task.is_misread else []
-    return Rows([log], faults, readings)
+    faults = tried(whole, task.size.faults) if said.outcome is Outcome.HEALTHY else ()
+    broken = [{**whose, "exit_healthy": log["exit"], **asdict(each)} for each in faults]
+    readings = [{**whose, **row} for row in misread(task.log, task.size.readings)]
+    return Rows([log], broken, readings)
 
 
 def of_log(name: str, said: WatchedLog) -> Row:
@@ -92,10 +103,10 @@ def shortened(text: str) -> str:
 
 def misread(log: LogFile, names: Sequence[str]) -> list[Row]:
     """Return what is said of a log's flight in some wrong readings, by bank C, identified on the first half."""
-    try:
-        parts = log.parts()
-    except InputError:
-        return []
+    parts: Parts = ()
+    if names:
+        with contextlib.suppress(InputError):
+            parts = log.parts()
     rows = []
     for name in names if parts else ():
         mutation = READINGS[name]

@@ -1,8 +1,7 @@
 """An attitude that contradicts the accelerometers: by both together the aircraft would fall for longer than any does.
 
 The specific force f is acceleration less gravity, so its part along the vertical is 1 g and the vertical acceleration.
-In means over ten seconds that acceleration is small, in a steep turn as on the ground: half a g for ten seconds is
-49 m/s. Where the attitude says so nevertheless, it isn't the aircraft's: mostly gyros that drive it read an offset. A
+In means over ten seconds that acceleration is small, in a steep turn as on the ground: 0.7 g for ten seconds is 69 m/s. Where the attitude says so nevertheless, it isn't the aircraft's: mostly gyros that drive it read an offset. A
 fault that is there from the first sample is learnt as healthy by whatever compares gyros with that attitude.
 """
 
@@ -18,7 +17,8 @@ from gtmbench.values.record import FloatArray, Record
 
 _WINDOW = 10  # seconds
 _KNOWN = 0.8  # of a window
-_LEAST_G, _FORCE_G = 0.5, 0.7  # of the vertical force; of all of the force, for a fall has none
+_LEAST_G, _FORCE_G = 0.3, 0.7  # of the vertical force; of all of the force, for a fall has none
+_LASTS = 5  # seconds of such means
 _USUAL_G = 0.7  # that it has in some second, or accelerometers are read otherwise than they are mounted
 
 
@@ -54,7 +54,7 @@ def contradiction(records: Sequence[Record]) -> str:
     >>> level = Record([[0.0, 0.0, 0.0, 0.0, 1.0]] * 600, channels=channels, sample_period_s=0.1)
     >>> tumbling = level.replace("phi", np.where(level.time_s < 20.0, 0.0, 6.0 * (level.time_s - 20.0)))
     >>> contradiction([level]), contradiction([tumbling])[:41]
-    ('', 'for 26 s from 25 s on the attitude contra')
+    ('', 'for 24 s from 27 s on the attitude contra')
     """
     told = [record for record in records if {"phi", "theta", *ACCELEROMETERS} <= set(record.channels)]
     if not told:
@@ -66,7 +66,7 @@ def contradiction(records: Sequence[Record]) -> str:
         force[seconds.at] = seconds.means
     vertical, whole = trailing_means(force, _WINDOW, _KNOWN).T
     wrong = np.flatnonzero((vertical < _LEAST_G) & (whole > _FORCE_G))
-    if not (len(wrong) and np.nanmax(force[:, 0]) > _USUAL_G):
+    if not (len(wrong) >= _LASTS and np.nanmax(force[:, 0]) > _USUAL_G):
         return ""
     return (
         f"for {len(wrong) * SECOND_S:.0f} s from {start_s + (wrong[0] - _WINDOW + 1) * SECOND_S:.0f} s on the attitude "
