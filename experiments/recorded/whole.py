@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -190,7 +191,8 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
     """Give what is said of a fault; nothing where it would bend the attitude beyond Euler angles."""
     group, fault_type, parameters = FAULTS[kind]
     sign = -1.0 if is_turned and kind.startswith(("bias", "drift")) else 1.0
-    fault = fault_type(channel=sensor, onset_s=onset_s, **{name: sign * value for name, value in parameters.items()})
+    sized: dict[str, Any] = {name: sign * value for name, value in parameters.items()}
+    fault = fault_type(channel=sensor, onset_s=onset_s, **sized)
     try:
         broken = _broken(whole.learnt.opened, fault, attitude)
     except InputError:

@@ -104,7 +104,7 @@ def _flown_s(watches: Sequence[Watch]) -> FloatArray:
 
 def _flies_on(flown_s: FloatArray, start_s: float, end_s: float = np.inf) -> bool:
     """Tell whether it flew for long enough between two times."""
-    return np.count_nonzero((flown_s >= start_s) & (flown_s < end_s)) >= _FLIES_ON_S
+    return int(np.count_nonzero((flown_s >= start_s) & (flown_s < end_s))) >= _FLIES_ON_S
 
 
 def _is_of_contact(alarm: Alarm) -> bool:

@@ -131,15 +131,15 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
-    watches = over(watches, said.excursions)
-    means = but_beside(_means(said), [alarm for watch in watches for alarm in watch.faults])
+    explained = over(watches, said.excursions)
+    means = but_beside(_means(said), [alarm for watch in explained for alarm in watch.faults])
     return _settled(
         replace(
             said,
-            watches=tuple(watches),
+            watches=explained,
             check=check,
             comparison=comparison,
-            means=but_after_crashes(means, watches, said.excursions),
+            means=but_after_crashes(means, explained, said.excursions),
             findings=findings,
         )
     )

@@ -1,8 +1,9 @@
 """An attitude that contradicts the accelerometers: by both together the aircraft would fall for longer than any does.
 
 The specific force f is acceleration less gravity, so its part along the vertical is 1 g and the vertical acceleration.
-In means over ten seconds that acceleration is small, in a steep turn as on the ground: 0.7 g for ten seconds is 69 m/s. Where the attitude says so nevertheless, it isn't the aircraft's: mostly gyros that drive it read an offset. A
-fault that is there from the first sample is learnt as healthy by whatever compares gyros with that attitude.
+In means over ten seconds that acceleration is small, in a steep turn as on the ground: 0.7 g for ten seconds is 69 m/s.
+Where the attitude says so nevertheless, it isn't the aircraft's: mostly gyros that drive it read an offset. A fault
+that is there from the first sample is learnt as healthy by whatever compares gyros with that attitude.
 """
 
 from __future__ import annotations
