@@ -36,13 +36,11 @@ TRUTHS: dict[str, Truth] = {
     "pxf_copter_7-9-2014_6.BIN": Truth(_OFFSET.format("-9"), ("p", "q"), _PLOT),
     "pxf_copter_7-9-2014_7.BIN": Truth(_OFFSET.format("-9"), ("p", "q"), _PLOT),
     "pxf_copter_7-9-2014_9.BIN": Truth(_OFFSET.format("-12"), ("p", "q"), _PLOT),
+    "pxf_rover_25-8-2014_61.BIN": Truth(_OFFSET.format("-24"), ("p", "q"), _PLOT),
     "pxf_copter_09-10-2014_30.BIN": Truth("p drifts by 1 deg/s within a minute", ("p",), _WARM),
     "pxf_copter_09-10-2014_31.BIN": Truth("p drifts to -3 deg/s at 371 s", ("p",), _WARM),
     "ekf_failure.ulg": Truth(
         "an estimator fails in flight", (), "its name in PX4/flight-review-rs, and its own messages"
-    ),
-    "hw_log_log_1_2018-7-18-14-45-20.bin": Truth(
-        "the estimator's bias of r diverges", ("r", "psi"), "ArduPilot/ardupilot, issue 8931"
     ),
     "hw_log_log_2_UnknownDate.bin": Truth(
         "the estimator's bias of r diverges", ("r", "psi"), "ArduPilot/ardupilot, issue 8931"

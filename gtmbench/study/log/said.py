@@ -30,7 +30,7 @@ from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
-from gtmbench.study.log.standing import standing_gyros
+from gtmbench.study.log.standing import but_of_others, standing_gyros
 from gtmbench.study.log.starts import steady
 from gtmbench.study.log.vertical import contradiction
 from gtmbench.values.channels import GYROS
@@ -131,7 +131,7 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
-    explained = over(watches, said.excursions)
+    explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
     means = but_beside(_means(said), [alarm for watch in explained for alarm in watch.faults])
     return _settled(
         replace(

@@ -10,10 +10,13 @@ nobody calibrated. A raw gyro's offset that its estimator corrects isn't told, f
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
+from gtmbench.detectors.protocol import Watch
+from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.seconds import SECOND_S, Seconds, of_seconds
 from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.study.log.vertical import up_of
@@ -53,6 +56,24 @@ def standing_gyros(records: Sequence[Record]) -> tuple[Alarm, ...]:
             for alarm in _of_record(record, len(found)):
                 found.setdefault(alarm.source, alarm)
     return tuple(found.values())
+
+
+def but_of_others(watch: Watch, standing: Sequence[Alarm]) -> Watch:
+    """Return a watch that accuses nobody but gyros that are known to be wrong: these have bent the attitude.
+
+    Parameters
+    ----------
+    watch : Watch
+    standing : sequence of Alarm
+        As `standing_gyros` returns them.
+    """
+    wrong = {alarm.source for alarm in standing}
+
+    def doubtful(alarm: Alarm) -> Alarm:
+        is_other = bool(wrong) and alarm.accuses and alarm.test != MISSING and not {*alarm.candidates} <= wrong
+        return with_doubt(alarm, f"{' and '.join(sorted(wrong))} bent the attitude") if is_other else alarm
+
+    return replace(watch, alarms=tuple(map(doubtful, watch.alarms)))
 
 
 def _of_record(record: Record, number: int) -> Iterator[Alarm]:
