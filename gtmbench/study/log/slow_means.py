@@ -36,9 +36,8 @@ _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
 # so long, so much, of so many seconds that are known: less may be warming, or a new calibration
-_NAMED_S, _NAMED_DEG_S, _WHOLE = 15, 1.0, 0.9
-# of an error's mean: another axis's; of the turning, for a turned sign of another gyro leaves less than that; its median
-_BESIDE, _TURNING, _EVEN = 0.5, 1.0, 0.5
+_NAMED_S, _LATELY_S, _NAMED_DEG_S, _WHOLE = 15, 5, 1.0, 0.9
+_BESIDE, _TURNING, _EVEN = 0.5, 0.3, 0.5  # of an error's mean: another axis's; of the turning; its median
 _UPRIGHT = 0.35  # of the vertical along p's or q's axis: a bank or pitch of 20 deg
 _GROWS = 1.0  # of its mean, by which an error grows: a drift
 
@@ -352,11 +351,13 @@ def _judged(compared: SlowMeans, seconds: _Seconds, fault: _Fault, stop: int) ->
         return None
     mean, off = float(own.mean()), abs(float(own.sum()) * SECOND_S)
     is_heading = fault.axis == 2
-    if not is_heading and float(np.nanmean(seconds.up[fault.onset : stop, fault.axis])) > _UPRIGHT:
+    weights = np.nan_to_num(np.abs(part[:, fault.axis]))
+    upright = float(np.nansum(weights * seconds.up[fault.onset : stop, fault.axis]) / weights.sum())
+    if not is_heading and upright > _UPRIGHT:
         return None  # a heading that is corrected, as after a fault of r, turns about this axis
     beside = [abs(float(np.nanmean(part[:, axis]))) for axis in range(3) if np.isfinite(part[:, axis]).any()]
     turning = np.linalg.norm(np.delete(np.nanmean(seconds.motion[fault.onset : stop], axis=0), fault.axis))
-    is_even = float(np.median(own)) / mean > _EVEN
+    is_even = min(float(np.median(own)), float(own[-_LATELY_S:].mean()), key=abs) / mean > _EVEN  # and lasts
     is_alone = sorted(beside)[-2] < _BESIDE * abs(mean) if len(beside) > 1 else True
     if not (is_even and is_alone and abs(mean) > _TURNING * float(turning)):
         return None
