@@ -1,4 +1,4 @@
-"""The flights that `real_logs.py` watches: of logs, and synthetic ones; as they are, or misread."""
+"""The flights that `real_logs.py` watches; as they are, or misread."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from gtmbench.intake.contents import log_contents
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.attitude import DRIVEN
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from recorded.mutations import Mutation
 
 BANK = "C"
 CHANNELS = (*GYROS, *ATTITUDE)
-WITH_CAUSE = ("late attitude",)  # mechanisms that a self-check should name
 FASTEST_HZ = 100.0
 AT_REST = 3.0  # deg/s of all gyros together, or a tenth of the usual
 SHORTEST_S, PIECE_S = 14.0, 5.5  # of a flight, of a stretch without gaps
@@ -35,7 +33,6 @@ class LogFile:
 
     path: Path
     name: str
-    has_cause = False
 
     @property
     def attitude(self) -> str:
@@ -63,40 +60,6 @@ class LogFile:
         spans = [(record, max(record.start_s, first_s), min(record.end_s, last_s)) for record in known]
         parts = [record.between(start_s, end_s) for record, start_s, end_s in spans if end_s - start_s > PIECE_S]
         return parts if sum(part.end_s - part.start_s for part in parts) > SHORTEST_S else []
-
-    def whole(self, parts: Parts) -> WatchedLog | None:
-        """Return what is said of all of the log, with its events, but for the first half of its flight."""
-        return watch_log(self.path, BANK, healthy=[(parts[0].start_s, half_s(parts))])
-
-
-@dataclass(frozen=True)
-class SyntheticLog:
-    """A healthy log that `gtmbench.testing.mechanisms` makes."""
-
-    mechanism: str
-    seed: int
-    attitude = FROM_LOG
-
-    @property
-    def name(self) -> str:
-        """What its row is called."""
-        return f"{self.mechanism} {self.seed}"
-
-    @property
-    def has_cause(self) -> bool:
-        """Whether its attitude is late, so that a self-check may say so."""
-        return self.mechanism in WITH_CAUSE
-
-    def parts(self) -> Parts:
-        """Return all of it."""
-        return [MECHANISMS[self.mechanism](self.seed).record]
-
-    def whole(self, parts: Parts) -> WatchedLog | None:  # noqa: ARG002
-        """Return None: no file holds its events."""
-        return None
-
-
-Log = LogFile | SyntheticLog
 
 
 def _known(record: gb.Record) -> Iterator[gb.Record]:

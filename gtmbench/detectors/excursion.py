@@ -24,6 +24,8 @@ class Excursion:
     is_judged : bool
         Whether residuals are judged all the same: it is told, and nothing need come of it. Only an alarm that begins
         there can't be told.
+    is_hard : bool
+        Whether gyros and attitude both turned harder there than the monitor knows.
     """
 
     start_s: float
@@ -31,6 +33,7 @@ class Excursion:
     reason: str
     settles_s: float = 10.0
     is_judged: bool = False
+    is_hard: bool = False
 
 
 def rows_of(excursion: Excursion, record: Record) -> range:

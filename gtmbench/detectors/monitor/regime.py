@@ -182,7 +182,8 @@ def _stretches(turning: BoolArray, force: BoolArray, row: int, start_s: float, p
         since_s, until_s = (
             float(even_times_s(start_s, period_s, range(row + k, row + k + 1))[0]) for k in (first, stop - 1)
         )
-        found.append(_excursion(since_s, until_s, IMPACT if force[first:stop].any() else MOTION))
+        about = _excursion(since_s, until_s, IMPACT if force[first:stop].any() else MOTION)
+        found.append(replace(about, is_hard=bool(turning[first:stop].any())))
     return found
 
 
@@ -212,7 +213,9 @@ def _joined(excursions: Iterable[Excursion]) -> tuple[Excursion, ...]:
             continue
         reason = min((last.reason, each.reason), key=_TELLING.index)
         end_s = last.end_s if each.is_judged > last.is_judged else max(last.end_s, each.end_s)
-        widened = replace(_excursion(last.start_s, end_s, reason), is_judged=last.is_judged)
+        widened = replace(
+            _excursion(last.start_s, end_s, reason), is_judged=last.is_judged, is_hard=last.is_hard or each.is_hard
+        )
         joined[joined.index(last)] = widened
         if each.is_judged > last.is_judged:
             joined.append(each)

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Sequence
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.monitor.regime import FAILURE
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.report.log_findings import (
@@ -28,6 +29,7 @@ from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.judgement import kind_text, source_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import capitalised, counted, duration_text
+from gtmbench.study.log.contacts import CONTACTS, is_contact
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.values.record import Span
@@ -78,7 +80,7 @@ def verdict_text(watched: WatchedLog) -> str:
     The time is when the fault began, as far as its kind or the test tells.
     """
     if watched.outcome is Outcome.UNKNOWN:
-        return f"Cannot tell: {'; '.join(causes(watched))}."
+        return _until_text(watched) or f"Cannot tell: {'; '.join(causes(watched))}."
     faults = [same for same in faults_of(watched).values() if not same[0].doubt]
     if faults:
         told = [_fault_text(same) for same in faults[:_MOST]]
@@ -89,7 +91,27 @@ def verdict_text(watched: WatchedLog) -> str:
     watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
     blind = _unheard(watched)
     but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
-    return f"No fault found in {watched_of}{but}.{alarms}"
+    return f"No fault found in {watched_of}{but}.{alarms}{_contacts_text(watched)}"
+
+
+def _until_text(watched: WatchedLog) -> str:
+    """Say that nothing was found until a crash, where only the crash and what follows can't be told; else nothing."""
+    doubtful = [alarm for alarm in watched.alarms if not alarm.has_passed]
+    reasons = [alarm.doubt for alarm in doubtful]
+    if not doubtful or not {*reasons} <= {*CONTACTS, FAILURE} or not watched.check.passed or watched.hardly_watched:
+        return ""
+    first_s = min(alarm.onset_s for alarm in doubtful)
+    before = [each.start_s for each in watched.excursions if each.reason in reasons and each.end_s >= first_s]
+    return f"No fault found until {min(first_s, *before[:1]):.1f} s; cannot tell from then on: {reasons[0]}."
+
+
+def _contacts_text(watched: WatchedLog) -> str:
+    """Say where the aircraft touched the ground and residuals rose, which tells of no sensor; nothing where nowhere."""
+    contacts = [alarm for alarm in watched.alarms if is_contact(alarm)]
+    if not contacts:
+        return ""
+    times = _listed([f"{alarm.time_s:.1f}" for alarm in contacts])
+    return f" Not judged: contact with the ground at {times} s, where residuals rose."
 
 
 def causes(watched: WatchedLog) -> list[str]:
@@ -99,7 +121,7 @@ def causes(watched: WatchedLog) -> list[str]:
         return [" or ".join(wrong)]
     if watched.check.stops:
         return [watched.check.stops[0].text]
-    doubtful = [alarm for alarm in watched.alarms if alarm.doubt]
+    doubtful = [alarm for alarm in watched.alarms if alarm.doubt and not alarm.has_passed]
     weak = [*([doubt_text(doubtful)] if doubtful else []), *_unseen(watched)]
     return weak or list(watched.reasons[:1]) or ["no stretch is long enough to be watched"]
 
@@ -172,6 +194,7 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
+    lines += [f"{capitalised(alarm.last.reason)}." for alarm in watched.standing if alarm.last is not None]
     return lines + [
         f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]

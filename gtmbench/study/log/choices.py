@@ -15,7 +15,7 @@ from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.said import Said, doubted, listened
 
-_APART_S = 1.0  # before an accusation, what is learnt from anew
+_APART_S = 6.0  # before an accusation, what is learnt from anew: it has to have listened when the fault begins
 _SOON_S = 10.0  # between the onsets of one fault
 
 

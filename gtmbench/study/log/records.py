@@ -27,8 +27,11 @@ from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S, _LEAST_S = 0.4, 300.0, 60.0
-_LIVELY_DEG_S, _OF_LIVELIEST, _LIVELIEST = 1.5, 0.2, 0.9  # motion; a share of what nine seconds of ten don't exceed
-_FEWEST_LIVELY, _SOON = 10, 0.05  # seconds; of the log: motion from the beginning
+LIVELY_DEG_S = 1.5  # of turning: motion
+_OF_LIVELIEST, _LIVELIEST = 0.2, 0.9  # a share of what nine seconds of ten don't exceed
+_FEWEST_LIVELY, _LASTS_S = 10, 20.0  # seconds of motion; so many within these last
+_MORE = 2.0  # times as much motion
+_SOON = 0.05  # of the log: motion from the beginning
 _SLOWEST_HZ = 2.5  # of what compares gyros with an attitude: at 2 Hz a dead gyro isn't seen any more
 _SLOW_S, _FEWEST = 1.0, 10  # samples so far apart, and so few of them, are a mistaken clock's
 
@@ -102,7 +105,8 @@ def first_part(log: FlightLog) -> Span:
 def flying_part(log: FlightLog, moving: Sequence[Record]) -> Span:
     """Return the span that is taken as healthy where nobody says what is: the first 40 % of the motion, 300 s at most.
 
-    Taxi, alignment and standing teach nothing: it begins where motion does, and lasts a minute where the log does.
+    Taxi, alignment, handling and standing teach nothing: it begins where motion does, and lasts a minute where the log
+    does; or where motion begins that lasts, if that holds twice as much of it.
     Motion is what gyros and attitude both tell of, so that no sensor's fault passes for it.
 
     Parameters
@@ -111,21 +115,33 @@ def flying_part(log: FlightLog, moving: Sequence[Record]) -> Span:
     moving : sequence of Record
         The log with gyros and attitude; without any, it is the log's `first_part`.
     """
-    first_s, last_s = whole_s(log)
-    seconds_s, turning = _turning(moving)
+    seconds_s, turning = turning_by_second(moving)
     if not len(turning):
         return first_part(log)
-    lively = seconds_s[turning > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(turning, _LIVELIEST)))]
+    lively = seconds_s[turning > max(LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(turning, _LIVELIEST)))]
     if len(lively) < _FEWEST_LIVELY:
         return first_part(log)
-    starts_s = float(lively[0])
-    start_s = first_s if starts_s - first_s < _SOON * (last_s - first_s) else starts_s
-    end_s = float(lively[int(_FIRST_SHARE * len(lively))]) + 1.0
+    spans = [_part_from(log, lively[lively >= start_s]) for start_s in (lively[0], _lasting_from_s(lively))]
+    first, lasting = (np.count_nonzero((lively >= start_s) & (lively <= end_s)) for start_s, end_s in spans)
+    return spans[int(lasting > _MORE * first)]
+
+
+def _part_from(log: FlightLog, lively_s: FloatArray) -> Span:
+    """Return the first 40 % of some seconds of motion, a minute at least, where the log has that."""
+    first_s, last_s = whole_s(log)
+    start_s = first_s if lively_s[0] - first_s < _SOON * (last_s - first_s) else float(lively_s[0])
+    end_s = float(lively_s[int(_FIRST_SHARE * len(lively_s))]) + 1.0
     least_s = min(_FIRST_SHARE * (last_s - start_s), _LEAST_S)
     return round(start_s, 2), round(start_s + min(max(end_s - start_s, least_s), _FIRST_MOST_S), 2)
 
 
-def _turning(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]:
+def _lasting_from_s(lively_s: FloatArray) -> float:
+    """Return when motion begins that lasts: handling before a flight is a few seconds of it, far from all others."""
+    within = np.searchsorted(lively_s, lively_s + _LASTS_S) - np.arange(len(lively_s))
+    return float(lively_s[int(np.argmax(within >= _FEWEST_LIVELY))])
+
+
+def turning_by_second(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]:
     """Return how fast a log turns about each of its seconds, as gyros and attitude both tell, and when."""
     times_s, found = [np.zeros(0)], [np.zeros(0)]
     for record in moving:

@@ -23,13 +23,16 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
+from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare, with_doubt
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.study.log.slow_means import SlowMeans, mean_error_deg_s, slow_means
+from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
+from gtmbench.study.log.standing import but_of_others, standing_gyros
 from gtmbench.study.log.starts import steady
+from gtmbench.study.log.vertical import contradiction
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import Record, Span
 
@@ -60,6 +63,8 @@ class Said:
         log, or the log hasn't both.
     witnesses : tuple of FieldWitness
         The magnetometers that were asked where r or psi was left open.
+    standing : tuple of Alarm
+        Gyros that read a turn while the aircraft stands.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -72,7 +77,17 @@ class Said:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    standing: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
+
+
+def first_alarms(
+    watches: Sequence[Watch], standing: Sequence[Alarm], comparison: Comparison | None, means: SlowMeans | None
+) -> tuple[Alarm, ...]:
+    """Return the first alarm of each fault that is said of a log, in order of time."""
+    told = [alarm for watch in watches for alarm in watch.faults]
+    told += [*standing, *further(told, comparison)]
+    return tuple(sorted([*told, *beyond(told, means)], key=lambda alarm: alarm.time_s))
 
 
 def listened(learnt: Learnt, progress: Progress) -> Said:
@@ -101,6 +116,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Doubt what isn't said again elsewhere, and what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
+    said = _beside_accelerometers(said)
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -115,13 +131,15 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
+    explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
+    means = but_beside(_means(said), [alarm for watch in explained for alarm in watch.faults])
     return _settled(
         replace(
             said,
-            watches=tuple(watches),
+            watches=explained,
             check=check,
             comparison=comparison,
-            means=_means(said),
+            means=but_after_crashes(means, explained, said.excursions),
             findings=findings,
         )
     )
@@ -139,6 +157,16 @@ def _beginning(log: FlightLog) -> Span:
     """Return the log's first seconds: how its IMUs differ, where nothing was learnt."""
     start_s, _ = whole_s(log)
     return start_s, start_s + _BEGINNING_S
+
+
+def _beside_accelerometers(said: Said) -> Said:
+    """Return what is said with what accelerometers contradict, in all of a log; as it is where the log is misread."""
+    motion = said.learnt.opened.own.motion
+    if motion is None or said.check.causes:
+        return said
+    wrong = contradiction(motion.segments)
+    doubts = (*said.check.doubts, *([wrong] if wrong else []))
+    return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 
 def _means(said: Said) -> SlowMeans | None:

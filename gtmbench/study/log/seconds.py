@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from gtmbench.values.record import BoolArray, FloatArray, Record
+
+IntArray = npt.NDArray[np.int_]
 
 SECOND_S = 1.0
 FEWEST = 15  # seconds that are healthy: with fewer, nothing is known of a difference
 _COVERED = 0.7  # of a second
+_BLOCK = 1000  # seconds that are taken at a time
 _GAIN = 0.02  # by which scale and direction of two gyros differ: an a priori standard deviation
 
 
@@ -26,6 +31,59 @@ def rows_by_second(record: Record, start_s: float) -> Iterator[tuple[int, slice]
     for first, stop in zip(firsts, [*firsts[1:], len(seconds)], strict=True):
         if (stop - first) * record.sample_period_s > _COVERED * SECOND_S:
             yield int(seconds[first]), slice(first, stop)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Seconds:
+    """What rows come to, second by second; NaN where a sample is missing, or a second isn't covered.
+
+    Attributes
+    ----------
+    at : shape (seconds,)
+        Numbers of the seconds, counted from a time.
+    first_row, stop_row : shape (seconds,)
+    means, deviations : shape (seconds, columns)
+    """
+
+    at: IntArray
+    first_row: IntArray
+    stop_row: IntArray
+    means: FloatArray
+    deviations: FloatArray
+
+
+def of_seconds(record: Record, start_s: float, columns: Callable[[Record], FloatArray]) -> Seconds:
+    """Return means and deviations of columns that are made of a record, of every second of it that is covered.
+
+    A long record is taken some minutes at a time.
+
+    >>> record = Record(np.arange(8.0)[:, np.newaxis], channels=["p"], sample_period_s=0.25, start_s=10.0)
+    >>> found = of_seconds(record, 9.0, lambda part: part.values)
+    >>> found.at.tolist(), found.means[:, 0].tolist(), found.deviations[:, 0].round(2).tolist()
+    ([1, 2], [1.5, 5.5], [1.12, 1.12])
+    """
+    bounds = [(second, rows.start, rows.stop) for second, rows in rows_by_second(record, start_s)]
+    at, first_row, stop_row = np.array(bounds, dtype=int).reshape(-1, 3).T
+    means: list[FloatArray] = []
+    deviations: list[FloatArray] = []
+    for begin in range(0, len(at), _BLOCK):
+        first, stop = first_row[begin : begin + _BLOCK], stop_row[begin : begin + _BLOCK]
+        values = columns(record.part(range(int(first[0]), int(stop[-1]))))
+        edges = np.column_stack([first, stop]).ravel() - first[0]
+        counts = (stop - first)[:, np.newaxis]
+        padded = np.concatenate([values, np.zeros((1, values.shape[1]))])  # an edge may be the end
+        own = np.add.reduceat(padded, edges)[::2] / counts
+        square = np.add.reduceat(np.square(padded), edges)[::2] / counts - np.square(own)
+        means.append(own)
+        deviations.append(np.sqrt(np.maximum(square, 0.0)))
+    none = np.zeros((0, 0))
+    return Seconds(
+        at=at,
+        first_row=first_row,
+        stop_row=stop_row,
+        means=np.concatenate(means) if means else none,
+        deviations=np.concatenate(deviations) if deviations else none,
+    )
 
 
 def beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray) -> FloatArray:

@@ -22,6 +22,7 @@ from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
 from gtmbench.study.log.self_check.motion import attitude_rates
+from gtmbench.study.log.vertical import up_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
@@ -35,8 +36,9 @@ _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
 # so long, so much, of so many seconds that are known: less may be warming, or a new calibration
-_NAMED_S, _NAMED_DEG_S, _WHOLE = 15, 1.0, 0.9
+_NAMED_S, _LATELY_S, _NAMED_DEG_S, _WHOLE = 15, 5, 1.0, 0.9
 _BESIDE, _TURNING, _EVEN = 0.5, 0.3, 0.5  # of an error's mean: another axis's; of the turning; its median
+_UPRIGHT = 0.35  # of the vertical along p's or q's axis: a bank or pitch of 20 deg
 _GROWS = 1.0  # of its mean, by which an error grows: a drift
 
 
@@ -144,12 +146,40 @@ def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
     return [each for each in told if not any(_is_told(each, alarm) for alarm in sure)]
 
 
-def _is_told(slow: Alarm, alarm: Alarm) -> bool:
-    """Tell whether an alarm is of the same axis, and its fault there while the mean was off."""
+def but_beside(means: SlowMeans | None, alarms: Sequence[Alarm]) -> SlowMeans | None:
+    """Return means that name no gyro while the residual of another rose: a bent attitude shows in all of them.
+
+    Parameters
+    ----------
+    means : SlowMeans or None
+    alarms : sequence of Alarm
+        The monitor's own.
+    """
+    if means is None:
+        return None
+    left = [alarm for alarm in alarms if not alarm.has_passed]
+
+    def doubted(slow: Alarm) -> Alarm:
+        beside = next((each for each in left if each.source != slow.source and _overlap(slow, each)), None)
+        if beside is None or slow.last is None or not slow.accuses:
+            return slow
+        doubt = f"the means of {slow.source} differ from the attitude's, but {beside.source} rose, too: it may be bent"
+        judged = replace(slow.last, sensor=None, doubt=doubt, reason=f"{beside.source} rose at {beside.time_s:.1f} s")
+        return replace(slow, judgements=(judged,))
+
+    return replace(means, alarms=tuple(map(doubted, means.alarms)))
+
+
+def _overlap(slow: Alarm, alarm: Alarm) -> bool:
+    """Tell whether two alarms tell of one time."""
     until_s = np.inf if slow.ended_s is None else slow.ended_s
     ended_s = np.inf if alarm.ended_s is None else alarm.ended_s
-    is_while = alarm.onset_s <= until_s and ended_s >= slow.onset_s
-    return is_while and (slow.sensor is None or slow.sensor in alarm.candidates)
+    return alarm.onset_s <= until_s and ended_s >= slow.onset_s
+
+
+def _is_told(slow: Alarm, alarm: Alarm) -> bool:
+    """Tell whether an alarm is of the same axis, and its fault there while the mean was off."""
+    return _overlap(slow, alarm) and (slow.sensor is None or slow.sensor in alarm.candidates)
 
 
 def mean_error_deg_s(alarm: Alarm) -> float | None:
@@ -177,18 +207,19 @@ def mean_error_deg_s(alarm: Alarm) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seconds:
-    """Gyros less the attitude's rates, what the gyros read, and the variance of a mean that samples leave."""
+    """Gyros less the attitude's rates, what the gyros read, the variance of a mean that samples leave, where up is."""
 
     error: FloatArray  # shape (seconds, 3), as all
     motion: FloatArray
     variance: FloatArray
+    up: FloatArray
 
 
 def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Excursion]) -> _Seconds:
     count = int((records[-1].end_s - start_s) / SECOND_S) + 1
-    error, motion, variance = (np.full((count, 3), np.nan) for _ in range(3))
+    error, motion, variance, up = (np.full((count, 3), np.nan) for _ in range(4))
     for record in records:
-        gyros, differences = record.matrix(GYROS), _differences(record)
+        gyros, differences, vertical = record.matrix(GYROS), _differences(record), up_of(record)
         steep = np.abs(record["theta"]) > _STEEPEST_DEG
         known = np.isfinite(differences).all(axis=1) & ~steep
         for second, rows in rows_by_second(record, start_s):
@@ -197,11 +228,12 @@ def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Exc
                 part = differences[rows][there]
                 error[second], motion[second] = part.mean(axis=0), gyros[rows][there].mean(axis=0)
                 variance[second] = part.var(axis=0) / len(part)
+                up[second] = np.abs(vertical[rows][there]).mean(axis=0)
     for each in excursions:
         if each.reason != MOTION and not each.is_judged:
             first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
             error[max(first, 0) : max(last + 1, 0)] = np.nan
-    return _Seconds(error=error, motion=motion, variance=variance)
+    return _Seconds(error=error, motion=motion, variance=variance, up=up)
 
 
 def _differences(record: Record) -> FloatArray:
@@ -319,9 +351,13 @@ def _judged(compared: SlowMeans, seconds: _Seconds, fault: _Fault, stop: int) ->
         return None
     mean, off = float(own.mean()), abs(float(own.sum()) * SECOND_S)
     is_heading = fault.axis == 2
+    weights = np.nan_to_num(np.abs(part[:, fault.axis]))
+    upright = float(np.nansum(weights * seconds.up[fault.onset : stop, fault.axis]) / weights.sum())
+    if not is_heading and upright > _UPRIGHT:
+        return None  # a heading that is corrected, as after a fault of r, turns about this axis
     beside = [abs(float(np.nanmean(part[:, axis]))) for axis in range(3) if np.isfinite(part[:, axis]).any()]
     turning = np.linalg.norm(np.delete(np.nanmean(seconds.motion[fault.onset : stop], axis=0), fault.axis))
-    is_even = float(np.median(own)) / mean > _EVEN
+    is_even = min(float(np.median(own)), float(own[-_LATELY_S:].mean()), key=abs) / mean > _EVEN  # and lasts
     is_alone = sorted(beside)[-2] < _BESIDE * abs(mean) if len(beside) > 1 else True
     if not (is_even and is_alone and abs(mean) > _TURNING * float(turning)):
         return None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.faults.additive import Bias, Drift
-from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.seconds import SECOND_S, IntArray
 from gtmbench.study.log.slow_means import WINDOWS, SlowMeans
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import GYROS
@@ -43,7 +43,7 @@ def slow_size(means: SlowMeans, sensor: str, kind: str, share: float) -> SlowSiz
     means : SlowMeans
     sensor, kind : str
     share : float
-        Of the seconds that are watched.
+        Of the seconds that are logged and watched.
 
     Examples
     --------
@@ -54,33 +54,46 @@ def slow_size(means: SlowMeans, sensor: str, kind: str, share: float) -> SlowSiz
     >>> slow_size(means, "q", "bias", 0.9)
     SlowSize(size=0.3, within_s=60.0, time_constant_s=None)
     """
-    within = min(_WITHIN_S, int(np.count_nonzero(means.is_watched)) // 2)
-    if sensor not in GYROS or kind not in _INTEGRALS or not within:
+    if sensor not in GYROS or kind not in _INTEGRALS:
         return None
     axis = GYROS.index(sensor)
+    begins = _begins(means, axis)
+    if not len(begins):
+        return None
     constants = (FASTEST_S, SLOWEST_S) if means.is_driven else (None,)
-    found = [(_size(means, axis, kind, within, share, tau), tau) for tau in constants]
+    found = [(_size(means, axis, kind, begins, share, tau), tau) for tau in constants]
     size, tau = max(found, key=lambda each: each[0])
-    return SlowSize(size=size, within_s=within * SECOND_S, time_constant_s=tau) if np.isfinite(size) else None
+    return SlowSize(size=size, within_s=_WITHIN_S * SECOND_S, time_constant_s=tau) if np.isfinite(size) else None
 
 
-def _size(means: SlowMeans, axis: int, kind: str, within: int, share: float, tau_s: float | None) -> float:
-    """Return the size that shows from a share of the seconds on which anything could begin; infinite where none does.
+def _begins(means: SlowMeans, axis: int) -> IntArray:
+    """Return the seconds on which a fault is put: those that are watched and known, but for the last of them.
 
-    A fault may turn against what is there already.
+    What wasn't logged, or nobody can tell of, isn't watched: it counts for nothing. A fault that begins before what
+    was identified on is learnt as healthy.
     """
-    elapsed = np.arange(within + 1, dtype=np.float64) * SECOND_S
+    learnt = np.flatnonzero(~means.is_watched)
+    seconds = np.flatnonzero(means.is_watched & np.isfinite(means.error[:, axis]))
+    seconds = seconds[seconds > (learnt[-1] if len(learnt) else -1)]
+    return seconds[: len(seconds) - min(_WITHIN_S, len(seconds) // 2)]
+
+
+def _size(means: SlowMeans, axis: int, kind: str, begins: IntArray, share: float, tau_s: float | None) -> float:
+    """Return the size that shows from a share of the seconds on which it begins; infinite where none does.
+
+    A fault may turn against what is there already. Where the monitor was identified, no mean alarms.
+    """
+    elapsed = np.arange(_WITHIN_S + 1, dtype=np.float64) * SECOND_S
     summed = _INTEGRALS[kind](elapsed, tau_s)
-    least = np.full(len(means.error), np.inf)
+    least = np.full(len(begins), np.inf)
     for window in WINDOWS:
         needed = np.nan_to_num(means.bounds[window] + np.abs(means.mean(window)), nan=np.inf, posinf=np.inf)[:, axis]
-        needed = np.concatenate([needed, np.full(within, np.inf)])
-        shown = (summed[1:] - summed[np.maximum(np.arange(1, within + 1) - window, 0)]) / (window * SECOND_S)
+        needed = np.concatenate([np.where(means.is_watched, needed, np.inf), np.full(_WITHIN_S, np.inf)])
+        shown = (summed[1:] - summed[np.maximum(np.arange(1, _WITHIN_S + 1) - window, 0)]) / (window * SECOND_S)
         for later, part in enumerate(shown.tolist()):
             if part > 0.0:
-                least = np.minimum(least, needed[later : later + len(least)] / part)
-    begins = least[: len(least) - within][means.is_watched[: len(least) - within]]
-    return float(np.quantile(begins, share, method="higher")) if len(begins) else np.inf
+                least = np.minimum(least, needed[begins + later] / part)
+    return float(np.quantile(least, share, method="higher"))
 
 
 def _bias(elapsed_s: FloatArray, tau_s: float | None) -> FloatArray:

@@ -16,10 +16,10 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.field_witnesses import FieldWitness
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.imu_comparison import Comparison, further
-from gtmbench.study.log.said import Said
+from gtmbench.study.log.imu_comparison import Comparison
+from gtmbench.study.log.said import Said, first_alarms
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
+from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Span
 
@@ -72,6 +72,8 @@ class WatchedLog:
     witnesses : tuple of FieldWitness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
+    standing : tuple of Alarm
+        Gyros that read a turn while the aircraft stands, by its accelerometers.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -109,6 +111,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    standing: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -126,9 +129,7 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        told = [alarm for watch in self.watches for alarm in watch.faults]
-        told += further(told, self.comparison)
-        return tuple(sorted([*told, *beyond(told, self.means)], key=lambda alarm: alarm.time_s))
+        return first_alarms(self.watches, self.standing, self.comparison, self.means)
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
@@ -187,6 +188,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         means=said.means,
         witnesses=said.witnesses,
+        standing=said.standing,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,

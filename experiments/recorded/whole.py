@@ -1,0 +1,270 @@
+"""Whole logs as `gtmbench monitor LOG --detector auto` watches them: as they are, and with faults put on a gyro.
+
+A broken log goes through every stage but one: what was learnt before the fault began is learnt from the same samples.
+"""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import gtmbench as gb
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.errors import InputError
+from gtmbench.jobs.progress import silent
+from gtmbench.study.log.asked import asked
+from gtmbench.study.log.choices import agreed
+from gtmbench.study.log.contacts import is_contact
+from gtmbench.study.log.healthy import chosen
+from gtmbench.study.log.learnt import Learnt, learnt
+from gtmbench.study.log.opened import Opened, OpenedLog, opened
+from gtmbench.study.log.origin import FROM_LOG
+from gtmbench.study.log.said import Said, doubted, first_alarms, listened
+from gtmbench.study.log.slow_means import LEAST_DEG_S
+from gtmbench.study.log.watched import Outcome, WatchedLog, concluded
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import FloatArray, Record
+
+DETECTOR = "auto"
+ALONE = "alone"
+THROUGH = "5 s"
+ESTIMATOR = gb.AttitudeEstimator(time_constant_s=5.0)
+LEFT_S = 20.0  # of a stretch, after the onset: time to judge
+NAMED, EITHER_OR, CANT_TELL, WRONG, NOTHING = "named", "either-or", "can't tell", "named wrong", "nothing"
+USUAL, SLOW, CONTACT = "usual", "slow", "at a contact"
+AT_CONTACT, BEFORE_S = ("jam", "bias 5 deg/s", "sign"), 0.5  # what is put so long before a contact with the ground
+FAULTS: dict[str, tuple[str, type[gb.Fault], dict[str, float]]] = {
+    "jam": (USUAL, gb.Jam, {}),
+    "drift 0.5 deg/s2": (USUAL, gb.Drift, {"slope": 0.5}),
+    "bias 5 deg/s": (USUAL, gb.Bias, {"size": 5.0}),
+    "scale 0.7": (USUAL, gb.ScaleFactor, {"factor": 0.7}),
+    "deadzone 2 deg/s": (USUAL, gb.Deadzone, {"half_width": 2.0}),
+    "sign": (USUAL, gb.SignFlip, {}),
+    "bias 1 deg/s": (SLOW, gb.Bias, {"size": 1.0}),
+    "drift 0.05 deg/s2": (SLOW, gb.Drift, {"slope": 0.05}),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Whole:
+    """A log that was watched as it is.
+
+    Attributes
+    ----------
+    path : Path
+    learnt : Learnt
+    said : Said
+    watched : WatchedLog
+    cpu_s : float
+        What that took, from the file to the verdict.
+    """
+
+    path: Path
+    learnt: Learnt
+    said: Said
+    watched: WatchedLog
+    cpu_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tried:
+    """A fault that was put on a log, and what is said of it.
+
+    Attributes
+    ----------
+    sensor, fault, kind : str
+    attitude : str
+        `ALONE`, or the time constant of the estimator that makes the attitude follow.
+    onset_s : float
+    found_s : float
+        How long after the onset the first alarm came; NaN where none is left.
+    said : str
+        `NAMED`; `EITHER_OR`, among others; `CANT_TELL`, by every alarm; `WRONG`, another sensor, or an either-or
+        without the one that failed; `NOTHING`.
+    exit : int
+    doubt : str
+        Of what can't be told, why.
+    """
+
+    sensor: str
+    fault: str
+    kind: str
+    attitude: str
+    onset_s: float
+    found_s: float
+    said: str
+    exit: int
+    doubt: str
+
+
+def watch_whole(path: Path) -> Whole:
+    """Watch all of a log, as a user does who says nothing of it.
+
+    Raises
+    ------
+    InputError
+        Where it can't be watched.
+    """
+    began = time.process_time()
+    question = asked(
+        path,
+        DETECTOR,
+        healthy=(),
+        mapping=(),
+        rate_hz=None,
+        false_alarms_per_hour=None,
+        attitude=FROM_LOG,
+        least_error_deg_s=LEAST_DEG_S,
+    )
+    known = learnt(chosen(opened(question)), silent)
+    said = _said(known)
+    watched = concluded(said, silent)
+    return Whole(path=path, learnt=known, said=said, watched=watched, cpu_s=time.process_time() - began)
+
+
+def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) -> Iterator[Tried]:
+    """Give what is said of faults of some kinds, alone and through an estimator: of a gyro at a time, by turns.
+
+    The first gyro and one onset a kind are drawn, evenly over what is watched and leaves `LEFT_S`. Where a contact with
+    the ground was explained, faults that begin with it are put, too.
+    """
+    random = np.random.default_rng([zlib.crc32(whole.path.name.encode()), seed])
+    onsets_s, gyros = _onsets_s(whole.watched), [name for name in GYROS if name in _suspects(whole.watched)]
+    first = int(random.integers(len(GYROS)))
+    for turn, kind in enumerate(kinds):
+        share, is_turned = random.random(), bool(random.integers(2))
+        if gyros and len(onsets_s):
+            sensor, onset_s = gyros[(first + turn) % len(gyros)], float(onsets_s[int(share * len(onsets_s))])
+            for attitude in (ALONE, THROUGH):
+                yield from _tried(whole, sensor, kind, onset_s, attitude, is_turned=is_turned)
+    contacts_s = [alarm.onset_s - BEFORE_S for alarm in whole.watched.alarms if is_contact(alarm)]
+    for turn, (onset_s, kind) in enumerate((at_s, kind) for at_s in contacts_s for kind in kinds if kind in AT_CONTACT):
+        sensor = gyros[(first + turn) % len(gyros)]
+        for each in _tried(whole, sensor, kind, onset_s, THROUGH, is_turned=False):
+            yield replace(each, kind=CONTACT)
+
+
+def coverage(watched: WatchedLog) -> tuple[float, float, float]:
+    """Return how long a log moves outside of what was learnt from, and for how long of that residuals and means watch.
+
+    Seconds are those in which it is logged; it moves from the beginning of what was learnt from on.
+    """
+    first_s, last_s = watched.identified_s[0] if watched.identified_s else (-np.inf, -np.inf)
+    left = [time_s for record in watched.log.segments for time_s in _seconds(record) if time_s > last_s]
+    armed = {int(at) for watch in watched.watches for at in watch.record.time_s[watch.armed]}
+    means: set[int] = set()
+    if watched.means is not None:
+        known = np.isfinite(watched.means.error).all(axis=1) & watched.means.is_watched
+        means = {int(watched.means.start_s + at) for at in np.flatnonzero(known)}
+    whole = {int(at) for at in left if at >= first_s}
+    return float(len(whole)), float(len(whole & armed)), float(len(whole & (armed | means)))
+
+
+def _said(known: Learnt) -> Said:
+    return agreed(doubted(listened(known, silent), silent), silent)
+
+
+def _seconds(record: Record) -> FloatArray:
+    return np.arange(np.ceil(record.start_s), record.end_s)
+
+
+def _suspects(watched: WatchedLog) -> Sequence[str]:
+    return getattr(watched.monitor, "suspects", ())
+
+
+def _onsets_s(watched: WatchedLog) -> FloatArray:
+    """Return when an alarm was possible, up to a first accusation, with time left in the stretch."""
+    parts = [np.zeros(0)]
+    for watch in watched.watches:
+        times_s = watch.record.time_s[watch.armed]
+        parts.append(times_s[times_s <= watch.record.end_s - LEFT_S])
+    return np.concatenate(parts)
+
+
+def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, *, is_turned: bool) -> Iterator[Tried]:
+    """Give what is said of a fault; nothing where it would bend the attitude beyond Euler angles."""
+    group, fault_type, parameters = FAULTS[kind]
+    sign = -1.0 if is_turned and kind.startswith(("bias", "drift")) else 1.0
+    sized: dict[str, Any] = {name: sign * value for name, value in parameters.items()}
+    fault = fault_type(channel=sensor, onset_s=onset_s, **sized)
+    try:
+        broken = _broken(whole.learnt.opened, fault, attitude)
+    except InputError:
+        return
+    said = _said(replace(whole.learnt, opened=broken))
+    new = _new(_left(said), _left(whole.said), onset_s)
+    verdict = _verdict(new, sensor)
+    yield Tried(
+        sensor=sensor,
+        fault=kind,
+        kind=group,
+        attitude=attitude,
+        onset_s=onset_s,
+        found_s=min((alarm.time_s - onset_s for alarm in new), default=np.nan),
+        said=verdict,
+        exit=int(_exit(said, whole.watched)),
+        doubt="; ".join(dict.fromkeys(_short(alarm.doubt) for alarm in new if alarm.doubt)) if new else "",
+    )
+
+
+def _broken(log: Opened, fault: gb.Fault, attitude: str) -> Opened:
+    """Return an opened log with a fault from its onset on; the estimator goes on over gaps as if nothing had moved."""
+    parts = []
+    for record in log.log.segments:
+        if record.end_s < fault.onset_s:
+            parts.append(record)
+            continue
+        broken = gb.inject(record, replace(fault, onset_s=max(fault.onset_s, record.start_s)))
+        if attitude != ALONE and {*GYROS, *ATTITUDE} <= set(record.channels):
+            broken = ESTIMATOR.bent(record, broken)
+        parts.append(broken)
+    changed = replace(log.log, segments=tuple(parts))
+    motion = changed if log.own.motion is log.log else None
+    return replace(log, own=OpenedLog(log=changed, motion=motion))
+
+
+def _left(said: Said) -> list[Alarm]:
+    told = first_alarms(said.watches, said.standing, said.comparison, said.means)
+    return [alarm for alarm in told if not alarm.has_passed]
+
+
+def _new(alarms: Sequence[Alarm], before: Sequence[Alarm], onset_s: float) -> list[Alarm]:
+    """Return the alarms after an onset that weren't there without the fault."""
+    was = {(alarm.source, alarm.test, alarm.time_s, alarm.verdict) for alarm in before}
+    late = [alarm for alarm in alarms if alarm.time_s >= onset_s]
+    return [alarm for alarm in late if (alarm.source, alarm.test, alarm.time_s, alarm.verdict) not in was]
+
+
+def _verdict(alarms: Sequence[Alarm], sensor: str) -> str:
+    sure = [alarm for alarm in alarms if not alarm.doubt]
+    if any(sensor not in alarm.candidates or alarm.sensor not in (None, sensor) for alarm in sure):
+        return WRONG
+    if any(alarm.sensor == sensor for alarm in sure):
+        return NAMED
+    if sure:
+        return EITHER_OR
+    return CANT_TELL if alarms else NOTHING
+
+
+def _exit(said: Said, healthy: WatchedLog) -> Outcome:
+    """Return the exit code of a broken log, by the certificate of the healthy one."""
+    left = _left(said)
+    if any(not alarm.doubt for alarm in left):
+        return Outcome.FAILED
+    if left or not said.check.passed or healthy.hardly_watched or healthy.stuck_above:
+        return Outcome.UNKNOWN
+    return Outcome.HEALTHY
+
+
+def _short(doubt: str) -> str:
+    """Return a doubt without its numbers."""
+    for begin in ("the means of", "it shows if", "a mean error of"):
+        if doubt.startswith(begin):
+            return begin + " ..."
+    return doubt

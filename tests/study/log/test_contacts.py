@@ -1,0 +1,125 @@
+"""Contacts with the ground: what they raise is told and not doubted, unless a sensor may have caused them."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN, Regime
+from gtmbench.report.words.verdict import verdict_text
+from gtmbench.study.log.contacts import but_after_crashes, is_contact, over
+from gtmbench.study.log.slow_means import SLOW, SlowMeans
+
+LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
+
+
+@cache
+def flight():
+    truth = gb.fly(excitation="multisine+turbulence", duration_s=140, seed=77)
+    return gb.measure(truth, noise="t2", seed=77).select(LOG)
+
+
+@cache
+def monitor():
+    return gb.calibrate([flight().between(0.0, 60.0)], bank=gb.load_bank("C"), estimator=gb.Bayesian())
+
+
+def rest(until_s=140.0):
+    return flight().between(60.01, min(until_s, flight().end_s))
+
+
+def bumped(record, start_s=100.0, end_s=103.0):
+    """Return a record in which gyros ring, which the attitude doesn't follow."""
+    during = (record.time_s >= start_s) & (record.time_s < end_s)
+    for number, name in enumerate("pqr"):
+        ringing = 15.0 * np.sin(2.0 * np.pi * (7.0 + number) * (record.time_s - start_s))
+        record = record.replace(name, record[name] + np.where(during, ringing, 0.0))
+    return record
+
+
+def watched(record, about):
+    (watch,) = over([monitor().watch(record, outside=[about])], [about])
+    return watch.faults
+
+
+@pytest.mark.parametrize("reason", [IMPACT, TOUCHDOWN])
+def test_a_soft_contact_leaves_nothing_to_explain(reason):
+    (alarm,) = watched(bumped(rest()), Excursion(start_s=99.5, end_s=103.5, reason=reason))
+    assert is_contact(alarm)
+    assert (alarm.has_passed, alarm.sensor, alarm.last.reason) == (True, None, reason)
+
+
+def test_a_hard_contact_does_where_the_aircraft_flies_on_and_not_where_it_doesnt():
+    about = Excursion(start_s=99.5, end_s=103.5, reason=IMPACT, is_hard=True)
+    (flown_on,) = watched(bumped(rest()), about)
+    assert is_contact(flown_on)
+    (at_the_end,) = watched(bumped(rest(110.0)), about)
+    assert (at_the_end.has_passed, at_the_end.doubt) == (False, IMPACT)
+
+
+@pytest.mark.parametrize("is_hard", [False, True])
+def test_a_fault_that_begins_with_a_contact_and_lasts_stays_open(is_hard):
+    about = Excursion(start_s=99.5, end_s=103.0, reason=IMPACT, settles_s=np.inf, is_hard=is_hard)
+    alarms = watched(gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0)), about)
+    left = [alarm for alarm in alarms if not alarm.has_passed]
+    assert {alarm.doubt for alarm in left} == {IMPACT}
+
+
+@pytest.mark.parametrize("reason", [MOTION, FAILURE])
+def test_hard_motion_and_a_failure_are_no_contacts(reason):
+    (alarm,) = watched(bumped(rest()), Excursion(start_s=99.5, end_s=103.5, reason=reason))
+    assert (alarm.has_passed, alarm.doubt) == (False, reason)
+
+
+def test_an_impact_in_which_it_turns_beyond_what_was_identified_is_a_hard_one():
+    steady = flight().between(0.0, 60.0)
+    regime, turned = Regime.of([steady]), steady
+    during = (steady.time_s > 30.0) & (steady.time_s < 30.5)
+    pushed = steady.replace("nz", np.where(during, 8.0, steady["nz"]))
+    (soft,) = [each for each in regime.excursions(pushed) if each.reason == IMPACT]
+    rolling = np.where(during, 400.0, 0.0)
+    angle = np.cumsum(rolling) * steady.sample_period_s
+    turned = pushed.replace("p", steady["p"] + rolling).replace("phi", steady["phi"] + angle)
+    hard = next(each for each in regime.excursions(turned) if each.start_s < 30.2 < each.end_s)
+    assert (soft.is_hard, hard.is_hard, hard.reason) == (False, True, IMPACT)
+
+
+def doubtful(onset_s):
+    judged = Judgement(time_s=onset_s + 9.0, sensor=None, candidates=("q", "theta"), doubt="the means differ")
+    return Alarm(number=0, time_s=onset_s + 9.0, onset_s=onset_s, source="q", test=SLOW, judgements=(judged,))
+
+
+def means_of(*alarms):
+    none = np.zeros((0, 3))
+    return SlowMeans(start_s=0.0, error=none, bounds={}, is_watched=none[:, 0] > 0.0, is_driven=True, alarms=alarms)
+
+
+def test_what_means_doubt_after_a_crash_is_put_down_to_it_and_before_it_stays():
+    crash = Excursion(start_s=120.0, end_s=139.0, reason=FAILURE)
+    watches = [monitor().watch(rest())]
+    before, after = but_after_crashes(means_of(doubtful(90.0), doubtful(125.0)), watches, [crash]).alarms
+    assert (before.doubt, after.doubt) == ("the means differ", FAILURE)
+    early = replace(crash, start_s=70.0, end_s=75.0)  # it flew on
+    (same,) = but_after_crashes(means_of(doubtful(90.0)), watches, [early]).alarms
+    assert same.doubt == "the means differ"
+    assert but_after_crashes(None, watches, [crash]) is None
+
+
+@pytest.mark.parametrize("has_events", [False, True])
+def test_a_crash_at_the_end_is_said_beside_what_was_judged_before_it(tmp_path, has_events):
+    record = flight() if has_events else bumped(flight(), 136.0, 140.0)
+    if not has_events:
+        late = record.time_s > 135.9
+        rolled = np.cumsum(np.where(late, 500.0, 0.0)) * record.sample_period_s
+        record = record.replace("p", record["p"] + np.where(late, 500.0, 0.0)).replace("phi", record["phi"] + rolled)
+        record = record.replace("nz", np.where(late, 9.0, record["nz"]))
+    gb.write_log(record, tmp_path / "log.csv")
+    said = verdict_text(gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0, 60)]))
+    if has_events:
+        assert said.startswith("No fault found in")
+    else:
+        assert said == "No fault found until 135.4 s; cannot tell from then on: impact or touchdown."
