@@ -14,14 +14,13 @@ from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
 from gtmbench.detectors.surfaces.deviation import (
-    BLOCK_S,
-    HORIZON,
     LABELS,
     WINDOWS_S,
     Blocks,
     Normal,
+    Testing,
     blocks_of,
-    changes,
+    rows_of,
 )
 from gtmbench.detectors.surfaces.naming import Seen, judged
 from gtmbench.values.channels import COMMANDS, GYROS
@@ -85,14 +84,15 @@ class SurfaceStream:
 
     def __init__(self, monitor: Watching) -> None:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
-        self._rows = max(round(BLOCK_S / self._period_s), 1)
-        self._settled = round(_SETTLES_S / (self._rows * self._period_s))
+        self._rows = rows_of(self._period_s)
+        self._block_s = self._rows * self._period_s
+        self._settled = round(_SETTLES_S / self._block_s)
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
         self._limits = limits_of(monitor)
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
-        self._kept: Blocks | None = None
+        self._testing = Testing(monitor.normal.white, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -157,14 +157,10 @@ class SurfaceStream:
         if not count:
             return np.zeros((0, len(LABELS), series))
         there = np.asarray(np.isfinite(values).all(axis=1))
-        new = blocks_of(self._answering.push(values), there, self._rows)
+        new = blocks_of(self._answering.push(values), there, self._period_s)
         unsettled = self._count + np.arange(count) < self._settled
-        new = Blocks(new.sums, new.there & ~unsettled)
-        kept = new if self._kept is None else self._kept.joined(new)
-        found = changes(kept, self._monitor.normal.noise)
-        nats = self._monitor.normal.nats(found, len(self._monitor.suspects))[-count:]
-        self._kept = kept.last(HORIZON)
-        return nats / self._limits
+        found = self._testing.push(Blocks(new.means, new.there & ~unsettled, self._block_s))
+        return self._monitor.normal.nats(found, len(self._monitor.suspects)) / self._limits
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -194,8 +190,8 @@ class SurfaceStream:
 
     def _raise(self, block: int, time_s: float, surface: int, test: int, series: FloatArray) -> None:
         number = len(self._alarms)
-        is_same = number > 0 and block - self._above_block <= _SAME_S / BLOCK_S
-        onset_s = max(time_s - WINDOWS_S[test], time_s - block * BLOCK_S)
+        is_same = number > 0 and block - self._above_block <= _SAME_S / self._block_s
+        onset_s = max(time_s - WINDOWS_S[test], time_s - block * self._block_s)
         self._alarms[number] = Alarm(
             number=number,
             time_s=time_s,
@@ -205,7 +201,7 @@ class SurfaceStream:
             fault=self._alarms[number - 1].fault if is_same else number,
         )
         if not is_same:
-            looks = [block + round(look_s / BLOCK_S) for look_s in _LOOKS_S]
+            looks = [block + round(look_s / self._block_s) for look_s in _LOOKS_S]
             self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy())
         self._above_block = float(block)
 
@@ -225,7 +221,7 @@ class SurfaceStream:
         )
         again_s = None
         if looking.looks:
-            again_s = round(time_s + (looking.looks[0] - block) * BLOCK_S, 9)
+            again_s = round(time_s + (looking.looks[0] - block) * self._block_s, 9)
         judgement = judged(seen, time_s)
         self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
         if not looking.looks:

@@ -23,10 +23,11 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of, identified
 from gtmbench.detectors.surfaces.deviation import (
+    ANSWER,
     BLOCK_S,
+    KINDS,
     LABELS,
     OFFSET,
-    SLOPE,
     Blocks,
     Normal,
     blocks_of,
@@ -44,7 +45,7 @@ from gtmbench.values.record import FloatArray, Record
 _KINEMATIC_RATE = 1.0  # false alarms an hour that may keep a surface from being named
 _MINUTE_S = 60.0
 _SETTLES_S = 5.0
-_SLOWEST_S = BLOCK_S / 2.0  # sample period
+_SLOWEST_S = 0.125  # sample period
 _SHORTEST_S = 60.0
 _MOSTLY = 0.9  # of the moments
 _PASSES_NOTHING = 1e6  # nats: of a test that no healthy record was long enough for
@@ -172,10 +173,6 @@ def _read(flow: Flow) -> tuple[str, ...]:
     return (*GYROS, *flow.channels, *COMMANDS)
 
 
-def _rows(period_s: float) -> int:
-    return max(round(BLOCK_S / period_s), 1)
-
-
 def _check(name: str, healthy: Sequence[Record]) -> None:
     period_s = healthy[0].sample_period_s
     if period_s > _SLOWEST_S:
@@ -192,18 +189,19 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
 
 def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
     """Return the blocks of a record, once the filters have settled."""
-    rows = _rows(period_s)
-    blocks = blocks_of(answer.start(period_s).push(values), np.asarray(np.isfinite(values).all(axis=1)), rows)
-    first = round(_SETTLES_S / (rows * period_s))
-    return Blocks(blocks.sums[first:], blocks.there[first:])
+    there = np.asarray(np.isfinite(values).all(axis=1))
+    blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
+    first = round(_SETTLES_S / blocks.block_s)
+    return Blocks(blocks.means[first:], blocks.there[first:], blocks.block_s)
 
 
 def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyMaxima:
     """Return the greatest values of all tests in minutes of healthy flight."""
     tests: dict[tuple[str, str], ScoreMaxima] = {}
-    minute = round(_MINUTE_S / BLOCK_S)
+    block_s = healthy[0].block_s
+    minute = round(_MINUTE_S / block_s)
     for blocks in healthy:
-        nats = normal.nats(changes(blocks, normal.noise), len(answer.surfaces))
+        nats = normal.nats(changes(blocks, normal.white), len(answer.surfaces))
         for i, series in enumerate(answer.series):
             for test, label in enumerate(LABELS):
                 values = nats[:, test, i]
@@ -214,7 +212,7 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyM
                     seen.greatest.append(float(np.nanmax(values)))
     if not tests:
         raise InputError(f"the healthy records are too short; one of {_SHORTEST_S:g} s without a hole is needed")
-    return HealthyMaxima(tests=tests, rows=minute, sample_period_s=BLOCK_S)
+    return HealthyMaxima(tests=tests, rows=minute, sample_period_s=block_s)
 
 
 _LEAST_NATS = 8.0  # what white noise would pass 3 times in 10,000 independent windows
@@ -333,9 +331,9 @@ class SurfaceMonitor:
         kept = record.select(self.channels)
         kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
         blocks = _settled(self.answer, kept.matrix(_read(self.answer.flow)), self.sample_period_s)
-        found = changes(blocks, self.normal.noise)
+        found = changes(blocks, self.normal.white)
         least = self.normal.smallest(found, limits_of(self))
-        by_kind = {kind: [i for i, label in enumerate(LABELS) if label.startswith(kind)] for kind in (OFFSET, SLOPE)}
+        by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
         sizes = {}
         for i, surface in enumerate(self.suspects):
             offset, loss = (_mostly(least[:, tests, i]) for tests in by_kind.values())
@@ -349,6 +347,7 @@ class SurfaceMonitor:
             "name": self.name,
             "answer": self.answer.table(),
             "noise": self.normal.noise.tolist(),
+            "white": self.normal.white.tolist(),
             "colour": self.normal.colour.tolist(),
             "thresholds": {series: dict(of) for series, of in self.thresholds.items()},
             "kinematics": self.kinematics.figures(),
@@ -371,7 +370,7 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     InputError
         Naming the key, what stands there and what should.
     """
-    names = ("sample_period_s", "name", "answer", "noise", "colour", "thresholds", "kinematics")
+    names = ("sample_period_s", "name", "answer", "noise", "white", "colour", "thresholds", "kinematics")
     figures = keys("figures", figures, names)
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
@@ -383,6 +382,7 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
         answer=answer,
         normal=Normal(
             noise=array_of("figures.noise", figures["noise"], (series,)),
+            white=array_of("figures.white", figures["white"], (series,)),
             colour=array_of("figures.colour", figures["colour"], (len(LABELS), series)),
         ),
         thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.series},
