@@ -7,7 +7,7 @@ lambda/(s + lambda), which makes a derivative measurable,
 
     F q' = F (X theta) + e,   F q' = lambda (q - F q),
 
-by least squares. A surface that is off by d degrees adds F (Q d) times its own column of theta to every equation at
+theta by least squares in coloured noise, from the causes of one step to the change until the next. A surface that is off by d degrees adds F (Q d) times its own column of theta to every equation at
 once, Q being the dynamic pressure. So the residuals e, weighed by their covariance S on healthy flight, say by how many
 degrees each surface seems to be off,
 
@@ -20,11 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gtmbench.checks import number, shown
+from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
@@ -38,7 +40,8 @@ _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 _SETTLES_S = 5.0
 _ENGINE = "throttle"  # a cause, and never judged: its effect is far from linear, and no equation is its own
 _MOVED_DEG = 0.1  # deviation that a command must have had to be identified
-_THINNED_S = 0.05  # between equations: they are smooth
+_STEP_S = 0.05  # from causes to what they change, where effects are identified
+_TURNS = 12  # of fitting effects and making their noise white
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
@@ -85,6 +88,11 @@ class Flow:
         return (*(("alpha", "beta") if self.vanes else ()), "ny", "nz", *air)
 
     @property
+    def sensors(self) -> tuple[str, ...]:
+        """Those whose fault could look like a surface's, and leave something beside it."""
+        return ("alpha", "beta", "ny", "nz") if self.vanes else ()
+
+    @property
     def equations(self) -> dict[str, str]:
         """By the channel that is explained, whether its motion is lateral or longitudinal."""
         return _AXES | ({"ny": "lateral", "nz": "longitudinal"} if self.vanes else {})
@@ -124,6 +132,11 @@ class Answer:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
         return np.array([self.theta[name][: len(self.surfaces)] for name in self.flow.equations])
 
+    def effect(self, equation: str, vane: str) -> float:
+        """Return what a degree of a vane changes of an equation, where the dynamic pressure is 1."""
+        explains = {"alpha": "longitudinal", "beta": "lateral"}[vane] == self.flow.equations[equation]
+        return float(self.theta[equation][len(self.surfaces)]) if explains else 0.0  # the first cause beside surfaces
+
     @property
     def series(self) -> tuple[str, ...]:
         """The names of what is judged: the surfaces, and what none of them explains."""
@@ -153,7 +166,7 @@ class Answering:
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
         self._answer = answer
         self._regressing = _Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
-        self._off, self._left = _solved(answer)
+        self._off, self._left = solved(answer)
 
     def push(self, values: FloatArray) -> Deviations:
         """Return the deviations of the next rows, of the channels in their order."""
@@ -165,7 +178,7 @@ class Answering:
         return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=residuals @ self._left.T)
 
 
-def _solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
+def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
     """Return what makes deviations, and what is left, of the equations' residuals."""
     root = np.linalg.cholesky(answer.covariance)
     white = np.linalg.solve(root, answer.effects)
@@ -179,6 +192,13 @@ class _Regressed(NamedTuple):
     regressors: dict[str, FloatArray]
     commanded: FloatArray
     slew: FloatArray
+    pressure: FloatArray
+
+
+class _Sides(NamedTuple):
+    explained: dict[str, FloatArray]
+    causes: dict[str, FloatArray]
+    driven: FloatArray
     pressure: FloatArray
 
 
@@ -198,16 +218,25 @@ class _Regressing:
         self._slow = _Lags([np.exp(-period_s / _SLOW_S)])
         self._held: FloatArray | None = None
 
-    def push(self, values: FloatArray) -> _Regressed:
-        """Return both sides of the equations for the next rows."""
+    def sides(self, values: FloatArray) -> _Sides:
+        """Return both sides of the equations for the next rows, as they are."""
         values = self._without_holes(values)
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._surfaces]))
         thrust = self._engine.push(read[_ENGINE][:, np.newaxis])[:, 0]
-        causes = self._causes(read, pressure, driven, thrust)
-        sides = [read[name] for name in self._flow.equations]
-        joined = np.column_stack([*sides, driven, pressure, *causes.values()])
+        return _Sides(
+            explained={name: read[name] for name in self._flow.equations},
+            causes=self._causes(read, pressure, driven, thrust),
+            driven=driven,
+            pressure=pressure,
+        )
+
+    def push(self, values: FloatArray) -> _Regressed:
+        """Return both sides of the equations for the next rows, behind the lag."""
+        made = self.sides(values)
+        causes, sides = made.causes, list(made.explained.values())
+        joined = np.column_stack([*sides, made.driven, made.pressure, *causes.values()])
         smooth = self._smooth.push(joined)
         after = len(sides) + len(self._surfaces)
         explained = {
@@ -337,50 +366,93 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
         float(np.nanmedian(np.concatenate([values[:, at["tas"]] for values in records]))) if flow.airspeed else 1.0
     )
     reference = max(abs(reference), 1e-6)
-    tried = []
-    for servo in _SURFACE_LAGS_S:
-        answer = _fitted(flow, moved, (servo, _ENGINE_LAGS_S[1]), reference, records, sample_period_s)
-        tried.append(answer)
-    best = min(tried, key=_cost)
-    servo = best.lags_s[0]
-    others = [_fitted(flow, moved, (servo, engine), reference, records, sample_period_s) for engine in _ENGINE_LAGS_S]
-    return min(others, key=_cost)
-
-
-def _cost(answer: Answer) -> float:
-    """Return what the equations leave: the logarithm of the determinant of their covariance."""
-    return float(np.linalg.slogdet(answer.covariance)[1])
+    found = partial(_fitted, flow, moved, reference, records, sample_period_s)
+    servo = min(_SURFACE_LAGS_S, key=lambda lag_s: found((lag_s, _ENGINE_LAGS_S[1]))[1])
+    engine = min(_ENGINE_LAGS_S, key=lambda lag_s: found((servo, lag_s))[1])
+    theta, _ = found((servo, engine))
+    lags_s = (servo, engine)
+    return Answer(
+        flow=flow,
+        surfaces=moved,
+        lags_s=lags_s,
+        theta=theta,
+        covariance=_covariance(theta, flow, moved, lags_s, reference, records, sample_period_s),
+        reference=reference,
+    )
 
 
 def _fitted(
+    flow: Flow,
+    surfaces: tuple[str, ...],
+    reference: float,
+    records: Sequence[FloatArray],
+    period_s: float,
+    lags_s: tuple[float, float],
+) -> tuple[dict[str, FloatArray], float]:
+    """Return the effects, and what is left unpredicted: the logarithm of its power, of all equations.
+
+    Gusts drive what they are mixed up with: a gust that rolls the aircraft changes the roll rate, and a controller
+    then moves the ailerons. So causes of one step explain the change to the next, and noise is made white: what is
+    new in it owes nothing to anything before.
+    """
+    rows, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
+    made = [_Regressing(flow, surfaces, lags_s, reference, period_s).sides(values[begun:]) for values in records]
+    theta, cost = {}, 0.0
+    for name, axis in flow.equations.items():
+        own = [i for i, surface in enumerate(surfaces) if surface in _OWN[axis]]
+        used = [*own, *range(len(surfaces), len(surfaces) + _CAUSES[axis])]
+        parts = []
+        for sides in made:
+            causes, explained = _means(sides.causes[axis][:, used], rows), _means(sides.explained[name], rows)
+            if name in GYROS:
+                causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
+            parts.append(np.column_stack([causes, explained]))
+        found = np.zeros(len(surfaces) + _CAUSES[axis])
+        found[used], power = _in_coloured_noise(parts)
+        theta[name] = found
+        cost += float(np.log(max(power, 1e-300)))
+    return theta, cost
+
+
+def _means(values: FloatArray, rows: int) -> FloatArray:
+    count = len(values) // rows
+    return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
+
+
+def _in_coloured_noise(parts: Sequence[FloatArray]) -> tuple[FloatArray, float]:
+    """Return the effects of causes by least squares, the last column being what is explained, and the power left."""
+    from scipy.signal import lfilter
+
+    taps = np.ones(1)
+    for _ in range(_TURNS):
+        white = np.concatenate([lfilter(taps, [1.0], part, axis=0)[ORDER:] for part in parts])
+        scale = np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
+        found = np.linalg.lstsq(white[:, :-1] / scale[:-1], white[:, -1], rcond=1e-8)[0] / scale[:-1]
+        lefts = [part[:, -1] - part[:, :-1] @ found for part in parts]
+        lagged = [sum(float(each[lag:] @ each[: len(each) - lag]) for each in lefts) for lag in range(ORDER + 1)]
+        taps = whitening(np.array(lagged))
+    left = np.concatenate([lfilter(taps, [1.0], each)[ORDER:] for each in lefts])
+    return np.asarray(found), float(np.mean(np.square(left)))
+
+
+def _covariance(
+    theta: Mapping[str, FloatArray],
     flow: Flow,
     surfaces: tuple[str, ...],
     lags_s: tuple[float, float],
     reference: float,
     records: Sequence[FloatArray],
     period_s: float,
-) -> Answer:
-    step, begun = max(round(_THINNED_S / period_s), 1), round(_SETTLES_S / period_s)
-    made = [_Regressing(flow, surfaces, lags_s, reference, period_s).push(values) for values in records]
-    theta, left = {}, []
-    for name, axis in flow.equations.items():
-        x = np.concatenate([part.regressors[name][begun::step] for part in made])
-        y = np.concatenate([part.explained[name][begun::step] for part in made])
-        own = [i for i, surface in enumerate(surfaces) if surface in _OWN[axis]]
-        used = [*own, *range(len(surfaces), x.shape[1])]
-        scale = np.maximum(np.sqrt(np.mean(np.square(x[:, used]), axis=0)), 1e-9)
-        found = np.zeros(x.shape[1])
-        found[used] = np.linalg.lstsq(x[:, used] / scale, y, rcond=1e-8)[0] / scale
-        theta[name] = found
-        left.append(y - x @ found)
-    return Answer(
-        flow=flow,
-        surfaces=surfaces,
-        lags_s=lags_s,
-        theta=theta,
-        covariance=np.atleast_2d(np.cov(np.array(left), bias=True)),
-        reference=reference,
-    )
+) -> FloatArray:
+    """Return S: the covariance of what the equations leave behind the lag."""
+    step, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
+    left = []
+    for values in records:
+        made = _Regressing(flow, surfaces, lags_s, reference, period_s).push(values)
+        left.append(
+            [made.explained[name][begun::step] - made.regressors[name][begun::step] @ of for name, of in theta.items()]
+        )
+    return np.atleast_2d(np.cov(np.concatenate([np.array(each) for each in left], axis=1), bias=True))
 
 
 def answer_of(where: str, given: Any) -> Answer:

@@ -51,24 +51,29 @@ _NORMAL = np.diag(1.0 / np.square([3.0, 0.15, 0.05]))
 _BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
 _ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 _FORGETS_S = 2.0  # after a hole
+_LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 _COLOUR_BLOCKS = 600  # that a colour is learnt from: a minute's
 _LEAST = 1e-12
 
 
 class Blocks(NamedTuple):
-    """Means over blocks of 1, u, v and d, of every surface and of all that is left.
+    """Means over blocks of 1, u, v and d: of every surface, of all that is left, and of that by every surface's u and v.
 
     Attributes
     ----------
     means : shape (blocks, series, 4)
+        Series: the surfaces; what is left, u and v being 0; and for every surface what is left by its u and v.
     there : shape (blocks,)
         Whether enough samples of a block were.
+    surfaces : int
+        How many there are.
     block_s : float
     """
 
     means: FloatArray
     there: BoolArray
+    surfaces: int
     block_s: float
 
 
@@ -89,15 +94,16 @@ def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) 
     """
     rows = rows_of(sample_period_s)
     count = len(there) // rows
-    still = np.zeros_like(deviations.left)
-    d = np.column_stack([deviations.off, deviations.left])
-    u = np.column_stack([deviations.commanded, still])
-    v = np.column_stack([deviations.slew, still])
+    left, surfaces = deviations.left, deviations.off.shape[1]
+    still, kinds = np.zeros_like(left), left.shape[1]
+    d = np.column_stack([deviations.off, left, *[left] * surfaces])
+    u, v = (
+        np.column_stack([of, still, np.repeat(of, kinds, axis=1)]) for of in (deviations.commanded, deviations.slew)
+    )
     x = np.stack([np.ones_like(d), u, v, d], axis=-1)[: count * rows]
     means = x.reshape(count, rows, d.shape[1], 4).mean(axis=1)
-    return Blocks(
-        means, there[: count * rows].reshape(count, rows).mean(axis=1) >= _ENOUGH, rows * sample_period_s
-    )
+    enough = there[: count * rows].reshape(count, rows).mean(axis=1) >= _ENOUGH
+    return Blocks(means, enough, surfaces, rows * sample_period_s)
 
 
 class Changes(NamedTuple):
@@ -110,13 +116,33 @@ class Changes(NamedTuple):
     error : shape (blocks, tests, series)
         What one deviation amounts to: degrees of an offset, or a share of the effectiveness that is lost.
     fit : shape (blocks, tests, series, 2)
-        By how much b and c have changed, of ``answer``; a, of ``offset``.
+        By how much b and c have changed, of ``answer``; a and nothing, of ``offset``.
+    spread : shape (blocks, tests, series, 2, 2)
+        Their covariance.
     """
 
     size: FloatArray
     tolerated: FloatArray
     error: FloatArray
     fit: FloatArray
+    spread: FloatArray
+
+
+def _grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
+    """Return the series that are made white alike, and their sums.
+
+    What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
+    """
+    step = max(round(_LEFT_STEP_S / block_s), 1)
+    return (
+        (slice(surfaces), Sums(surfaces, 4, horizon)),
+        (slice(surfaces, None), Sums(series - surfaces, 4, horizon, step)),
+    )
+
+
+def _judged_series(surfaces: int, series: int) -> int:
+    """Return how many series may be unusual by themselves: the surfaces, and what is left."""
+    return surfaces + (series - surfaces) // (1 + surfaces)
 
 
 class Testing:
@@ -126,14 +152,17 @@ class Testing:
     ----------
     floor : shape (series,)
         The noise that was learnt, made white.
+    surfaces : int
     block_s : float
     """
 
-    def __init__(self, floor: FloatArray, block_s: float) -> None:
+    def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
         self._floor = np.square(_QUIET * floor)
         self._block_s = block_s
         horizon = self._blocks(BASE_S + max(WINDOWS_S))
-        self._sums = Sums(len(floor), 4, horizon)
+        self._groups = _grouped(surfaces, len(floor), horizon, block_s)
+        self._own = _judged_series(surfaces, len(floor))
+        self._sums = self._groups[0][1]
         self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
         self._since_hole = 0
 
@@ -163,20 +192,23 @@ class Testing:
     def _nothing(self, count: int) -> Changes:
         shape = (count, len(_TESTS), len(self._floor))
         size, tolerated, error = (np.full(shape, np.nan) for _ in range(3))
-        return Changes(size, tolerated, error, np.full((*shape, 2), np.nan))
+        return Changes(size, tolerated, error, np.full((*shape, 2), np.nan), np.full((*shape, 2, 2), np.nan))
 
     def _pushed(self, means: FloatArray, used: BoolArray) -> Changes:
         first = self._sums.count
-        self._sums.push(means, used)
+        for own, sums in self._groups:
+            sums.push(means[:, own], used)
         made = self._nothing(len(means))
         for window_s in sorted(set(WINDOWS_S)):
             ends = self._judged(first, window_s)
             if not len(ends):
                 continue
-            now = self._compared(ends, self._blocks(window_s))
+            of_groups = [self._compared(sums, self._floor[own], ends, window_s) for own, sums in self._groups]
+            now = _Compared(*(np.concatenate(parts, axis=1) for parts in zip(*of_groups, strict=True)))
             for test, (kind, span_s) in enumerate(_TESTS):
                 if span_s == window_s:
-                    for into, values in zip(made, _FOUND[kind](now), strict=True):
+                    found = _level(now, self._own) if kind == LEVEL else _FOUND[kind](now)
+                    for into, values in zip(made, found, strict=True):
                         into[ends - 1 - first, test] = values
         return made
 
@@ -193,24 +225,24 @@ class Testing:
     def _base(self, begins: FloatArray) -> FloatArray:
         return np.maximum(begins - self._blocks(BASE_S), 0)
 
-    def _compared(self, ends: FloatArray, window: int) -> _Compared:
-        begins = ends - window
+    def _compared(self, sums: Sums, floor: FloatArray, ends: FloatArray, window_s: float) -> _Compared:
+        begins = ends - self._blocks(window_s)
         base = self._base(begins)
-        held = self._sums.held(base, begins)[:, np.newaxis]
-        taps = np.zeros((len(ends), len(self._floor), ORDER + 1))
+        held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
+        taps = np.zeros((len(ends), len(floor), ORDER + 1))
         taps[..., 0] = 1.0  # as it is, at first
-        fit, _, _ = _fitted(self._sums.whitened(base, begins, taps), held)
-        taps = whitening(self._sums.lagged(base, begins, fit))
-        fit, power, covariance = _fitted(self._sums.whitened(base, begins, taps), held)
+        fit, _, _ = _fitted(sums.whitened(base, begins, taps), held)
+        taps = whitening(sums.lagged(base, begins, fit))
+        fit, power, covariance = _fitted(sums.whitened(base, begins, taps), held)
         recent = self._blocks(_RECENT_S)
-        lately = left(self._sums.whitened(begins - recent, begins, taps), fit) / recent
+        lately = left(sums.whitened(begins - recent, begins, taps), fit) / recent
         return _Compared(
-            now=self._sums.whitened(begins, ends, taps),
-            held=self._sums.held(begins, ends)[:, np.newaxis],
+            now=sums.whitened(begins, ends, taps),
+            held=np.repeat(sums.held(begins, ends)[:, np.newaxis], len(floor), axis=1),
             fit=fit,
             covariance=covariance,
-            before=np.maximum(power, self._floor),
-            noise=np.maximum(np.maximum(power, lately), self._floor),
+            before=np.maximum(power, floor),
+            noise=np.maximum(np.maximum(power, lately), floor),
         )
 
 
@@ -221,7 +253,7 @@ class _Compared(NamedTuple):
     ----------
     now : shape (windows, series, 4, 4)
         Products of a window, made white.
-    held : shape (windows, 1)
+    held : shape (windows, series)
         Its blocks.
     fit, covariance : shapes (windows, series, 3) and (windows, series, 3, 3)
         a, b and c of the minute.
@@ -264,10 +296,12 @@ def _offset(seen: _Compared) -> Changes:
     inner, beyond = seen.now[..., :3, :3], seen.beyond
     ones = np.maximum(inner[..., 0, 0], _LEAST)
     change = beyond[..., 0] / ones
-    spread = np.einsum("...i,...ij,...j->...", inner[..., 0, :], seen.covariance, inner[..., 0, :], optimize=True)
-    error = np.sqrt(seen.level(change * beyond[..., 0]) / ones + spread / ones**2)
+    earlier = _quadratic(seen.covariance, inner[..., 0, :]) / ones**2
+    error = np.sqrt(seen.level(change * beyond[..., 0]) / ones + earlier)
     fit = np.stack([change, np.zeros_like(change)], axis=-1)
-    return Changes(np.abs(change) / error, _TOLERATED_DEG / error, error, fit)
+    spread = np.zeros((*change.shape, 2, 2))
+    spread[..., 0, 0] = np.square(error)
+    return Changes(np.abs(change) / error, _TOLERATED_DEG / error, error, fit, spread)
 
 
 def _answer(seen: _Compared) -> Changes:
@@ -289,23 +323,24 @@ def _answer(seen: _Compared) -> Changes:
         tolerated,
         1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST)),
         change,
+        spread[..., 1:, 1:],
     )
 
 
-def _level(seen: _Compared) -> Changes:
+def _level(seen: _Compared, judged: int) -> Changes:
     """Return by what power of e the squares exceed those before, less what all series do: gusts shake all."""
     power = left(seen.now, seen.fit) / seen.held
     grown = np.log(np.maximum(power, seen.before) / seen.before)
-    alone = np.maximum(grown - np.maximum(np.median(grown, axis=1, keepdims=True), 0.0), 0.0)
-    still = np.zeros((*alone.shape, 2))
-    return Changes(alone, np.full_like(alone, _LEVEL_TOLERATED), np.ones_like(alone), still)
+    alone = np.maximum(grown - np.maximum(np.median(grown[:, :judged], axis=1, keepdims=True), 0.0), 0.0)
+    still = np.zeros((*alone.shape, 2, 2))
+    return Changes(alone, np.full_like(alone, _LEVEL_TOLERATED), np.ones_like(alone), still[..., 0], still)
 
 
 def _quadratic(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(np.einsum("...i,...ij,...j->...", vector, matrix, vector, optimize=True), 0.0))
 
 
-_FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER: _answer, LEVEL: _level}
+_FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER: _answer}
 
 
 def changes(blocks: Blocks, floor: FloatArray) -> Changes:
@@ -317,7 +352,7 @@ def changes(blocks: Blocks, floor: FloatArray) -> Changes:
     floor : shape (series,)
         The noise that was learnt, made white.
     """
-    return Testing(floor, blocks.block_s).push(blocks)
+    return Testing(floor, blocks.surfaces, blocks.block_s).push(blocks)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -346,7 +381,8 @@ class Normal:
         t = np.maximum(found.size - tolerated, 0.0) / self.colour
         t[:, [kind == LEVEL for kind in KINDS], :surfaces] = np.nan
         t[:, [kind == ANSWER for kind in KINDS], surfaces:] = np.nan
-        return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
+        judged = _judged_series(surfaces, t.shape[2])
+        return np.asarray(0.5 * np.square(np.minimum(t[..., :judged], 1e3)))
 
     def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
         """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
@@ -357,26 +393,24 @@ class Normal:
         thresholds : shape (tests, series)
             In nats.
         """
-        return np.asarray((found.tolerated + np.sqrt(2.0 * thresholds) * self.colour) * found.error)
+        judged = thresholds.shape[1]
+        beyond = np.sqrt(2.0 * thresholds) * self.colour[:, :judged]
+        return np.asarray((found.tolerated[..., :judged] + beyond) * found.error[..., :judged])
 
 
 def normal_of(healthy: Sequence[Blocks]) -> Normal:
     """Return what is usual, of the blocks of healthy records."""
-    series = healthy[0].means.shape[1]
+    surfaces, series = healthy[0].surfaces, healthy[0].means.shape[1]
     noise, white = [], []
     for blocks in healthy:
         base = round(LEAST_BASE_S / blocks.block_s)
         for first in range(0, len(blocks.there) - base + 1, base):
-            part = Sums(series, 4, base)
-            part.push(blocks.means[first : first + base], blocks.there[first : first + base])
-            begin, end = np.array([0]), np.array([base])
-            if part.held(begin, end)[0] < _ENOUGH * base:
-                continue
-            plain = np.zeros((1, series, ORDER + 1))
-            plain[..., 0] = 1.0
-            fit, power, _ = _fitted(part.whitened(begin, end, plain), part.held(begin, end))
-            noise.append(power[0])
-            white.append(_fitted(part.whitened(begin, end, whitening(part.lagged(begin, end, fit))), base)[1][0])
+            part = slice(first, first + base)
+            if blocks.there[part].mean() >= _ENOUGH:
+                groups = _grouped(surfaces, series, base, blocks.block_s)
+                both = [_powers(sums, blocks.means[part, own], blocks.there[part]) for own, sums in groups]
+                for powers, of_groups in zip((noise, white), zip(*both, strict=True), strict=True):
+                    powers.append(np.concatenate(of_groups))
     if not noise:
         noise = white = [np.ones(series)]
     floor = np.sqrt(np.median(np.array(white), axis=0))
@@ -394,3 +428,14 @@ def normal_of(healthy: Sequence[Blocks]) -> Normal:
         white=floor,
         colour=np.maximum(colour, least),
     )
+
+
+def _powers(sums: Sums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return the power of what a fit of some blocks leaves, as it is and made white."""
+    sums.push(means, there)
+    begin, end, held = np.array([0]), np.array([sums.count]), np.full((1, means.shape[1]), there.sum())
+    taps = np.zeros((1, means.shape[1], ORDER + 1))
+    taps[..., 0] = 1.0
+    fit, plain, _ = _fitted(sums.whitened(begin, end, taps), held)
+    _, white, _ = _fitted(sums.whitened(begin, end, whitening(sums.lagged(begin, end, fit))), held)
+    return plain[0], white[0]

@@ -16,7 +16,6 @@ from gtmbench.detectors.surfaces.answer import Answer
 from gtmbench.detectors.surfaces.deviation import (
     LABELS,
     WINDOWS_S,
-    Blocks,
     Normal,
     Testing,
     blocks_of,
@@ -92,7 +91,7 @@ class SurfaceStream:
         self._limits = limits_of(monitor)
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
-        self._testing = Testing(monitor.normal.white, self._block_s)
+        self._testing = Testing(monitor.normal.white, len(monitor.suspects), self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -159,7 +158,7 @@ class SurfaceStream:
         there = np.asarray(np.isfinite(values).all(axis=1))
         new = blocks_of(self._answering.push(values), there, self._period_s)
         unsettled = self._count + np.arange(count) < self._settled
-        found = self._testing.push(Blocks(new.means, new.there & ~unsettled, self._block_s))
+        found = self._testing.push(new._replace(there=new.there & ~unsettled))
         return self._monitor.normal.nats(found, len(self._monitor.suspects)) / self._limits
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:

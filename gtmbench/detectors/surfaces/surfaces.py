@@ -192,7 +192,7 @@ def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
     there = np.asarray(np.isfinite(values).all(axis=1))
     blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
     first = round(_SETTLES_S / blocks.block_s)
-    return Blocks(blocks.means[first:], blocks.there[first:], blocks.block_s)
+    return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
 
 def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyMaxima:
@@ -375,7 +375,7 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
     answer = answer_of("figures.answer", figures["answer"])
-    series = len(answer.series)
+    series = series_of(answer)
     thresholds = table_of("figures.thresholds", figures["thresholds"])
     return SurfaceMonitor(
         name=figures["name"],
@@ -390,6 +390,12 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
         sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
         provenance=dict(provenance),
     )
+
+
+def series_of(answer: Answer) -> int:
+    """Return how many series are tested: those that are judged, and what is left by every surface's command."""
+    surfaces = len(answer.surfaces)
+    return surfaces + (len(answer.series) - surfaces) * (1 + surfaces)
 
 
 def _thresholds(series: str, given: Any) -> dict[str, float]:
