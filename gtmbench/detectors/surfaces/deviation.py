@@ -243,6 +243,7 @@ class Testing:
             covariance=covariance,
             before=np.maximum(power, floor),
             noise=np.maximum(np.maximum(power, lately), floor),
+            usual=np.maximum(np.broadcast_to(floor, power.shape) / np.square(_QUIET), _LEAST),
         )
 
 
@@ -259,6 +260,8 @@ class _Compared(NamedTuple):
         a, b and c of the minute.
     before, noise : shape (windows, series)
         The noise's power in the minute, and by then at most.
+    usual : shape (windows, series)
+        The power that was learnt.
     """
 
     now: FloatArray
@@ -267,6 +270,12 @@ class _Compared(NamedTuple):
     covariance: FloatArray
     before: FloatArray
     noise: FloatArray
+    usual: FloatArray
+
+    @property
+    def rough(self) -> FloatArray:
+        """How much more than what is usual is tolerated: motion that is twice as hard is four times as nonlinear."""
+        return np.asarray(np.maximum(self.noise / self.usual, 1.0))
 
     @property
     def beyond(self) -> FloatArray:
@@ -301,7 +310,7 @@ def _offset(seen: _Compared) -> Changes:
     fit = np.stack([change, np.zeros_like(change)], axis=-1)
     spread = np.zeros((*change.shape, 2, 2))
     spread[..., 0, 0] = np.square(error)
-    return Changes(np.abs(change) / error, _TOLERATED_DEG / error, error, fit, spread)
+    return Changes(np.abs(change) / error, _TOLERATED_DEG * seen.rough / error, error, fit, spread)
 
 
 def _answer(seen: _Compared) -> Changes:
@@ -320,7 +329,7 @@ def _answer(seen: _Compared) -> Changes:
     tolerated = np.sqrt(np.max([_quadratic(certain, both) for both in signs], axis=0))
     return Changes(
         np.sqrt(_quadratic(certain, change)),
-        tolerated,
+        tolerated * seen.rough,
         1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST)),
         change,
         spread[..., 1:, 1:],
