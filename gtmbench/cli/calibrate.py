@@ -124,7 +124,7 @@ def calibrate_command(
             )
         else:
             records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
-            origin = wanted.provenance()
+            origin = wanted.provenance(recipe)
         monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         _check_luck(monitor, len(records), "logs" if logs else "flights")
         save_monitor(monitor, out)

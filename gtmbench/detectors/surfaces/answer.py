@@ -1,15 +1,15 @@
 """The aircraft's answer to its commands, identified from healthy flight: how far off each surface seems to be.
 
-Without a model of the aircraft, every rotational acceleration is taken to be linear in what causes
-it: the flow, the body rates, the inertial products and the deflections, all by the dynamic pressure of the moment
-(V. Klein and E. A. Morelli, Aircraft System Identification, AIAA 2006, chapter 5). With q' = d/dt q and F the lag
-lambda/(s + lambda), which makes a derivative measurable,
+Without a model of the aircraft, every rotational acceleration is taken to be linear in what causes it: the flow, the
+body rates, the inertial products and the deflections, all by the dynamic pressure of the moment (V. Klein and E. A.
+Morelli, Aircraft System Identification, AIAA 2006, chapter 5). With q' = d/dt q and F the lag lambda/(s + lambda),
+which makes a derivative measurable,
 
     F q' = F (X theta) + e,   F q' = lambda (q - F q),
 
-theta by least squares in coloured noise, from the causes of one step to the change until the next. A surface that is off by d degrees adds F (Q d) times its own column of theta to every equation at
-once, Q being the dynamic pressure. So the residuals e, weighed by their covariance S on healthy flight, say by how many
-degrees each surface seems to be off,
+theta by least squares in coloured noise (`identification.py`). A surface that is off by d degrees adds F (Q d) times
+its own column of theta to every equation at once, Q being the dynamic pressure. So the residuals e, weighed by their
+covariance S on healthy flight, say by how many degrees each surface seems to be off,
 
     d = (G' S^-1 G)^-1 G' S^-1 e / Q,
 
@@ -20,28 +20,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gtmbench.checks import number, shown
-from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
 from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0
-_SURFACE_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
 _SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
-_SETTLES_S = 5.0
 _ENGINE = "throttle"  # a cause, and never judged: its effect is far from linear, and no equation is its own
-_MOVED_DEG = 0.1  # deviation that a command must have had to be identified
-_STEP_S = 0.05  # from causes to what they change, where effects are identified
-_TURNS = 12  # of fitting effects and making their noise white
+CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
@@ -165,7 +159,7 @@ class Answering:
 
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
         self._answer = answer
-        self._regressing = _Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
+        self._regressing = Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
         self._off, self._left = solved(answer)
 
     def push(self, values: FloatArray) -> Deviations:
@@ -202,7 +196,7 @@ class _Sides(NamedTuple):
     pressure: FloatArray
 
 
-class _Regressing:
+class Regressing:
     """The equations' both sides, as samples come in."""
 
     def __init__(
@@ -341,120 +335,6 @@ class _Lags:
         return np.asarray(moved + self._rest)
 
 
-_CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
-_OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
-
-
-def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
-    """Identify the answer on healthy records, each of shape (samples, channels).
-
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
-    """
-    at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
-    moved = tuple(
-        name for name in SURFACES if max(float(np.nanstd(values[:, at[name]])) for values in records) >= _MOVED_DEG
-    )
-    if not moved:
-        raise InputError(
-            f"no command of {', '.join(SURFACES)} moves in the healthy records, so nothing is known of what they do; "
-            "give flights that somebody flies, or with an excitation"
-        )
-    reference = (
-        float(np.nanmedian(np.concatenate([values[:, at["tas"]] for values in records]))) if flow.airspeed else 1.0
-    )
-    reference = max(abs(reference), 1e-6)
-    found = partial(_fitted, flow, moved, reference, records, sample_period_s)
-    servo = min(_SURFACE_LAGS_S, key=lambda lag_s: found((lag_s, _ENGINE_LAGS_S[1]))[1])
-    engine = min(_ENGINE_LAGS_S, key=lambda lag_s: found((servo, lag_s))[1])
-    theta, _ = found((servo, engine))
-    lags_s = (servo, engine)
-    return Answer(
-        flow=flow,
-        surfaces=moved,
-        lags_s=lags_s,
-        theta=theta,
-        covariance=_covariance(theta, flow, moved, lags_s, reference, records, sample_period_s),
-        reference=reference,
-    )
-
-
-def _fitted(
-    flow: Flow,
-    surfaces: tuple[str, ...],
-    reference: float,
-    records: Sequence[FloatArray],
-    period_s: float,
-    lags_s: tuple[float, float],
-) -> tuple[dict[str, FloatArray], float]:
-    """Return the effects, and what is left unpredicted: the logarithm of its power, of all equations.
-
-    Gusts drive what they are mixed up with: a gust that rolls the aircraft changes the roll rate, and a controller
-    then moves the ailerons. So causes of one step explain the change to the next, and noise is made white: what is
-    new in it owes nothing to anything before.
-    """
-    rows, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
-    made = [_Regressing(flow, surfaces, lags_s, reference, period_s).sides(values[begun:]) for values in records]
-    theta, cost = {}, 0.0
-    for name, axis in flow.equations.items():
-        own = [i for i, surface in enumerate(surfaces) if surface in _OWN[axis]]
-        used = [*own, *range(len(surfaces), len(surfaces) + _CAUSES[axis])]
-        parts = []
-        for sides in made:
-            causes, explained = _means(sides.causes[axis][:, used], rows), _means(sides.explained[name], rows)
-            if name in GYROS:
-                causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
-            parts.append(np.column_stack([causes, explained]))
-        found = np.zeros(len(surfaces) + _CAUSES[axis])
-        found[used], power = _in_coloured_noise(parts)
-        theta[name] = found
-        cost += float(np.log(max(power, 1e-300)))
-    return theta, cost
-
-
-def _means(values: FloatArray, rows: int) -> FloatArray:
-    count = len(values) // rows
-    return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
-
-
-def _in_coloured_noise(parts: Sequence[FloatArray]) -> tuple[FloatArray, float]:
-    """Return the effects of causes by least squares, the last column being what is explained, and the power left."""
-    from scipy.signal import lfilter
-
-    taps = np.ones(1)
-    for _ in range(_TURNS):
-        white = np.concatenate([lfilter(taps, [1.0], part, axis=0)[ORDER:] for part in parts])
-        scale = np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
-        found = np.linalg.lstsq(white[:, :-1] / scale[:-1], white[:, -1], rcond=1e-8)[0] / scale[:-1]
-        lefts = [part[:, -1] - part[:, :-1] @ found for part in parts]
-        lagged = [sum(float(each[lag:] @ each[: len(each) - lag]) for each in lefts) for lag in range(ORDER + 1)]
-        taps = whitening(np.array(lagged))
-    left = np.concatenate([lfilter(taps, [1.0], each)[ORDER:] for each in lefts])
-    return np.asarray(found), float(np.mean(np.square(left)))
-
-
-def _covariance(
-    theta: Mapping[str, FloatArray],
-    flow: Flow,
-    surfaces: tuple[str, ...],
-    lags_s: tuple[float, float],
-    reference: float,
-    records: Sequence[FloatArray],
-    period_s: float,
-) -> FloatArray:
-    """Return S: the covariance of what the equations leave behind the lag."""
-    step, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
-    left = []
-    for values in records:
-        made = _Regressing(flow, surfaces, lags_s, reference, period_s).push(values)
-        left.append(
-            [made.explained[name][begun::step] - made.regressors[name][begun::step] @ of for name, of in theta.items()]
-        )
-    return np.atleast_2d(np.cov(np.concatenate([np.array(each) for each in left], axis=1), bias=True))
-
-
 def answer_of(where: str, given: Any) -> Answer:
     """Return the answer of a table, every key checked.
 
@@ -476,7 +356,7 @@ def answer_of(where: str, given: Any) -> Answer:
     equations = len(flow.equations)
     if list(theta) != list(flow.equations):
         raise InputError(f"{where}.theta holds {', '.join(theta)}; it must hold {', '.join(flow.equations)}")
-    lengths = {name: len(surfaces) + _CAUSES[axis] for name, axis in flow.equations.items()}
+    lengths = {name: len(surfaces) + CAUSES[axis] for name, axis in flow.equations.items()}
     lags_s = array_of(f"{where}.lags_s", table["lags_s"], (2,))
     answer = Answer(
         flow=flow,

@@ -8,24 +8,23 @@ A healthy surface has the a, b and c of the minute before. An offset is another 
 (b = -1), another b; a slow servo another c (and b). Two tests say so: of a alone, and of b and c together, whatever a
 is. The noise e is what gusts and sensors leave: coloured, and stronger or weaker by the hour. So its colour is learnt
 in the minute before, and both sides are made white (`whitened.py`); its level is the greatest of that minute's, of its
-last ten seconds' and of the window's own. A change d is judged by its deviations, sqrt(d' C^-1 d), C being its covariance with
-that of the minute's fit, less what a tolerated change amounts to; in nats: T^2/2. What no surface explains has a only,
-and its level: a sensor of the flow that is noisy or stuck shows there.
+last ten seconds' and of the window's own. A change x is judged by its deviations, sqrt(x' C^-1 x), C being its
+covariance with that of the minute's fit, less what a tolerated change amounts to; in nats: T^2/2. Motion that is harder
+than what was learnt on is less linear, so more is tolerated. What no surface explains has a only, and its level: a
+sensor of the flow that is noisy or stuck shows there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.answer import Deviations
-from gtmbench.detectors.surfaces.whitened import ORDER, Sums, left, whitening
+from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
+from gtmbench.detectors.surfaces.whitened import ORDER, Counts, Sums, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
-BLOCK_S = 0.1  # between judgements, or a sample where there are fewer
 BASE_S, LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
 _RECENT_S = 10.0
 OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
@@ -42,68 +41,15 @@ _TESTS = (
 KINDS = tuple(kind for kind, _ in _TESTS)
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
-_TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
-_LEFT_TOLERATED = 0.3  # deviations of what no surface explains
+TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
 _LEVEL_TOLERATED = 0.4  # of a logarithm
-_LEAST_LEVEL = 0.1  # how much that varies at least
 # How far a, b and c of a healthy surface may be from what was identified, and how far a fault may change them.
 _NORMAL = np.diag(1.0 / np.square([3.0, 0.15, 0.05]))
 _BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
-_ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 _FORGETS_S = 2.0  # after a hole
 _LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
-_COLOUR_BLOCKS = 600  # that a colour is learnt from: a minute's
 _LEAST = 1e-12
-
-
-class Blocks(NamedTuple):
-    """Means over blocks of 1, u, v and d: of every surface, of all that is left, and of that by every surface's u and v.
-
-    Attributes
-    ----------
-    means : shape (blocks, series, 4)
-        Series: the surfaces; what is left, u and v being 0; and for every surface what is left by its u and v.
-    there : shape (blocks,)
-        Whether enough samples of a block were.
-    surfaces : int
-        How many there are.
-    block_s : float
-    """
-
-    means: FloatArray
-    there: BoolArray
-    surfaces: int
-    block_s: float
-
-
-def rows_of(sample_period_s: float) -> int:
-    """Return the samples of a block."""
-    return max(round(BLOCK_S / sample_period_s), 1)
-
-
-def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) -> Blocks:
-    """Return whole blocks; what is left over at the end isn't used.
-
-    Parameters
-    ----------
-    deviations : Deviations
-    there : shape (samples,)
-        Where no channel misses its sample.
-    sample_period_s : float
-    """
-    rows = rows_of(sample_period_s)
-    count = len(there) // rows
-    left, surfaces = deviations.left, deviations.off.shape[1]
-    still, kinds = np.zeros_like(left), left.shape[1]
-    d = np.column_stack([deviations.off, left, *[left] * surfaces])
-    u, v = (
-        np.column_stack([of, still, np.repeat(of, kinds, axis=1)]) for of in (deviations.commanded, deviations.slew)
-    )
-    x = np.stack([np.ones_like(d), u, v, d], axis=-1)[: count * rows]
-    means = x.reshape(count, rows, d.shape[1], 4).mean(axis=1)
-    enough = there[: count * rows].reshape(count, rows).mean(axis=1) >= _ENOUGH
-    return Blocks(means, enough, surfaces, rows * sample_period_s)
 
 
 class Changes(NamedTuple):
@@ -128,7 +74,7 @@ class Changes(NamedTuple):
     spread: FloatArray
 
 
-def _grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
+def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
     """Return the series that are made white alike, and their sums.
 
     What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
@@ -140,7 +86,7 @@ def _grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[
     )
 
 
-def _judged_series(surfaces: int, series: int) -> int:
+def judged_series(surfaces: int, series: int) -> int:
     """Return how many series may be unusual by themselves: the surfaces, and what is left."""
     return surfaces + (series - surfaces) // (1 + surfaces)
 
@@ -160,8 +106,8 @@ class Testing:
         self._floor = np.square(_QUIET * floor)
         self._block_s = block_s
         horizon = self._blocks(BASE_S + max(WINDOWS_S))
-        self._groups = _grouped(surfaces, len(floor), horizon, block_s)
-        self._own = _judged_series(surfaces, len(floor))
+        self._groups = grouped(surfaces, len(floor), horizon, block_s)
+        self._own = judged_series(surfaces, len(floor))
         self._sums = self._groups[0][1]
         self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
         self._since_hole = 0
@@ -212,28 +158,28 @@ class Testing:
                         into[ends - 1 - first, test] = values
         return made
 
-    def _judged(self, first: int, window_s: float) -> FloatArray:
+    def _judged(self, first: int, window_s: float) -> Counts:
         """Return behind which new blocks a window ends that can be judged."""
         window, least, recent = map(self._blocks, (window_s, LEAST_BASE_S, _RECENT_S))
         ends = np.arange(max(first + 1, window + least), self._sums.count + 1)
         begins = ends - window
-        enough = self._sums.held(begins, ends) >= _ENOUGH * window
-        enough &= self._sums.held(self._base(begins), begins) >= _ENOUGH * least
-        enough &= self._sums.held(begins - recent, begins) >= _ENOUGH * recent
+        enough = self._sums.held(begins, ends) >= ENOUGH * window
+        enough &= self._sums.held(self._base(begins), begins) >= ENOUGH * least
+        enough &= self._sums.held(begins - recent, begins) >= ENOUGH * recent
         return ends[enough]
 
-    def _base(self, begins: FloatArray) -> FloatArray:
+    def _base(self, begins: Counts) -> Counts:
         return np.maximum(begins - self._blocks(BASE_S), 0)
 
-    def _compared(self, sums: Sums, floor: FloatArray, ends: FloatArray, window_s: float) -> _Compared:
+    def _compared(self, sums: Sums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
         begins = ends - self._blocks(window_s)
         base = self._base(begins)
         held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
         taps = np.zeros((len(ends), len(floor), ORDER + 1))
         taps[..., 0] = 1.0  # as it is, at first
-        fit, _, _ = _fitted(sums.whitened(base, begins, taps), held)
+        fit, _, _ = fitted(sums.whitened(base, begins, taps), held)
         taps = whitening(sums.lagged(base, begins, fit))
-        fit, power, covariance = _fitted(sums.whitened(base, begins, taps), held)
+        fit, power, covariance = fitted(sums.whitened(base, begins, taps), held)
         recent = self._blocks(_RECENT_S)
         lately = left(sums.whitened(begins - recent, begins, taps), fit) / recent
         return _Compared(
@@ -289,14 +235,14 @@ class _Compared(NamedTuple):
         return np.asarray(np.maximum(own, self.noise))
 
 
-def _fitted(products: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def fitted(products: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a, b and c, the power of what they leave, and their covariance, by least squares and what is usual."""
     inner, mixed = products[..., :3, :3], products[..., :3, 3:]
-    fit = np.linalg.solve(inner + np.diag([_LEAST, 1e-3, 1e-3]), mixed)[..., 0]
+    fit = np.asarray(np.linalg.solve(inner + np.diag([_LEAST, 1e-3, 1e-3]), mixed)[..., 0], dtype=np.float64)
     for _ in range(2):  # how much the noise is decides how much what is usual weighs
         power = np.maximum(left(products, fit) / held, _LEAST)
         whole = inner + power[..., np.newaxis, np.newaxis] * _NORMAL
-        fit = np.linalg.solve(whole, mixed)[..., 0]
+        fit = np.asarray(np.linalg.solve(whole, mixed)[..., 0], dtype=np.float64)
     return fit, power, power[..., np.newaxis, np.newaxis] * np.linalg.inv(whole)
 
 
@@ -310,20 +256,20 @@ def _offset(seen: _Compared) -> Changes:
     fit = np.stack([change, np.zeros_like(change)], axis=-1)
     spread = np.zeros((*change.shape, 2, 2))
     spread[..., 0, 0] = np.square(error)
-    return Changes(np.abs(change) / error, _TOLERATED_DEG * seen.rough / error, error, fit, spread)
+    return Changes(np.abs(change) / error, TOLERATED_DEG * seen.rough / error, error, fit, spread)
 
 
 def _answer(seen: _Compared) -> Changes:
     """Return by how much b and c have changed, whatever a is."""
     inner, beyond = seen.now[..., :3, :3], seen.beyond
     whole = inner + seen.noise[..., np.newaxis, np.newaxis] * _BROKEN
-    inverse = np.linalg.inv(whole)
-    fit = np.einsum("...ij,...j->...i", inverse, beyond, optimize=True)
+    inverse = np.asarray(np.linalg.inv(whole), dtype=np.float64)
+    fit: FloatArray = np.einsum("...ij,...j->...i", inverse, beyond, optimize=True)
     explained = 2.0 * np.einsum("...i,...i->...", fit, beyond) - _quadratic(inner, fit)
     level = seen.level(explained)[..., np.newaxis, np.newaxis]
     gain = inverse @ inner  # of the fit to a true change
     spread = level * gain @ inverse + gain @ seen.covariance @ np.swapaxes(gain, -1, -2)
-    certain = np.linalg.inv(spread[..., 1:, 1:] + _LEAST * np.eye(2))
+    certain = np.asarray(np.linalg.inv(spread[..., 1:, 1:] + _LEAST * np.eye(2)), dtype=np.float64)
     change, gain = fit[..., 1:], gain[..., 1:, 1:]
     signs = [gain @ np.array([_TOLERATED_LOSS, sign * _TOLERATED_S]) for sign in (-1.0, 1.0)]
     tolerated = np.sqrt(np.max([_quadratic(certain, both) for both in signs], axis=0))
@@ -362,89 +308,3 @@ def changes(blocks: Blocks, floor: FloatArray) -> Changes:
         The noise that was learnt, made white.
     """
     return Testing(floor, blocks.surfaces, blocks.block_s).push(blocks)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Normal:
-    """What changes are usual on healthy flight.
-
-    Attributes
-    ----------
-    noise : shape (series,)
-        Deviation of what a minute's fit leaves: what gusts and sensors amount to, in the series' units.
-    white : shape (series,)
-        The same, made white.
-    colour : shape (tests, series)
-        How many times the size that white noise would give changes really have.
-    """
-
-    noise: FloatArray
-    white: FloatArray
-    colour: FloatArray
-
-    def nats(self, found: Changes, surfaces: int) -> FloatArray:
-        """Return T^2/2 of all tests, shape (blocks, tests, series); NaN where a test tells nothing."""
-        tolerated = found.tolerated.copy()
-        of_offset = [kind == OFFSET for kind in KINDS]
-        tolerated[:, of_offset, surfaces:] *= _LEFT_TOLERATED / _TOLERATED_DEG
-        t = np.maximum(found.size - tolerated, 0.0) / self.colour
-        t[:, [kind == LEVEL for kind in KINDS], :surfaces] = np.nan
-        t[:, [kind == ANSWER for kind in KINDS], surfaces:] = np.nan
-        judged = _judged_series(surfaces, t.shape[2])
-        return np.asarray(0.5 * np.square(np.minimum(t[..., :judged], 1e3)))
-
-    def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
-        """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
-
-        Parameters
-        ----------
-        found : Changes
-        thresholds : shape (tests, series)
-            In nats.
-        """
-        judged = thresholds.shape[1]
-        beyond = np.sqrt(2.0 * thresholds) * self.colour[:, :judged]
-        return np.asarray((found.tolerated[..., :judged] + beyond) * found.error[..., :judged])
-
-
-def normal_of(healthy: Sequence[Blocks]) -> Normal:
-    """Return what is usual, of the blocks of healthy records."""
-    surfaces, series = healthy[0].surfaces, healthy[0].means.shape[1]
-    noise, white = [], []
-    for blocks in healthy:
-        base = round(LEAST_BASE_S / blocks.block_s)
-        for first in range(0, len(blocks.there) - base + 1, base):
-            part = slice(first, first + base)
-            if blocks.there[part].mean() >= _ENOUGH:
-                groups = _grouped(surfaces, series, base, blocks.block_s)
-                both = [_powers(sums, blocks.means[part, own], blocks.there[part]) for own, sums in groups]
-                for powers, of_groups in zip((noise, white), zip(*both, strict=True), strict=True):
-                    powers.append(np.concatenate(of_groups))
-    if not noise:
-        noise = white = [np.ones(series)]
-    floor = np.sqrt(np.median(np.array(white), axis=0))
-    found = [changes(blocks, floor) for blocks in healthy]
-    size, tolerated = (np.concatenate(each) for each in list(zip(*found, strict=True))[:2])
-    # where more is tolerated than a deviation, sizes are those of the aircraft's own small changes, not of noise
-    of_noise = np.isfinite(size) & (tolerated < 1.0)
-    seen = of_noise.sum(axis=0)
-    degrees = np.array([2.0 if kind == ANSWER else 1.0 for kind in KINDS])[:, np.newaxis]
-    squares = np.sum(np.square(size), axis=0, where=of_noise) / np.maximum(seen, 1) / degrees
-    colour = np.sqrt(np.where(seen >= _COLOUR_BLOCKS, squares, 1.0))
-    least = np.array([[_LEAST_LEVEL if kind == LEVEL else 1.0] for kind in KINDS])
-    return Normal(
-        noise=np.sqrt(np.median(np.array(noise), axis=0)),
-        white=floor,
-        colour=np.maximum(colour, least),
-    )
-
-
-def _powers(sums: Sums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return the power of what a fit of some blocks leaves, as it is and made white."""
-    sums.push(means, there)
-    begin, end, held = np.array([0]), np.array([sums.count]), np.full((1, means.shape[1]), there.sum())
-    taps = np.zeros((1, means.shape[1], ORDER + 1))
-    taps[..., 0] = 1.0
-    fit, plain, _ = _fitted(sums.whitened(begin, end, taps), held)
-    _, white, _ = _fitted(sums.whitened(begin, end, whitening(sums.lagged(begin, end, fit))), held)
-    return plain[0], white[0]

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.detectors.surfaces.answer import Answer, solved
-from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, Changes, Normal
+from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, Changes
+from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.record import FloatArray
 
 _KNOWN_TO = 0.25  # of rho: effects vary with the angle of attack

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.checks import shown
-from gtmbench.detectors.surfaces.deviation import BLOCK_S
+from gtmbench.detectors.surfaces.blocks import BLOCK_S
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SENSORS

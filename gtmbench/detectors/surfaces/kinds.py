@@ -2,7 +2,8 @@
 
 Over sixteen seconds behind an alarm, b is the share of the command that is missing and c how late it comes. A surface
 that is stuck answers nothing, b = -1, wherever it is; one that has lost effectiveness answers less, at once; one that
-is slow answers later; a bent one answers as it did, with another zero. Where the command hardly moved, none of it shows.
+is slow answers later; a bent one answers as it did, with another zero. Where the command hardly moved, none of it
+shows.
 """
 
 from __future__ import annotations

@@ -13,17 +13,12 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
-from gtmbench.detectors.surfaces.deviation import (
-    LABELS,
-    WINDOWS_S,
-    Normal,
-    Testing,
-    blocks_of,
-    rows_of,
-)
+from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
+from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Testing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
 from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record

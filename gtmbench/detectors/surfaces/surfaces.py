@@ -21,20 +21,12 @@ from gtmbench.detectors.bank_detector import BankMonitor, restore_bank
 from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
-from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of, identified
-from gtmbench.detectors.surfaces.deviation import (
-    ANSWER,
-    BLOCK_S,
-    KINDS,
-    LABELS,
-    OFFSET,
-    Blocks,
-    Normal,
-    blocks_of,
-    changes,
-    normal_of,
-)
+from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of
+from gtmbench.detectors.surfaces.blocks import BLOCK_S, Blocks, blocks_of
+from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
+from gtmbench.detectors.surfaces.identification import identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
+from gtmbench.detectors.surfaces.usual import Normal, normal_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent

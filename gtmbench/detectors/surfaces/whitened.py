@@ -17,8 +17,11 @@ which are kept as running sums. A block that is missing counts as zero in all va
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.values.record import BoolArray, FloatArray
+
+Counts = NDArray[np.int_]  # of blocks
 
 ORDER = 4  # P
 _RIDGE = 1e-4  # of the noise's power, added to it: two blocks that are equal would leave nothing to solve
@@ -69,11 +72,11 @@ class Sums:
         self._held = self._held[past:] - self._held[past]
         self._first += past
 
-    def held(self, begins: FloatArray, ends: FloatArray) -> FloatArray:
+    def held(self, begins: Counts, ends: Counts) -> FloatArray:
         """Return how many blocks are used in stretches [begin, end), counted since the start."""
         return np.asarray(self._held[self._at(ends)] - self._held[self._at(begins)])
 
-    def lagged(self, begins: FloatArray, ends: FloatArray, fit: FloatArray) -> FloatArray:
+    def lagged(self, begins: Counts, ends: Counts, fit: FloatArray) -> FloatArray:
         """Return what a fit leaves, times itself at lags 0 to Ph, over stretches; shape (stretches, series, P + 1).
 
         Parameters
@@ -87,7 +90,7 @@ class Sums:
         sums = [running[last] - running[first] for running in self._products]
         return np.stack([np.einsum("...i,...ij,...j->...", weights, of, weights) for of in sums], axis=-1)
 
-    def whitened(self, begins: FloatArray, ends: FloatArray, taps: FloatArray) -> FloatArray:
+    def whitened(self, begins: Counts, ends: Counts, taps: FloatArray) -> FloatArray:
         """Return the products of filtered variables over stretches, shape (stretches, series, variables, variables).
 
         Parameters
@@ -105,7 +108,7 @@ class Sums:
                 total = total + (taps[..., i] * taps[..., j])[..., np.newaxis, np.newaxis] * both
         return np.asarray(total)
 
-    def _at(self, blocks: FloatArray) -> FloatArray:
+    def _at(self, blocks: Counts) -> Counts:
         return np.maximum(blocks - self._first, 0)
 
 
