@@ -35,6 +35,7 @@ _SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 _ENGINE = "throttle"  # a cause, and never judged: its effect is far from linear, and no equation is its own
+OWN_SURFACES = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
 CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2

@@ -91,7 +91,7 @@ def judged_series(surfaces: int, series: int) -> int:
     return surfaces + (series - surfaces) // (1 + surfaces)
 
 
-class Testing:
+class Comparing:
     """The tests at work, as blocks come in.
 
     Parameters
@@ -307,4 +307,4 @@ def changes(blocks: Blocks, floor: FloatArray) -> Changes:
     floor : shape (series,)
         The noise that was learnt, made white.
     """
-    return Testing(floor, blocks.surfaces, blocks.block_s).push(blocks)
+    return Comparing(floor, blocks.surfaces, blocks.block_s).push(blocks)

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.answer import CAUSES, Answer, Flow, Regressing
+from gtmbench.detectors.surfaces.answer import CAUSES, OWN_SURFACES, Answer, Flow, Regressing
 from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
@@ -24,7 +24,6 @@ _SETTLES_S = 5.0
 _MOVED_DEG = 0.1  # deviation that a command must have had to be identified
 _STEP_S = 0.05  # from causes to what they change, where effects are identified
 _TURNS = 12  # of fitting effects and making their noise white
-_OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
 
 
 def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
@@ -81,7 +80,7 @@ def _fitted(
     made = [Regressing(flow, surfaces, lags_s, reference, period_s).sides(values[begun:]) for values in records]
     theta, cost = {}, 0.0
     for name, axis in flow.equations.items():
-        own = [i for i, surface in enumerate(surfaces) if surface in _OWN[axis]]
+        own = [i for i, surface in enumerate(surfaces) if surface in OWN_SURFACES[axis]]
         used = [*own, *range(len(surfaces), len(surfaces) + CAUSES[axis])]
         parts = []
         for sides in made:

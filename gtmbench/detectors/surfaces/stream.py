@@ -14,7 +14,7 @@ from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
-from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Testing
+from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
 from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
@@ -127,7 +127,7 @@ class SurfaceStream:
         self._rho = ratios(monitor.answer)
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
-        self._testing = Testing(monitor.normal.white, len(monitor.suspects), self._block_s)
+        self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -195,7 +195,7 @@ class SurfaceStream:
         there = np.asarray(np.isfinite(values).all(axis=1))
         new = blocks_of(self._answering.push(values), there, self._period_s)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
-        found = self._testing.push(new._replace(there=new.there & ~unsettled))
+        found = self._comparing.push(new._replace(there=new.there & ~unsettled))
         normal = self._monitor.normal
         return _Tested(
             normal.nats(found, surfaces) / self._limits, margins(found, normal, self._rho), found.fit, found.spread

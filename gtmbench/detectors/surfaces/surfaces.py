@@ -220,16 +220,19 @@ class SurfaceSizes:
         A constant deflection beside the command.
     loss : float
         The share of effectiveness that is lost: 0.3 leaves 70 % of the command.
+    lost_seen : float
+        The share of the moments in which the loss of all of it would be detected.
 
     Examples
     --------
     >>> import gtmbench as gb
     >>> gb.SurfaceSizes(offset_deg=0.4, loss=0.3)
-    SurfaceSizes(offset_deg=0.4, loss=0.3)
+    SurfaceSizes(offset_deg=0.4, loss=0.3, lost_seen=1.0)
     """
 
     offset_deg: float
     loss: float
+    lost_seen: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -298,8 +301,8 @@ class SurfaceMonitor:
     def sizes(self, record: Record) -> dict[str, SurfaceSizes]:
         """Return from which size on a fault of each surface would be detected, as a record is excited.
 
-        Of 90 % of the moments that are watched. A command that hardly moves shows no loss of effectiveness, however
-        large: then `loss` is above 1.
+        At 90 % of the moments that are watched, within 48 s. A command that hardly moves shows no loss of
+        effectiveness, however large: then `loss` is above 1.
 
         Parameters
         ----------
@@ -328,8 +331,12 @@ class SurfaceMonitor:
         by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
         sizes = {}
         for i, surface in enumerate(self.suspects):
-            offset, loss = (_mostly(least[:, tests, i]) for tests in by_kind.values())
-            sizes[surface] = SurfaceSizes(offset_deg=offset, loss=loss)
+            offsets, losses = (_judged(least[:, tests, i]) for tests in by_kind.values())
+            sizes[surface] = SurfaceSizes(
+                offset_deg=float(np.quantile(offsets, _MOSTLY, axis=0).min()),
+                loss=float(np.quantile(losses, _MOSTLY, axis=0).min()),
+                lost_seen=float(np.mean(losses <= 1.0, axis=0).max()),
+            )
         return sizes
 
     def figures(self) -> dict[str, Any]:
@@ -346,12 +353,12 @@ class SurfaceMonitor:
         }
 
 
-def _mostly(least: FloatArray) -> float:
-    """Return what the most sensitive of some tests needs at 90 % of the moments at which all of them judge."""
+def _judged(least: FloatArray) -> FloatArray:
+    """Return what some tests need at the moments at which all of them judge."""
     judged = np.isfinite(least).all(axis=1)
     if not judged.any():
         raise InputError(f"nothing of this record can be judged; give a healthy one of {2 * _SHORTEST_S:g} s or more")
-    return float(np.quantile(least[judged], _MOSTLY, axis=0).min())
+    return least[judged]
 
 
 def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> SurfaceMonitor:
