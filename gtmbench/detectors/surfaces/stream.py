@@ -265,10 +265,12 @@ class SurfaceStream:
             if time_s - alarm.time_s >= _KIND_S
             else None,
         )
+        judgement = judged(seen, time_s)
+        if judgement.sensor is not None and time_s - alarm.time_s >= _KIND_S:
+            looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
         again_s = None
         if looking.looks:
             again_s = round(time_s + (looking.looks[0] - block) * self._block_s, 9)
-        judgement = judged(seen, time_s)
         self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
         if not looking.looks:
             self._open = None
