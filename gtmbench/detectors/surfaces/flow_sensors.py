@@ -50,12 +50,12 @@ def margins(found: Changes, normal: Normal, rho: FloatArray) -> FloatArray:
     Returns
     -------
     shape (blocks, tests, surfaces)
-        Infinite where there is no sensor that could be asked.
+        0, which decides nothing, where no vanes stand beside accelerometers.
     """
-    _, surfaces, left = rho.shape
+    sensors, surfaces, left = rho.shape
     shape = (*found.size.shape[:2], surfaces)
-    if not left:
-        return np.zeros(shape)  # nothing is left that would tell
+    if not sensors or not left:
+        return np.zeros(shape)
     of_answer = np.array([kind == ANSWER for kind in KINDS])[:, np.newaxis, np.newaxis]
     spread = found.spread * np.square(normal.colour)[..., np.newaxis, np.newaxis]
     least = np.full(shape, np.inf)
