@@ -14,7 +14,7 @@ flights of 300 s at the aircraft's own trim, half of them in the loop, in the be
 
 Seeds of development are 970,001 and on, those of the report 991,001 and on, looked at once.
 
-Writes report.md and rows.csv into DIR; about forty minutes of one core.
+Writes report.md and rows.csv into DIR; about an hour of one core.
 """
 
 from __future__ import annotations
