@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -27,7 +27,7 @@ from gtmbench.values.channels import SENSORS
 GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
 
 Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
-Watching = Callable[[float, Readings, Sequence[float]], Sequence[str]]
+Watching = Callable[[float, Readings, Sequence[float]], Mapping[str, str | None]]
 Command = Callable[[Readings], Sequence[float]]
 HandOn = Callable[[float, Readings], Readings]
 Tell = Callable[[float, str, str, float], None]  # a time, a kind, a channel and its value, as a `LoopEvent` has them
@@ -45,7 +45,7 @@ class SurfaceWatch(Protocol):
 
         Return a function that is called once a sample, with the time in seconds, the readings of all sensors in the
         order of `SENSORS` and what was commanded then in the order of `COMMANDS`; it returns the surfaces that it has
-        named since the last call.
+        named since the last call, or knows more of, each with the kind of its fault, None where that isn't known.
         """
 
 
@@ -241,8 +241,8 @@ def _watched(
     def watched(readings: Readings) -> Sequence[float]:
         nonlocal before
         if before is not None:
-            for surface in watching(*before, simulation.commanded):
-                events.append(LoopEvent(time_s=before[0], kind=SURFACE_FAILED, channel=surface))
+            for surface, fault in watching(*before, simulation.commanded).items():
+                events.append(LoopEvent(time_s=before[0], kind=SURFACE_FAILED, channel=surface, fault=fault))
                 if heard is not None:
                     heard(events[-1])
         before = simulation.time_s, list(readings)

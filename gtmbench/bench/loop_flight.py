@@ -31,6 +31,9 @@ class LoopEvent:
     channel : str
     value : float or None
         The channel's value in its unit, if it matters.
+    fault : str or None
+        The kind of a surface's fault, where it is known: a surface is told of when it is named, and again when its kind
+        shows.
 
     Examples
     --------
@@ -45,6 +48,7 @@ class LoopEvent:
     kind: str
     channel: str
     value: float | None = None
+    fault: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank.detectability import Signatures
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.protocol import Detector, Monitor
+    from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
     from gtmbench.method.attitude_origin import Origin
     from gtmbench.values.record import Record
 
@@ -124,7 +125,7 @@ def calibrate_command(
             )
         else:
             records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
-            origin = wanted.provenance()
+            origin = wanted.provenance(recipe)
         monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
         _check_luck(monitor, len(records), "logs" if logs else "flights")
         save_monitor(monitor, out)
@@ -186,13 +187,15 @@ def _print_monitor(monitor: BankMonitor) -> None:
 def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     """Show a bank: its residuals, which fault enters which, and its blind spots. Without a name, list the banks.
 
-    For a monitor's file, also show its calibration and the faults that it can't detect.
+    For a monitor's file, also show its calibration and the faults that it can't detect. `surfaces`, which knows the
+    commands, has equations of the aircraft's answer instead of residuals.
     """
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank.composed import AUTO
     from gtmbench.detectors.bank.detectability import signatures
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.detectors.monitor_file import load_monitor
+    from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS, SurfaceDetector, SurfaceMonitor
     from gtmbench.report.words.monitor import facts
     from gtmbench.report.words.units import counted
 
@@ -204,7 +207,13 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
             f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and `gtmbench "
             "bank MONITOR.json` shows one that `gtmbench monitor --save` has written"
         )
+    if source in SURFACE_DETECTORS:
+        _print_surfaces(SURFACE_DETECTORS[source], None, as_json, quiet)
+        return
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
+    if isinstance(monitor, SurfaceMonitor):
+        _print_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.flow), monitor, as_json, quiet)
+        return
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
@@ -221,6 +230,32 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         else:
             _print_monitor(monitor)
         _print_signatures(table)
+
+
+def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, as_json: bool, quiet: bool) -> None:
+    from gtmbench.report.words.monitor import facts, origin_text
+    from gtmbench.report.words.surfaces import EQUATIONS, effect_rows, equation_rows
+
+    rows = equation_rows(detector.flow)
+    verdict = f"{detector.name} has {len(rows)} equations, of {', '.join(row[0] for row in rows)}: {detector.title}."
+    if as_json:
+        own = {
+            "name": detector.name,
+            "channels": list(detector.channels),
+            "equations": {row[0]: dict(zip(EQUATIONS[1:], row[1:], strict=True)) for row in rows},
+            "effects": None if monitor is None else monitor.answer.effects.tolist(),
+            "monitor": None if monitor is None else facts(monitor),
+        }
+        print_json(envelope("bank", verdict, own))
+    elif not quiet:
+        echo(verdict)
+        print_table("Equations, by the dynamic pressure", list(EQUATIONS), rows)
+        if monitor is not None:
+            columns, found = effect_rows(monitor)
+            print_table("Effects as identified, a degree", columns, found, right=columns[1:])
+            for line in origin_text(monitor):
+                echo(line)
+        echo("from which size on a fault is detected: gtmbench monitor LOG --detector MONITOR.json, its last table")
 
 
 def _list_banks(as_json: bool, quiet: bool) -> None:

@@ -31,7 +31,7 @@ from gtmbench.study.flights import check_flown, with_late_attitude
 from gtmbench.study.log.identified import Stretches, undisturbed
 from gtmbench.study.log.records import between_pauses, open_for, outside
 from gtmbench.values.attitude import OWN, estimator_of
-from gtmbench.values.channels import GYROS, SENSORS
+from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
 from gtmbench.values.clock import same_period
 from gtmbench.values.record import Record
 from gtmbench.version import __version__
@@ -45,7 +45,9 @@ _KILLED = "a process that flew was killed (no memory?); close others, or fly few
 class CalibrationFlights:
     """Flights to calibrate on, one a seed: of excitation, turbulence, noise and imperfections.
 
-    An aircraft that leaves its envelope open loop is flown by its own autopilot, if it has one.
+    An aircraft that leaves its envelope open loop is flown by its own autopilot, if it has one. For a detector that
+    knows the commands every other flight is flown in the loop, where commands answer the motion, if there is an
+    autopilot and no estimator.
 
     Parameters
     ----------
@@ -114,14 +116,27 @@ class CalibrationFlights:
             Told the step, how many are flown, and of how many.
         """
         check_flown(detector.name, detector.channels)
-        return self.sensed(detector.channels or SENSORS, processes=processes, progress=progress)
+        return self._all_flown(detector.channels or SENSORS, self.loops(detector), processes, progress)
 
     def sensed(self, channels: Sequence[str], *, processes: int = 1, progress: Progress = silent) -> list[Record]:
         """Fly, and return what some sensors read (and commands, where they are named), as `records` does."""
-        tasks = [(self, tuple(channels), self.seed + i) for i in range(self.flights)]
+        return self._all_flown(channels, False, processes, progress)
+
+    def _all_flown(self, channels: Sequence[str], loops: bool, processes: int, progress: Progress) -> list[Record]:
+        tasks = [(self, tuple(channels), self.seed + i, loops and i % 2 == 1) for i in range(self.flights)]
         return spread(_flown, tasks, processes=processes, step="flying", progress=progress, killed=_KILLED)
 
-    def provenance(self) -> dict[str, Any]:
+    def loops(self, detector: Detector) -> bool:
+        """Return whether every other flight is flown in the loop for a detector.
+
+        >>> from gtmbench.detectors.registry import find_detector
+        >>> [CalibrationFlights().loops(find_detector(name)) for name in ("surfaces", "C")]
+        [True, False]
+        """
+        knows = set(COMMANDS) <= set(detector.channels) and self.attitude == OWN and not self.attitude_late_s
+        return knows and load_aircraft(self.aircraft).autopilot is not None
+
+    def provenance(self, detector: Detector | None = None) -> dict[str, Any]:
         """Return where the records come from, as plain values without a date: the same flights, the same words."""
         return {
             "source": "flights",
@@ -130,6 +145,7 @@ class CalibrationFlights:
             "duration_s": float(self.duration_s),
             "noise": self.noise,
             "seeds": [self.seed, self.seed + self.flights - 1],
+            **({"in_the_loop": "every other flight"} if detector is not None and self.loops(detector) else {}),
             **({"attitude": self.attitude} if self.attitude != OWN else {}),
             **({"sensors": self.sensors} if self.sensors != IDEAL else {}),
             **({"attitude_late_s": self.attitude_late_s} if self.attitude_late_s else {}),
@@ -212,8 +228,12 @@ def _common(imperfections: Imperfections) -> dict[str, str]:
     return {"tolerated_imperfections": tolerated, "gtmbench": __version__, "numpy": np.__version__}
 
 
-def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int]) -> Record:
-    flights, channels, seed = task
+def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int, bool]) -> Record:
+    flights, channels, seed, in_loop = task
+    if in_loop:
+        how = (flights.aircraft, flights.excitation, flights.duration_s, seed)
+        readings = fly_in_loop(*how, noise=flights.noise, sensors=flights.sensors).readings(commands=True)
+        return _with(readings, flights.imperfections, seed).select(channels)
     flight = _truth(flights, seed)
     chain = load_aircraft(flights.aircraft).chain_of(flights.sensors)
     measured = measure(flight, noise=flights.noise, seed=seed, commands=True, sensors=chain)

@@ -10,7 +10,7 @@ LEVEL_S = 1.0
 
 
 class Scripted:
-    """A watch that names the rudder once, and keeps what it was shown."""
+    """A watch that names the rudder, later with a kind, and keeps what it was shown."""
 
     def start(self, sample_period_s):
         assert sample_period_s == 0.01
@@ -18,7 +18,7 @@ class Scripted:
 
         def step(time_s, readings, commands):
             self.shown.append((time_s, *readings, *commands))
-            return ("rudder",) if len(self.shown) == 100 else ()
+            return {100: {"rudder": None}, 150: {"rudder": "jam"}}.get(len(self.shown), {})
 
         return step
 
@@ -35,7 +35,7 @@ class Listening:
         return self.level
 
     def told(self, event):
-        self.heard.append((event.time_s, event.kind, event.channel))
+        self.heard.append((event.time_s, event.channel, event.fault))
 
 
 def test_a_watch_is_shown_what_is_read_and_commanded_and_changes_nothing():
@@ -46,14 +46,15 @@ def test_a_watch_is_shown_what_is_read_and_commanded_and_changes_nothing():
     shown = np.array(watch.shown)
     np.testing.assert_allclose(shown[:, 0], flight.sensed.time_s[:-1], atol=1e-9)
     np.testing.assert_array_equal(shown[:, 1:], flight.readings(commands=True).values[:-1])
-    assert [(round(event.time_s, 2), event.kind, event.channel) for event in flight.events] == [
-        (0.99, "surface failed", "rudder")
+    assert [(round(event.time_s, 2), event.kind, event.channel, event.fault) for event in flight.events] == [
+        (0.99, "surface failed", "rudder", None),
+        (1.49, "surface failed", "rudder", "jam"),
     ]
 
 
 def test_a_controller_that_listens_is_told():
     gb.fly_in_loop(duration_s=2.0, controller=Listening, watch_surfaces=Scripted())
-    assert Listening.heard == [(pytest.approx(0.99), "surface failed", "rudder")]
+    assert Listening.heard == [(pytest.approx(0.99), "rudder", None), (pytest.approx(1.49), "rudder", "jam")]
 
 
 def test_a_controller_that_fails_when_it_is_told_has_what_was_flown():

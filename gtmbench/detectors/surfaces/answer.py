@@ -1,15 +1,15 @@
 """The aircraft's answer to its commands, identified from healthy flight: how far off each surface seems to be.
 
-Without a model of the aircraft, every rotational acceleration is taken to be linear in what causes
-it: the flow, the body rates, the inertial products and the deflections, all by the dynamic pressure of the moment
-(V. Klein and E. A. Morelli, Aircraft System Identification, AIAA 2006, chapter 5). With q' = d/dt q and F the lag
-lambda/(s + lambda), which makes a derivative measurable,
+Without a model of the aircraft, every rotational acceleration is taken to be linear in what causes it: the flow, the
+body rates, the inertial products and the deflections, all by the dynamic pressure of the moment (V. Klein and E. A.
+Morelli, Aircraft System Identification, AIAA 2006, chapter 5). With q' = d/dt q and F the lag lambda/(s + lambda),
+which makes a derivative measurable,
 
     F q' = F (X theta) + e,   F q' = lambda (q - F q),
 
-by least squares. A surface that is off by d degrees adds F (Q d) times its own column of theta to every equation at
-once, Q being the dynamic pressure. So the residuals e, weighed by their covariance S on healthy flight, say by how many
-degrees each surface seems to be off,
+theta by least squares in coloured noise (`identification.py`). A surface that is off by d degrees adds F (Q d) times
+its own column of theta to every equation at once, Q being the dynamic pressure. So the residuals e, weighed by their
+covariance S on healthy flight, say by how many degrees each surface seems to be off,
 
     d = (G' S^-1 G)^-1 G' S^-1 e / Q,
 
@@ -31,14 +31,12 @@ from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
 from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0
-_SURFACE_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
 _SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
-_SETTLES_S = 5.0
 _ENGINE = "throttle"  # a cause, and never judged: its effect is far from linear, and no equation is its own
-_MOVED_DEG = 0.1  # deviation that a command must have had to be identified
-_THINNED_S = 0.05  # between equations: they are smooth
+OWN_SURFACES = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
+CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
 _AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
 _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
@@ -85,6 +83,11 @@ class Flow:
         return (*(("alpha", "beta") if self.vanes else ()), "ny", "nz", *air)
 
     @property
+    def sensors(self) -> tuple[str, ...]:
+        """Those whose fault could look like a surface's, and leave something beside it."""
+        return ("alpha", "beta", "ny", "nz") if self.vanes else ()
+
+    @property
     def equations(self) -> dict[str, str]:
         """By the channel that is explained, whether its motion is lateral or longitudinal."""
         return _AXES | ({"ny": "lateral", "nz": "longitudinal"} if self.vanes else {})
@@ -124,6 +127,11 @@ class Answer:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
         return np.array([self.theta[name][: len(self.surfaces)] for name in self.flow.equations])
 
+    def effect(self, equation: str, vane: str) -> float:
+        """Return what a degree of a vane changes of an equation, where the dynamic pressure is 1."""
+        explains = {"alpha": "longitudinal", "beta": "lateral"}[vane] == self.flow.equations[equation]
+        return float(self.theta[equation][len(self.surfaces)]) if explains else 0.0  # the first cause beside surfaces
+
     @property
     def series(self) -> tuple[str, ...]:
         """The names of what is judged: the surfaces, and what none of them explains."""
@@ -152,8 +160,8 @@ class Answering:
 
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
         self._answer = answer
-        self._regressing = _Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
-        self._off, self._left = _solved(answer)
+        self._regressing = Regressing(answer.flow, answer.surfaces, answer.lags_s, answer.reference, sample_period_s)
+        self._off, self._left = solved(answer)
 
     def push(self, values: FloatArray) -> Deviations:
         """Return the deviations of the next rows, of the channels in their order."""
@@ -165,7 +173,7 @@ class Answering:
         return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=residuals @ self._left.T)
 
 
-def _solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
+def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
     """Return what makes deviations, and what is left, of the equations' residuals."""
     root = np.linalg.cholesky(answer.covariance)
     white = np.linalg.solve(root, answer.effects)
@@ -182,7 +190,14 @@ class _Regressed(NamedTuple):
     pressure: FloatArray
 
 
-class _Regressing:
+class _Sides(NamedTuple):
+    explained: dict[str, FloatArray]
+    causes: dict[str, FloatArray]
+    driven: FloatArray
+    pressure: FloatArray
+
+
+class Regressing:
     """The equations' both sides, as samples come in."""
 
     def __init__(
@@ -198,16 +213,25 @@ class _Regressing:
         self._slow = _Lags([np.exp(-period_s / _SLOW_S)])
         self._held: FloatArray | None = None
 
-    def push(self, values: FloatArray) -> _Regressed:
-        """Return both sides of the equations for the next rows."""
+    def sides(self, values: FloatArray) -> _Sides:
+        """Return both sides of the equations for the next rows, as they are."""
         values = self._without_holes(values)
         read = {name: values[:, column] for name, column in self._columns.items()}
         pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
         driven = self._servos.push(np.column_stack([read[name] for name in self._surfaces]))
         thrust = self._engine.push(read[_ENGINE][:, np.newaxis])[:, 0]
-        causes = self._causes(read, pressure, driven, thrust)
-        sides = [read[name] for name in self._flow.equations]
-        joined = np.column_stack([*sides, driven, pressure, *causes.values()])
+        return _Sides(
+            explained={name: read[name] for name in self._flow.equations},
+            causes=self._causes(read, pressure, driven, thrust),
+            driven=driven,
+            pressure=pressure,
+        )
+
+    def push(self, values: FloatArray) -> _Regressed:
+        """Return both sides of the equations for the next rows, behind the lag."""
+        made = self.sides(values)
+        causes, sides = made.causes, list(made.explained.values())
+        joined = np.column_stack([*sides, made.driven, made.pressure, *causes.values()])
         smooth = self._smooth.push(joined)
         after = len(sides) + len(self._surfaces)
         explained = {
@@ -312,77 +336,6 @@ class _Lags:
         return np.asarray(moved + self._rest)
 
 
-_CAUSES = {"lateral": 11, "longitudinal": 9}  # beside the surfaces
-_OWN = {"lateral": ("aileron", "rudder"), "longitudinal": ("elevator",)}
-
-
-def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
-    """Identify the answer on healthy records, each of shape (samples, channels).
-
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
-    """
-    at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
-    moved = tuple(
-        name for name in SURFACES if max(float(np.nanstd(values[:, at[name]])) for values in records) >= _MOVED_DEG
-    )
-    if not moved:
-        raise InputError(
-            f"no command of {', '.join(SURFACES)} moves in the healthy records, so nothing is known of what they do; "
-            "give flights that somebody flies, or with an excitation"
-        )
-    reference = (
-        float(np.nanmedian(np.concatenate([values[:, at["tas"]] for values in records]))) if flow.airspeed else 1.0
-    )
-    reference = max(abs(reference), 1e-6)
-    tried = []
-    for servo in _SURFACE_LAGS_S:
-        answer = _fitted(flow, moved, (servo, _ENGINE_LAGS_S[1]), reference, records, sample_period_s)
-        tried.append(answer)
-    best = min(tried, key=_cost)
-    servo = best.lags_s[0]
-    others = [_fitted(flow, moved, (servo, engine), reference, records, sample_period_s) for engine in _ENGINE_LAGS_S]
-    return min(others, key=_cost)
-
-
-def _cost(answer: Answer) -> float:
-    """Return what the equations leave: the logarithm of the determinant of their covariance."""
-    return float(np.linalg.slogdet(answer.covariance)[1])
-
-
-def _fitted(
-    flow: Flow,
-    surfaces: tuple[str, ...],
-    lags_s: tuple[float, float],
-    reference: float,
-    records: Sequence[FloatArray],
-    period_s: float,
-) -> Answer:
-    step, begun = max(round(_THINNED_S / period_s), 1), round(_SETTLES_S / period_s)
-    made = [_Regressing(flow, surfaces, lags_s, reference, period_s).push(values) for values in records]
-    theta, left = {}, []
-    for name, axis in flow.equations.items():
-        x = np.concatenate([part.regressors[name][begun::step] for part in made])
-        y = np.concatenate([part.explained[name][begun::step] for part in made])
-        own = [i for i, surface in enumerate(surfaces) if surface in _OWN[axis]]
-        used = [*own, *range(len(surfaces), x.shape[1])]
-        scale = np.maximum(np.sqrt(np.mean(np.square(x[:, used]), axis=0)), 1e-9)
-        found = np.zeros(x.shape[1])
-        found[used] = np.linalg.lstsq(x[:, used] / scale, y, rcond=1e-8)[0] / scale
-        theta[name] = found
-        left.append(y - x @ found)
-    return Answer(
-        flow=flow,
-        surfaces=surfaces,
-        lags_s=lags_s,
-        theta=theta,
-        covariance=np.atleast_2d(np.cov(np.array(left), bias=True)),
-        reference=reference,
-    )
-
-
 def answer_of(where: str, given: Any) -> Answer:
     """Return the answer of a table, every key checked.
 
@@ -404,7 +357,7 @@ def answer_of(where: str, given: Any) -> Answer:
     equations = len(flow.equations)
     if list(theta) != list(flow.equations):
         raise InputError(f"{where}.theta holds {', '.join(theta)}; it must hold {', '.join(flow.equations)}")
-    lengths = {name: len(surfaces) + _CAUSES[axis] for name, axis in flow.equations.items()}
+    lengths = {name: len(surfaces) + CAUSES[axis] for name, axis in flow.equations.items()}
     lags_s = array_of(f"{where}.lags_s", table["lags_s"], (2,))
     answer = Answer(
         flow=flow,

@@ -5,91 +5,51 @@ Over a window the deviation d of a surface is fitted by what it was commanded, u
     d = a + b u + c v + e.
 
 A healthy surface has the a, b and c of the minute before. An offset is another a; a loss of effectiveness, and a jam
-(b = -1), another b; a slow servo another c. Each is judged by its change beyond a tolerance, over its standard error,
-in nats: T^2/2. What no surface explains has a only, and its level beside those of the surfaces: a sensor of the flow
-that is noisy or stuck shows there. The error is that of the noise now: the greater of what gusts and sensors leave in
-the window and in the minute before. So stronger gusts make the tests less sensitive, not false.
+(b = -1), another b; a slow servo another c (and b). Two tests say so: of a alone, and of b and c together, whatever a
+is. The noise e is what gusts and sensors leave: coloured, and stronger or weaker by the hour. So its colour is learnt
+in the minute before, and both sides are made white (`whitened.py`); its level is the greatest of that minute's, of its
+last ten seconds' and of the window's own. A change x is judged by its deviations, sqrt(x' C^-1 x), C being its
+covariance with that of the minute's fit, less what a tolerated change amounts to; in nats: T^2/2. Motion that is harder
+than what was learnt on is less linear, so more is tolerated. What no surface explains has a only, and its level: a
+sensor of the flow that is noisy or stuck shows there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.answer import Deviations
+from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
+from gtmbench.detectors.surfaces.whitened import ORDER, Counts, Sums, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
-BLOCK_S = 0.25  # between judgements
-_BASE_S, _LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
+BASE_S, LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
 _RECENT_S = 10.0
-OFFSET, SLOPE, RATE, LEVEL = "offset", "slope", "rate", "level"
+OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
 _TESTS = (
-    (OFFSET, 1.0),
+    (OFFSET, 2.0),
     (OFFSET, 4.0),
-    (OFFSET, 15.0),
-    (SLOPE, 5.0),
-    (SLOPE, 20.0),
-    (RATE, 20.0),
-    (LEVEL, 5.0),
-    (LEVEL, 20.0),
+    (OFFSET, 16.0),
+    (OFFSET, 48.0),
+    (ANSWER, 16.0),
+    (ANSWER, 48.0),
+    (LEVEL, 4.0),
+    (LEVEL, 16.0),
 )
+KINDS = tuple(kind for kind, _ in _TESTS)
 WINDOWS_S = tuple(window_s for _, window_s in _TESTS)
 LABELS = tuple(f"{kind} {window_s:g} s" for kind, window_s in _TESTS)
-TOLERATED = {OFFSET: 0.1, SLOPE: 0.1, RATE: 0.04, LEVEL: 0.4}  # deg; of 1; seconds; of a logarithm
-_LEFT_TOLERATED = 0.3  # deviations of what no surface explains
-_PRIOR = 1e-3  # of a command's mean square: one that stands still tells nothing of its effect
-_ENOUGH = 0.8  # of samples, or blocks, that must be there
-_FORGETS = 8  # blocks after a hole
-HORIZON = round((_BASE_S + 20.0) / BLOCK_S) + _FORGETS + 1  # blocks that a test looks back at
-_LEAST_LEVEL = 0.1  # how much logarithms of squares vary at least
+TOLERATED_DEG, _TOLERATED_LOSS, _TOLERATED_S = 0.1, 0.1, 0.04  # of a, b and c
+_LEVEL_TOLERATED = 0.4  # of a logarithm
+# How far a, b and c of a healthy surface may be from what was identified, and how far a fault may change them.
+_NORMAL = np.diag(1.0 / np.square([3.0, 0.15, 0.05]))
+_BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
+_FORGETS_S = 2.0  # after a hole
+_LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
-
-
-class Blocks(NamedTuple):
-    """Sums over blocks of the products of 1, u, v and d, of every surface and of all that is left.
-
-    Attributes
-    ----------
-    sums : shape (blocks, series, 4, 4)
-    there : shape (blocks,)
-        Whether enough samples of a block were.
-    """
-
-    sums: FloatArray
-    there: BoolArray
-
-    def joined(self, other: Blocks) -> Blocks:
-        """Return these and the next."""
-        return Blocks(np.concatenate([self.sums, other.sums]), np.concatenate([self.there, other.there]))
-
-    def last(self, blocks: int) -> Blocks:
-        """Return the last ones."""
-        first = max(len(self.there) - blocks, 0)
-        return Blocks(self.sums[first:], self.there[first:])
-
-
-def blocks_of(deviations: Deviations, there: BoolArray, rows: int) -> Blocks:
-    """Return the sums of whole blocks of `rows` samples; what is left over at the end isn't used.
-
-    Parameters
-    ----------
-    deviations : Deviations
-    there : shape (samples,)
-        Where no channel misses its sample.
-    rows : int
-    """
-    count = len(there) // rows
-    left = deviations.left
-    still = np.zeros_like(left)
-    d = np.column_stack([deviations.off, left])[: count * rows]
-    u = np.column_stack([deviations.commanded, still])[: count * rows]
-    v = np.column_stack([deviations.slew, still])[: count * rows]
-    x = np.stack([np.ones_like(d), u, v, d], axis=-1).reshape(count, rows, d.shape[1], 4)
-    sums = np.einsum("brsi,brsj->bsij", x, x, optimize=True)
-    return Blocks(sums, there[: count * rows].reshape(count, rows).mean(axis=1) >= _ENOUGH)
+_LEAST = 1e-12
 
 
 class Changes(NamedTuple):
@@ -97,12 +57,245 @@ class Changes(NamedTuple):
 
     Attributes
     ----------
-    change, error : shape (blocks, tests, series)
-        In the test's unit; the error is that of white noise, sample by sample.
+    size, tolerated : shape (blocks, tests, series)
+        How many deviations a change amounts to, and how many what is tolerated does.
+    error : shape (blocks, tests, series)
+        What one deviation amounts to: degrees of an offset, or a share of the effectiveness that is lost.
+    fit : shape (blocks, tests, series, 2)
+        By how much b and c have changed, of ``answer``; a and nothing, of ``offset``.
+    spread : shape (blocks, tests, series, 2, 2)
+        Their covariance.
     """
 
-    change: FloatArray
+    size: FloatArray
+    tolerated: FloatArray
     error: FloatArray
+    fit: FloatArray
+    spread: FloatArray
+
+
+def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
+    """Return the series that are made white alike, and their sums.
+
+    What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
+    """
+    step = max(round(_LEFT_STEP_S / block_s), 1)
+    return (
+        (slice(surfaces), Sums(surfaces, 4, horizon)),
+        (slice(surfaces, None), Sums(series - surfaces, 4, horizon, step)),
+    )
+
+
+def judged_series(surfaces: int, series: int) -> int:
+    """Return how many series may be unusual by themselves: the surfaces, and what is left."""
+    return surfaces + (series - surfaces) // (1 + surfaces)
+
+
+class Comparing:
+    """The tests at work, as blocks come in.
+
+    Parameters
+    ----------
+    floor : shape (series,)
+        The noise that was learnt, made white.
+    surfaces : int
+    block_s : float
+    """
+
+    def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
+        self._floor = np.square(_QUIET * floor)
+        self._block_s = block_s
+        horizon = self._blocks(BASE_S + max(WINDOWS_S))
+        self._groups = grouped(surfaces, len(floor), horizon, block_s)
+        self._own = judged_series(surfaces, len(floor))
+        self._sums = self._groups[0][1]
+        self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
+        self._since_hole = 0
+
+    def push(self, new: Blocks) -> Changes:
+        """Return the changes of the next blocks, NaN where there isn't enough before them."""
+        used = self._used(new.there)
+        found = [self._pushed(new.means[part], used[part]) for part in self._pieces(len(used))]
+        if not found:
+            return self._nothing(0)
+        return Changes(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+
+    def _pieces(self, count: int) -> Iterator[slice]:
+        return (slice(first, first + self._piece) for first in range(0, count, self._piece))
+
+    def _blocks(self, span_s: float) -> int:
+        return max(round(span_s / self._block_s), 1)
+
+    def _used(self, there: BoolArray) -> BoolArray:
+        """Return which blocks are used: those that are there, once the filters have forgotten the last that wasn't."""
+        used = np.zeros(len(there), dtype=bool)
+        forgets = self._blocks(_FORGETS_S)
+        for i, is_there in enumerate(there.tolist()):
+            self._since_hole = self._since_hole + 1 if is_there else 0
+            used[i] = self._since_hole > forgets
+        return used
+
+    def _nothing(self, count: int) -> Changes:
+        shape = (count, len(_TESTS), len(self._floor))
+        size, tolerated, error = (np.full(shape, np.nan) for _ in range(3))
+        return Changes(size, tolerated, error, np.full((*shape, 2), np.nan), np.full((*shape, 2, 2), np.nan))
+
+    def _pushed(self, means: FloatArray, used: BoolArray) -> Changes:
+        first = self._sums.count
+        for own, sums in self._groups:
+            sums.push(means[:, own], used)
+        made = self._nothing(len(means))
+        for window_s in sorted(set(WINDOWS_S)):
+            ends = self._judged(first, window_s)
+            if not len(ends):
+                continue
+            of_groups = [self._compared(sums, self._floor[own], ends, window_s) for own, sums in self._groups]
+            now = _Compared(*(np.concatenate(parts, axis=1) for parts in zip(*of_groups, strict=True)))
+            for test, (kind, span_s) in enumerate(_TESTS):
+                if span_s == window_s:
+                    found = _level(now, self._own) if kind == LEVEL else _FOUND[kind](now)
+                    for into, values in zip(made, found, strict=True):
+                        into[ends - 1 - first, test] = values
+        return made
+
+    def _judged(self, first: int, window_s: float) -> Counts:
+        """Return behind which new blocks a window ends that can be judged."""
+        window, least, recent = map(self._blocks, (window_s, LEAST_BASE_S, _RECENT_S))
+        ends = np.arange(max(first + 1, window + least), self._sums.count + 1)
+        begins = ends - window
+        enough = self._sums.held(begins, ends) >= ENOUGH * window
+        enough &= self._sums.held(self._base(begins), begins) >= ENOUGH * least
+        enough &= self._sums.held(begins - recent, begins) >= ENOUGH * recent
+        return ends[enough]
+
+    def _base(self, begins: Counts) -> Counts:
+        return np.maximum(begins - self._blocks(BASE_S), 0)
+
+    def _compared(self, sums: Sums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
+        begins = ends - self._blocks(window_s)
+        base = self._base(begins)
+        held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
+        taps = np.zeros((len(ends), len(floor), ORDER + 1))
+        taps[..., 0] = 1.0  # as it is, at first
+        fit, _, _ = fitted(sums.whitened(base, begins, taps), held)
+        taps = whitening(sums.lagged(base, begins, fit))
+        fit, power, covariance = fitted(sums.whitened(base, begins, taps), held)
+        recent = self._blocks(_RECENT_S)
+        lately = left(sums.whitened(begins - recent, begins, taps), fit) / recent
+        return _Compared(
+            now=sums.whitened(begins, ends, taps),
+            held=np.repeat(sums.held(begins, ends)[:, np.newaxis], len(floor), axis=1),
+            fit=fit,
+            covariance=covariance,
+            before=np.maximum(power, floor),
+            noise=np.maximum(np.maximum(power, lately), floor),
+            usual=np.maximum(np.broadcast_to(floor, power.shape) / np.square(_QUIET), _LEAST),
+        )
+
+
+class _Compared(NamedTuple):
+    """Windows beside the minute before each.
+
+    Attributes
+    ----------
+    now : shape (windows, series, 4, 4)
+        Products of a window, made white.
+    held : shape (windows, series)
+        Its blocks.
+    fit, covariance : shapes (windows, series, 3) and (windows, series, 3, 3)
+        a, b and c of the minute.
+    before, noise : shape (windows, series)
+        The noise's power in the minute, and by then at most.
+    usual : shape (windows, series)
+        The power that was learnt.
+    """
+
+    now: FloatArray
+    held: FloatArray
+    fit: FloatArray
+    covariance: FloatArray
+    before: FloatArray
+    noise: FloatArray
+    usual: FloatArray
+
+    @property
+    def rough(self) -> FloatArray:
+        """How much more than what is usual is tolerated: motion that is twice as hard is four times as nonlinear."""
+        return np.asarray(np.maximum(self.noise / self.usual, 1.0))
+
+    @property
+    def beyond(self) -> FloatArray:
+        """What the minute's fit doesn't explain, times 1, u and v."""
+        explained = np.einsum("...ij,...j->...i", self.now[..., :3, :3], self.fit, optimize=True)
+        return np.asarray(self.now[..., :3, 3] - explained)
+
+    def level(self, explained: FloatArray) -> FloatArray:
+        """Return the noise's power, of which some squares of the window are explained."""
+        own = (left(self.now, self.fit) - explained) / self.held
+        return np.asarray(np.maximum(own, self.noise))
+
+
+def fitted(products: FloatArray, held: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a, b and c, the power of what they leave, and their covariance, by least squares and what is usual."""
+    inner, mixed = products[..., :3, :3], products[..., :3, 3:]
+    fit = np.asarray(np.linalg.solve(inner + np.diag([_LEAST, 1e-3, 1e-3]), mixed)[..., 0], dtype=np.float64)
+    for _ in range(2):  # how much the noise is decides how much what is usual weighs
+        power = np.maximum(left(products, fit) / held, _LEAST)
+        whole = inner + power[..., np.newaxis, np.newaxis] * _NORMAL
+        fit = np.asarray(np.linalg.solve(whole, mixed)[..., 0], dtype=np.float64)
+    return fit, power, power[..., np.newaxis, np.newaxis] * np.linalg.inv(whole)
+
+
+def _offset(seen: _Compared) -> Changes:
+    """Return by how much a has changed, b and c being what they were."""
+    inner, beyond = seen.now[..., :3, :3], seen.beyond
+    ones = np.maximum(inner[..., 0, 0], _LEAST)
+    change = beyond[..., 0] / ones
+    earlier = _quadratic(seen.covariance, inner[..., 0, :]) / ones**2
+    error = np.sqrt(seen.level(change * beyond[..., 0]) / ones + earlier)
+    fit = np.stack([change, np.zeros_like(change)], axis=-1)
+    spread = np.zeros((*change.shape, 2, 2))
+    spread[..., 0, 0] = np.square(error)
+    return Changes(np.abs(change) / error, TOLERATED_DEG * seen.rough / error, error, fit, spread)
+
+
+def _answer(seen: _Compared) -> Changes:
+    """Return by how much b and c have changed, whatever a is."""
+    inner, beyond = seen.now[..., :3, :3], seen.beyond
+    whole = inner + seen.noise[..., np.newaxis, np.newaxis] * _BROKEN
+    inverse = np.asarray(np.linalg.inv(whole), dtype=np.float64)
+    fit: FloatArray = np.einsum("...ij,...j->...i", inverse, beyond, optimize=True)
+    explained = 2.0 * np.einsum("...i,...i->...", fit, beyond) - _quadratic(inner, fit)
+    level = seen.level(explained)[..., np.newaxis, np.newaxis]
+    gain = inverse @ inner  # of the fit to a true change
+    spread = level * gain @ inverse + gain @ seen.covariance @ np.swapaxes(gain, -1, -2)
+    certain = np.asarray(np.linalg.inv(spread[..., 1:, 1:] + _LEAST * np.eye(2)), dtype=np.float64)
+    change, gain = fit[..., 1:], gain[..., 1:, 1:]
+    signs = [gain @ np.array([_TOLERATED_LOSS, sign * _TOLERATED_S]) for sign in (-1.0, 1.0)]
+    tolerated = np.sqrt(np.max([_quadratic(certain, both) for both in signs], axis=0))
+    return Changes(
+        np.sqrt(_quadratic(certain, change)),
+        tolerated * seen.rough,
+        1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST)),
+        change,
+        spread[..., 1:, 1:],
+    )
+
+
+def _level(seen: _Compared, judged: int) -> Changes:
+    """Return by what power of e the squares exceed those before, less what all series do: gusts shake all."""
+    power = left(seen.now, seen.fit) / seen.held
+    grown = np.log(np.maximum(power, seen.before) / seen.before)
+    alone = np.maximum(grown - np.maximum(np.median(grown[:, :judged], axis=1, keepdims=True), 0.0), 0.0)
+    still = np.zeros((*alone.shape, 2, 2))
+    return Changes(alone, np.full_like(alone, _LEVEL_TOLERATED), np.ones_like(alone), still[..., 0], still)
+
+
+def _quadratic(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    return np.asarray(np.maximum(np.einsum("...i,...ij,...j->...", vector, matrix, vector, optimize=True), 0.0))
+
+
+_FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER: _answer}
 
 
 def changes(blocks: Blocks, floor: FloatArray) -> Changes:
@@ -112,156 +305,6 @@ def changes(blocks: Blocks, floor: FloatArray) -> Changes:
     ----------
     blocks : Blocks
     floor : shape (series,)
-        The least noise, in the series' units.
+        The noise that was learnt, made white.
     """
-    count, series = blocks.sums.shape[:2]
-    used = _used(blocks.there)
-    sums = np.concatenate(
-        [np.zeros((1, series, 4, 4)), np.cumsum(np.where(used[:, None, None, None], blocks.sums, 0.0), axis=0)]
-    )
-    held = np.concatenate([[0], np.cumsum(used)])
-    shape = (count, len(_TESTS), series)
-    change, error = np.full(shape, np.nan), np.full(shape, np.nan)
-    base, least, recent = (round(span_s / BLOCK_S) for span_s in (_BASE_S, _LEAST_BASE_S, _RECENT_S))
-    for test, (kind, window_s) in enumerate(_TESTS):
-        window = round(window_s / BLOCK_S)
-        ends = np.arange(window + least, count + 1)
-        firsts = np.maximum(ends - window - base, 0)
-        late = ends - window - recent
-        enough = held[ends] - held[ends - window] >= _ENOUGH * window
-        enough &= held[ends - window] - held[firsts] >= _ENOUGH * least
-        enough &= held[ends - window] - held[late] >= _ENOUGH * recent
-        ends, firsts, late = ends[enough], firsts[enough], late[enough]
-        if not len(ends):
-            continue
-        begins = ends - window
-        before, lately, now = sums[begins] - sums[firsts], sums[begins] - sums[late], sums[ends] - sums[begins]
-        normal = _fit(before)
-        noise = np.maximum(
-            _left(before, normal) / before[..., 0, 0],
-            _left(lately, normal) / lately[..., 0, 0],
-        )
-        if kind == LEVEL:
-            change[ends - 1, test], error[ends - 1, test] = _louder(now, before, normal, floor), 1.0
-        else:
-            change[ends - 1, test], error[ends - 1, test] = _judged(kind, now, normal, noise, floor)
-    return Changes(change, error)
-
-
-def _used(there: BoolArray) -> BoolArray:
-    """Return which blocks are used: those that are there, once the filters have forgotten the last that wasn't."""
-    after_hole = np.concatenate([np.zeros(_FORGETS, dtype=int), np.cumsum(~there)])
-    return np.asarray(after_hole[_FORGETS:] == after_hole[: len(there)]) if len(there) else there
-
-
-def _fit(sums: FloatArray) -> FloatArray:
-    """Return a, b and c by least squares, shape (..., 3)."""
-    return np.asarray(np.linalg.solve(_inner(sums), sums[..., :3, 3:])[..., 0])
-
-
-def _inner(sums: FloatArray) -> FloatArray:
-    """Return the products of 1, u and v, a little larger where a command stands still."""
-    inner = sums[..., :3, :3].copy()
-    samples = inner[..., 0, 0]
-    for i in (1, 2):
-        inner[..., i, i] += _PRIOR * np.maximum(inner[..., i, i], samples)
-    return inner
-
-
-def _left(sums: FloatArray, fit: FloatArray) -> FloatArray:
-    """Return the squares that a fit leaves of d."""
-    inner = np.einsum("...i,...ij,...j->...", fit, sums[..., :3, :3], fit, optimize=True)
-    mixed = np.einsum("...i,...i->...", fit, sums[..., :3, 3], optimize=True)
-    return np.asarray(np.maximum(sums[..., 3, 3] - 2.0 * mixed + inner, 0.0))
-
-
-def _louder(now: FloatArray, before: FloatArray, normal: FloatArray, floor: FloatArray) -> FloatArray:
-    """Return by what power of e a window's squares exceed those before, less what all series do: gusts shake all."""
-    least = np.square(_QUIET * floor)
-    level = np.maximum(_left(now, normal) / now[..., 0, 0], least)
-    usual = np.maximum(_left(before, normal) / before[..., 0, 0], least)
-    grown = np.log(level / usual)
-    return np.asarray(np.maximum(grown - np.maximum(np.median(grown, axis=1, keepdims=True), 0.0), 0.0))
-
-
-def _judged(
-    kind: str, now: FloatArray, normal: FloatArray, noise: FloatArray, floor: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return how a window differs from what is normal, and by how much white noise alone would make it."""
-    samples = now[..., 0, 0]
-    beyond = now[..., :3, 3] - np.einsum("...ij,...j->...i", now[..., :3, :3], normal, optimize=True)
-    left = _left(now, normal)
-    if kind == OFFSET:
-        change = beyond[..., 0] / samples
-        own = left / samples - change**2
-        spread = np.asarray(1.0 / samples, dtype=np.float64)
-    else:
-        at = 1 if kind == SLOPE else 2
-        inner = _inner(now)
-        fit = np.linalg.solve(inner, beyond[..., np.newaxis])[..., 0]
-        change = fit[..., at]
-        own = (left - np.einsum("...i,...i->...", fit, beyond, optimize=True)) / samples
-        spread = np.asarray(np.linalg.inv(inner)[..., at, at], dtype=np.float64)
-    level = np.maximum(np.maximum(own, noise), np.square(_QUIET * floor))
-    return change, np.sqrt(level * spread)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Normal:
-    """What changes are usual on healthy flight.
-
-    Attributes
-    ----------
-    noise : shape (series,)
-        Deviation of what a minute's fit leaves.
-    colour : shape (tests, series)
-        How many times the error of white noise changes really vary: neighbouring samples are alike.
-    """
-
-    noise: FloatArray
-    colour: FloatArray
-
-    def nats(self, found: Changes, surfaces: int) -> FloatArray:
-        """Return T^2/2 of all tests, shape (blocks, tests, series); NaN where a test tells nothing."""
-        tolerated = np.array([[TOLERATED[kind]] for kind, _ in _TESTS])
-        limits = np.broadcast_to(tolerated, found.change.shape[1:]).copy()
-        limits[np.ix_([kind == OFFSET for kind, _ in _TESTS], range(surfaces, limits.shape[1]))] = _LEFT_TOLERATED
-        with np.errstate(invalid="ignore", divide="ignore"):
-            t = np.maximum(np.abs(found.change) - limits, 0.0) / (self.colour * found.error)
-        t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind == LEVEL], :surfaces] = np.nan
-        t[:, [i for i, (kind, _) in enumerate(_TESTS) if kind in (SLOPE, RATE)], surfaces:] = np.nan
-        return np.asarray(0.5 * np.square(np.minimum(t, 1e3)))
-
-    def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
-        """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
-
-        Parameters
-        ----------
-        found : Changes
-        thresholds : shape (tests, series)
-            In nats.
-        """
-        tolerated = np.array([[TOLERATED[kind]] for kind, _ in _TESTS])
-        return np.asarray(tolerated + np.sqrt(2.0 * thresholds) * self.colour * found.error)
-
-
-def normal_of(healthy: Sequence[Blocks]) -> Normal:
-    """Return what is usual, of the blocks of healthy records."""
-    series = healthy[0].sums.shape[1]
-    levels = []
-    for blocks in healthy:
-        base = round(_LEAST_BASE_S / BLOCK_S)
-        for first in range(0, len(blocks.there) - base + 1, base):
-            part = blocks.sums[first : first + base].sum(axis=0)
-            levels.append(_left(part, _fit(part)) / part[..., 0, 0])
-    noise = np.sqrt(np.median(np.array(levels), axis=0)) if levels else np.ones(series)
-    ratios: list[FloatArray] = []
-    for blocks in healthy:
-        found = changes(blocks, noise)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            ratios.append(found.change / found.error)
-    joined = np.concatenate(ratios)
-    with np.errstate(invalid="ignore"):
-        colour = np.sqrt(np.nanmean(np.square(joined), axis=0))
-    least = np.array([[_LEAST_LEVEL if kind == LEVEL else 1.0] for kind, _ in _TESTS])
-    return Normal(noise=noise, colour=np.maximum(np.nan_to_num(colour, nan=1.0), least))
+    return Comparing(floor, blocks.surfaces, blocks.block_s).push(blocks)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from gtmbench.checks import shown
-from gtmbench.detectors.surfaces.deviation import BLOCK_S
+from gtmbench.detectors.surfaces.blocks import rows_of
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SENSORS
@@ -37,9 +37,9 @@ class WatchSurfaces:
     >>> monitor = gb.SurfaceDetector().calibrate([flight.readings(commands=True) for flight in flights])
     >>> bent = gb.Bias(channel="rudder", onset_s=60.0, size=2.0)
     >>> watch = gb.WatchSurfaces(monitor)
-    >>> flight = gb.fly_in_loop(duration_s=70.0, seed=5, faults=bent, sensors="ideal", watch_surfaces=watch)
-    >>> [(event.kind, event.channel) for event in flight.events]
-    [('surface failed', 'rudder')]
+    >>> flight = gb.fly_in_loop(duration_s=80.0, seed=5, faults=bent, sensors="ideal", watch_surfaces=watch)
+    >>> [(event.kind, event.channel, event.fault) for event in flight.events]  # named, and later its kind
+    [('surface failed', 'rudder', None), ('surface failed', 'rudder', 'bias')]
     """
 
     monitor: SurfaceMonitor = field(kw_only=False)
@@ -48,14 +48,17 @@ class WatchSurfaces:
         if not isinstance(self.monitor, SurfaceMonitor):
             raise InputError(f"monitor is {shown(self.monitor)}; give a calibrated one of detector 'surfaces'")
 
-    def start(self, sample_period_s: float) -> Callable[[float, Sequence[float], Sequence[float]], Sequence[str]]:
+    def start(
+        self, sample_period_s: float
+    ) -> Callable[[float, Sequence[float], Sequence[float]], Mapping[str, str | None]]:
         """Begin a flight anew, as a loop's `SurfaceWatch` does.
 
         Returns
         -------
         callable
             Takes the time in seconds, the readings of all sensors and what was commanded, a sample at a time, and
-            returns the surfaces that have been named since.
+            returns the surfaces that have been named since, and those whose kind of fault has shown since: each with
+            that kind, or None.
 
         Raises
         ------
@@ -67,24 +70,29 @@ class WatchSurfaces:
                 f"'{self.monitor.name}' was calibrated at {self.monitor.sample_period_s:g} s a sample, and the loop "
                 f"runs at {sample_period_s:g} s; calibrate on flights of this loop"
             )
-        stream, rows, named = self.monitor.stream(), max(round(BLOCK_S / sample_period_s), 1), set()
+        stream, rows = self.monitor.stream(), rows_of(sample_period_s)
+        named: dict[str, str | None] = {}
         held: list[list[float]] = []
         begin_s = 0.0
 
-        def step(time_s: float, readings: Sequence[float], commands: Sequence[float]) -> Sequence[str]:
+        def step(time_s: float, readings: Sequence[float], commands: Sequence[float]) -> Mapping[str, str | None]:
             nonlocal begin_s
             if not held:
                 begin_s = time_s
             held.append([*readings, *commands])
             if len(held) < rows:
-                return ()
+                return {}
             chunk = Record(
                 np.array(held), channels=(*SENSORS, *COMMANDS), sample_period_s=sample_period_s, start_s=begin_s
             )
             held.clear()
-            told = [alarm.sensor for alarm in stream.push(chunk) if alarm.sensor is not None]
-            new = [surface for surface in dict.fromkeys(told) if surface not in named]
-            named.update(new)
+            new: dict[str, str | None] = {}
+            for alarm in stream.push(chunk):
+                if alarm.sensor is None:
+                    continue
+                kind = alarm.judgements[-1].kind
+                if alarm.sensor not in named or (kind is not None and named[alarm.sensor] is None):
+                    named[alarm.sensor] = new[alarm.sensor] = kind
             return new
 
         return step

@@ -1,10 +1,10 @@
-"""Which surface an alarm is put down to: one that is off by far more than the others, while nothing else tells.
+"""Which surface an alarm is put down to: one whose failure explains more than anything else that could have happened.
 
 Wind shakes everything, damage changes several effects at once, and a sensor's fault looks like a deflection. So a
-surface is named only where its own deviation is three times its threshold or more, no other's comes near, what
-no surface explains is usual, and kinematics hold. Otherwise it is said what may be, and that nobody can tell. Who was
-named stays named while the aircraft is thrown about, which no linear answer explains, unless another surface or a
-sensor comes up.
+surface is named only where no other's deviation comes near, no sensor of the flow would explain the same
+(`flow_sensors.py`), what no surface explains is small beside it, and kinematics hold. Otherwise it is said what may be,
+and that nobody can tell. Who was named stays named while the aircraft is thrown about, which no linear answer explains,
+unless another surface or a sensor comes up.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.values.record import FloatArray
 
-_DECISIVE = 3.0  # times its threshold: severe gusts have come to twice
+_DECISIVE = 3.0  # nats by which a sensor of the flow has to explain it worse: 20 times less likely
 _NEAR = 0.4  # of the greatest: as much of another surface's, if that is above its threshold, too
-_LEFT, _LEFT_LATE = 0.05, 0.12  # of the greatest: as much of what no surface explains, first and in the end
-_LEFT_AT_LEAST = 0.35  # of its threshold
+_LEFT = 0.5  # of the greatest: as much of what no surface explains
+_LEFT_AT_LEAST = 0.5  # of its threshold
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,17 +34,20 @@ class Seen:
         them explains. NaN where nothing is known.
     sensors : tuple of str
         Those that kinematics speak of.
+    margins : shape (surfaces,)
+        By how many nats, at most, each surface has explained what is off better than any sensor of the flow would.
     named : str or None
         The surface that was named before.
-    is_last : bool
-        Whether nobody looks again. A surface that throws the aircraft leaves more unexplained by then.
+    kind : str or None
+        The kind of fault, as far as it shows, of the surface with the greatest peak.
     """
 
     surfaces: tuple[str, ...]
     peaks: FloatArray
     sensors: tuple[str, ...]
+    margins: FloatArray
     named: str | None = None
-    is_last: bool = False
+    kind: str | None = None
 
 
 def judged(seen: Seen, time_s: float) -> Judgement:
@@ -53,10 +56,13 @@ def judged(seen: Seen, time_s: float) -> Judgement:
     Examples
     --------
     >>> from dataclasses import replace
-    >>> seen = Seen(surfaces=("elevator", "rudder"), peaks=np.array([9.0, 0.3, 0.2]), sensors=())
+    >>> told = np.array([9.0, 9.0])
+    >>> seen = Seen(surfaces=("elevator", "rudder"), peaks=np.array([9.0, 0.3, 0.2]), sensors=(), margins=told)
     >>> judged(seen, 5.0).verdict, judged(replace(seen, peaks=np.array([9.0, 8.0, 0.2])), 5.0).verdict
     ('elevator failed', "can't tell: surface or wind: elevator or rudder")
-    >>> judged(replace(seen, peaks=np.array([9.0, 0.3, 4.0])), 5.0).verdict  # no surface explains that
+    >>> judged(replace(seen, peaks=np.array([9.0, 0.3, 6.0])), 5.0).verdict  # no surface explains that
+    "can't tell: surface, wind, or a sensor of the flow: elevator"
+    >>> judged(replace(seen, margins=np.array([-2.0, 9.0])), 5.0).verdict  # the angle of attack would explain it, too
     "can't tell: surface, wind, or a sensor of the flow: elevator"
     >>> judged(replace(seen, sensors=("q",)), 5.0).verdict
     "can't tell: a sensor, for kinematics don't hold (q)"
@@ -71,11 +77,12 @@ def judged(seen: Seen, time_s: float) -> Judgement:
         why = f"a sensor, for kinematics don't hold ({' or '.join(seen.sensors)})"
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
     names = " or ".join(alike)
-    if seen.named is not None and alike == (seen.named,):  # what it does to the motion since proves no more
-        return Judgement(time_s=time_s, sensor=alike[0], candidates=alike)
-    if left > max((_LEFT_LATE if seen.is_last else _LEFT) * greatest, _LEFT_AT_LEAST):
+    certain = Judgement(time_s=time_s, sensor=alike[0], candidates=alike, kind=seen.kind)
+    if alike[0] == seen.named:  # what it does to the motion since proves no more
+        return certain
+    if left > max(_LEFT * greatest, _LEFT_AT_LEAST) or (len(alike) == 1 and seen.margins[ranked[0]] < _DECISIVE):
         why = f"surface, wind, or a sensor of the flow: {names}"
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
-    if len(alike) > 1 or greatest < _DECISIVE:
+    if len(alike) > 1:
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=f"surface or wind: {names}")
-    return Judgement(time_s=time_s, sensor=alike[0], candidates=alike)
+    return certain

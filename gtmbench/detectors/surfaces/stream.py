@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,23 +13,20 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
-from gtmbench.detectors.surfaces.deviation import (
-    BLOCK_S,
-    HORIZON,
-    LABELS,
-    WINDOWS_S,
-    Blocks,
-    Normal,
-    blocks_of,
-    changes,
-)
+from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
+from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
+from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
+from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _SETTLES_S = 5.0
-_LOOKS_S = (1.0, 4.0, 15.0)  # after an alarm
+_LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
+_KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
+_AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a consequence
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
 
 
@@ -65,6 +62,41 @@ class Watching(Protocol):
     def sample_period_s(self) -> float: ...  # noqa: D102
 
 
+class _Tested(NamedTuple):
+    """The tests of blocks, or of one.
+
+    Attributes
+    ----------
+    ratios : shape (blocks, tests, series)
+        Over their thresholds.
+    margins : shape (blocks, tests, surfaces)
+        As `flow_sensors.margins` makes them.
+    fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
+        What has changed, and its covariance.
+    """
+
+    ratios: FloatArray
+    margins: FloatArray
+    fit: FloatArray
+    spread: FloatArray
+
+    def at(self, block: int) -> _Tested:
+        """Return those of a block."""
+        return _Tested(*(each[block] for each in self))
+
+    @property
+    def best_margins(self) -> FloatArray:
+        """Each surface's greatest margin in the tests that are above their thresholds; of one block."""
+        with np.errstate(invalid="ignore"):
+            above = self.ratios[:, : self.margins.shape[1]] > 1.0
+        return np.asarray(np.max(np.where(above, self.margins, -np.inf), axis=0))
+
+    def kind(self, surface: int) -> str | None:
+        """Return the kind of a surface's fault, as far as it shows; of one block."""
+        offset, answer = KIND_TESTS
+        return kind_of(self.ratios[[offset, answer], surface], self.fit[answer, surface], self.spread[answer, surface])
+
+
 @dataclass(kw_only=True)
 class _Open:
     """An alarm that is still looked at."""
@@ -73,6 +105,7 @@ class _Open:
     block: int  # where it was raised
     looks: list[int]  # blocks in which it is looked at again
     peaks: FloatArray  # of each series, since its onset
+    margins: FloatArray  # of each surface, the greatest
 
 
 class SurfaceStream:
@@ -85,14 +118,16 @@ class SurfaceStream:
 
     def __init__(self, monitor: Watching) -> None:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
-        self._rows = max(round(BLOCK_S / self._period_s), 1)
-        self._settled = round(_SETTLES_S / (self._rows * self._period_s))
+        self._rows = rows_of(self._period_s)
+        self._block_s = self._rows * self._period_s
+        self._settled = round(_SETTLES_S / self._block_s)
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
         self._limits = limits_of(monitor)
+        self._rho = ratios(monitor.answer)
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
-        self._kept: Blocks | None = None
+        self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -135,36 +170,36 @@ class SurfaceStream:
         joined = np.concatenate([self._waiting, new.matrix(_read(self._monitor))])
         whole = len(joined) // self._rows * self._rows
         self._waiting = joined[whole:]
-        ratios = self._ratios(joined[:whole])
+        found = self._tested(joined[:whole])
         first = self._count
-        self._count += len(ratios)
+        self._count += len(found.ratios)
         surfaces = len(self._monitor.suspects)
-        scores = np.fmax.reduce(ratios[:, :, :surfaces], axis=1) if len(ratios) else np.zeros((0, surfaces))
+        of_surfaces = found.ratios[:, :, :surfaces]
+        scores = np.fmax.reduce(of_surfaces, axis=1) if len(of_surfaces) else np.zeros((0, surfaces))
         armed = self._armed_by(scores)
         ends = range((first + 1) * self._rows - 1, (self._count + 1) * self._rows - 1)
         times_s = np.round(clock.times_s(ends), 9)[:: self._rows]
         self._clock = clock
-        for i in range(len(ratios)):
-            self._block(first + i, float(times_s[i]), ratios[i], armed[i])
+        for i in range(len(scores)):
+            self._block(first + i, float(times_s[i]), found.at(i), armed[i])
         rows = range(clock.count - len(new), clock.count)
         told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
         return self._said(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
 
-    def _ratios(self, values: FloatArray) -> FloatArray:
-        """Return the tests of new blocks over their thresholds, shape (blocks, tests, series)."""
-        series = len(self._monitor.answer.series)
-        count = len(values) // self._rows
-        if not count:
-            return np.zeros((0, len(LABELS), series))
+    def _tested(self, values: FloatArray) -> _Tested:
+        """Return the tests of new blocks."""
+        surfaces, tests = len(self._monitor.suspects), len(LABELS)
+        if not len(values):
+            nothing = np.zeros((0, tests, surfaces))
+            return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing)
         there = np.asarray(np.isfinite(values).all(axis=1))
-        new = blocks_of(self._answering.push(values), there, self._rows)
-        unsettled = self._count + np.arange(count) < self._settled
-        new = Blocks(new.sums, new.there & ~unsettled)
-        kept = new if self._kept is None else self._kept.joined(new)
-        found = changes(kept, self._monitor.normal.noise)
-        nats = self._monitor.normal.nats(found, len(self._monitor.suspects))[-count:]
-        self._kept = kept.last(HORIZON)
-        return nats / self._limits
+        new = blocks_of(self._answering.push(values), there, self._period_s)
+        unsettled = self._count + np.arange(len(new.there)) < self._settled
+        found = self._comparing.push(new._replace(there=new.there & ~unsettled))
+        normal = self._monitor.normal
+        return _Tested(
+            normal.nats(found, surfaces) / self._limits, margins(found, normal, self._rho), found.fit, found.spread
+        )
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -174,28 +209,32 @@ class SurfaceStream:
         self._is_armed = came_down[-1]
         return np.asarray(came_down[1:] & np.isfinite(scores))
 
-    def _block(self, block: int, time_s: float, ratios: FloatArray, armed: BoolArray) -> None:
+    def _block(self, block: int, time_s: float, tested: _Tested, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
         surfaces = len(self._monitor.suspects)
-        series = np.fmax.reduce(ratios, axis=0)
+        series = np.fmax.reduce(tested.ratios, axis=0)
         scores = series[:surfaces]
         with np.errstate(invalid="ignore"):
             rises = np.flatnonzero(armed & (scores > 1.0) & ~(self._last > 1.0))
         self._last = np.where(np.isnan(scores), self._last, scores)
+        best = tested.best_margins
         if self._open is not None:
+            self._open.margins = np.fmax(self._open.margins, best)
             self._open.peaks = np.fmax(self._open.peaks, series)
         for surface in rises[np.argsort(-scores[rises], kind="stable")].tolist():
-            test = int(np.nanargmax(ratios[:, surface]))
-            self._raise(block, time_s, surface, test, series)
+            test = int(np.nanargmax(tested.ratios[:, surface]))
+            self._raise(block, time_s, surface, test, series, best)
         with np.errstate(invalid="ignore"):
             if np.any(armed & (scores > 1.0)):
                 self._above_block = float(block)
-        self._look(block, time_s)
+        self._look(block, time_s, tested)
 
-    def _raise(self, block: int, time_s: float, surface: int, test: int, series: FloatArray) -> None:
+    def _raise(
+        self, block: int, time_s: float, surface: int, test: int, series: FloatArray, margins: FloatArray
+    ) -> None:
         number = len(self._alarms)
-        is_same = number > 0 and block - self._above_block <= _SAME_S / BLOCK_S
-        onset_s = max(time_s - WINDOWS_S[test], time_s - block * BLOCK_S)
+        is_same = number > 0 and block - self._above_block <= _SAME_S / self._block_s
+        onset_s = max(time_s - WINDOWS_S[test], time_s - block * self._block_s)
         self._alarms[number] = Alarm(
             number=number,
             time_s=time_s,
@@ -205,11 +244,11 @@ class SurfaceStream:
             fault=self._alarms[number - 1].fault if is_same else number,
         )
         if not is_same:
-            looks = [block + round(look_s / BLOCK_S) for look_s in _LOOKS_S]
-            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy())
+            looks = [block + round(look_s / self._block_s) for look_s in _LOOKS_S]
+            self._open = _Open(number=number, block=block, looks=looks, peaks=series.copy(), margins=margins)
         self._above_block = float(block)
 
-    def _look(self, block: int, time_s: float) -> None:
+    def _look(self, block: int, time_s: float, tested: _Tested) -> None:
         """Judge the alarm that is open, if a look is due."""
         looking = self._open
         if looking is None or block < looking.looks[0]:
@@ -219,23 +258,32 @@ class SurfaceStream:
         seen = Seen(
             surfaces=self._monitor.suspects,
             peaks=looking.peaks,
-            sensors=self._sensors(alarm.onset_s, time_s),
+            sensors=self._sensors(alarm, time_s),
+            margins=looking.margins,
             named=alarm.sensor,
-            is_last=not looking.looks,
+            kind=tested.kind(int(np.nanargmax(np.nan_to_num(looking.peaks[: len(self._monitor.suspects)]))))
+            if time_s - alarm.time_s >= _KIND_S
+            else None,
         )
+        judgement = judged(seen, time_s)
+        if judgement.sensor is not None and time_s - alarm.time_s >= _KIND_S:
+            looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
         again_s = None
         if looking.looks:
-            again_s = round(time_s + (looking.looks[0] - block) * BLOCK_S, 9)
-        judgement = judged(seen, time_s)
+            again_s = round(time_s + (looking.looks[0] - block) * self._block_s, 9)
         self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
         if not looking.looks:
             self._open = None
 
-    def _sensors(self, onset_s: float, time_s: float) -> tuple[str, ...]:
-        """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it."""
+    def _sensors(self, raised: Alarm, time_s: float) -> tuple[str, ...]:
+        """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it.
+
+        A sensor that fails shows there at once. Where the aircraft has been thrown about for long they break, too.
+        """
         found: list[str] = []
+        begin_s, end_s = raised.onset_s - _SAME_S, min(time_s, raised.time_s + _AT_ONCE_S)
         for alarm in self._kinematics.alarms:
-            if not alarm.is_first or alarm.test == MISSING or not onset_s - _SAME_S <= alarm.time_s <= time_s:
+            if not alarm.is_first or alarm.test == MISSING or not begin_s <= alarm.time_s <= end_s:
                 continue
             said = [each for each in alarm.judgements if each.time_s <= time_s]
             if not said:

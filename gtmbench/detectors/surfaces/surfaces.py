@@ -21,19 +21,12 @@ from gtmbench.detectors.bank_detector import BankMonitor, restore_bank
 from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
-from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of, identified
-from gtmbench.detectors.surfaces.deviation import (
-    BLOCK_S,
-    LABELS,
-    OFFSET,
-    SLOPE,
-    Blocks,
-    Normal,
-    blocks_of,
-    changes,
-    normal_of,
-)
+from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of
+from gtmbench.detectors.surfaces.blocks import BLOCK_S, Blocks, blocks_of
+from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
+from gtmbench.detectors.surfaces.identification import identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
+from gtmbench.detectors.surfaces.usual import Normal, normal_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
@@ -44,7 +37,7 @@ from gtmbench.values.record import FloatArray, Record
 _KINEMATIC_RATE = 1.0  # false alarms an hour that may keep a surface from being named
 _MINUTE_S = 60.0
 _SETTLES_S = 5.0
-_SLOWEST_S = BLOCK_S / 2.0  # sample period
+_SLOWEST_S = 0.125  # sample period
 _SHORTEST_S = 60.0
 _MOSTLY = 0.9  # of the moments
 _PASSES_NOTHING = 1e6  # nats: of a test that no healthy record was long enough for
@@ -172,10 +165,6 @@ def _read(flow: Flow) -> tuple[str, ...]:
     return (*GYROS, *flow.channels, *COMMANDS)
 
 
-def _rows(period_s: float) -> int:
-    return max(round(BLOCK_S / period_s), 1)
-
-
 def _check(name: str, healthy: Sequence[Record]) -> None:
     period_s = healthy[0].sample_period_s
     if period_s > _SLOWEST_S:
@@ -192,18 +181,19 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
 
 def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
     """Return the blocks of a record, once the filters have settled."""
-    rows = _rows(period_s)
-    blocks = blocks_of(answer.start(period_s).push(values), np.asarray(np.isfinite(values).all(axis=1)), rows)
-    first = round(_SETTLES_S / (rows * period_s))
-    return Blocks(blocks.sums[first:], blocks.there[first:])
+    there = np.asarray(np.isfinite(values).all(axis=1))
+    blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
+    first = round(_SETTLES_S / blocks.block_s)
+    return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
 
 def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyMaxima:
     """Return the greatest values of all tests in minutes of healthy flight."""
     tests: dict[tuple[str, str], ScoreMaxima] = {}
-    minute = round(_MINUTE_S / BLOCK_S)
+    block_s = healthy[0].block_s
+    minute = round(_MINUTE_S / block_s)
     for blocks in healthy:
-        nats = normal.nats(changes(blocks, normal.noise), len(answer.surfaces))
+        nats = normal.nats(changes(blocks, normal.white), len(answer.surfaces))
         for i, series in enumerate(answer.series):
             for test, label in enumerate(LABELS):
                 values = nats[:, test, i]
@@ -214,7 +204,7 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyM
                     seen.greatest.append(float(np.nanmax(values)))
     if not tests:
         raise InputError(f"the healthy records are too short; one of {_SHORTEST_S:g} s without a hole is needed")
-    return HealthyMaxima(tests=tests, rows=minute, sample_period_s=BLOCK_S)
+    return HealthyMaxima(tests=tests, rows=minute, sample_period_s=block_s)
 
 
 _LEAST_NATS = 8.0  # what white noise would pass 3 times in 10,000 independent windows
@@ -230,16 +220,19 @@ class SurfaceSizes:
         A constant deflection beside the command.
     loss : float
         The share of effectiveness that is lost: 0.3 leaves 70 % of the command.
+    lost_seen : float
+        The share of the moments in which the loss of all of it would be detected.
 
     Examples
     --------
     >>> import gtmbench as gb
     >>> gb.SurfaceSizes(offset_deg=0.4, loss=0.3)
-    SurfaceSizes(offset_deg=0.4, loss=0.3)
+    SurfaceSizes(offset_deg=0.4, loss=0.3, lost_seen=1.0)
     """
 
     offset_deg: float
     loss: float
+    lost_seen: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -308,8 +301,8 @@ class SurfaceMonitor:
     def sizes(self, record: Record) -> dict[str, SurfaceSizes]:
         """Return from which size on a fault of each surface would be detected, as a record is excited.
 
-        Of 90 % of the moments that are watched. A command that hardly moves shows no loss of effectiveness, however
-        large: then `loss` is above 1.
+        At 90 % of the moments that are watched, within 48 s. A command that hardly moves shows no loss of
+        effectiveness, however large: then `loss` is above 1.
 
         Parameters
         ----------
@@ -333,13 +326,17 @@ class SurfaceMonitor:
         kept = record.select(self.channels)
         kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
         blocks = _settled(self.answer, kept.matrix(_read(self.answer.flow)), self.sample_period_s)
-        found = changes(blocks, self.normal.noise)
+        found = changes(blocks, self.normal.white)
         least = self.normal.smallest(found, limits_of(self))
-        by_kind = {kind: [i for i, label in enumerate(LABELS) if label.startswith(kind)] for kind in (OFFSET, SLOPE)}
+        by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
         sizes = {}
         for i, surface in enumerate(self.suspects):
-            offset, loss = (_mostly(least[:, tests, i]) for tests in by_kind.values())
-            sizes[surface] = SurfaceSizes(offset_deg=offset, loss=loss)
+            offsets, losses = (_judged(least[:, tests, i]) for tests in by_kind.values())
+            sizes[surface] = SurfaceSizes(
+                offset_deg=float(np.quantile(offsets, _MOSTLY, axis=0).min()),
+                loss=float(np.quantile(losses, _MOSTLY, axis=0).min()),
+                lost_seen=float(np.mean(losses <= 1.0, axis=0).max()),
+            )
         return sizes
 
     def figures(self) -> dict[str, Any]:
@@ -349,18 +346,19 @@ class SurfaceMonitor:
             "name": self.name,
             "answer": self.answer.table(),
             "noise": self.normal.noise.tolist(),
+            "white": self.normal.white.tolist(),
             "colour": self.normal.colour.tolist(),
             "thresholds": {series: dict(of) for series, of in self.thresholds.items()},
             "kinematics": self.kinematics.figures(),
         }
 
 
-def _mostly(least: FloatArray) -> float:
-    """Return what the most sensitive of some tests needs at 90 % of the moments at which all of them judge."""
+def _judged(least: FloatArray) -> FloatArray:
+    """Return what some tests need at the moments at which all of them judge."""
     judged = np.isfinite(least).all(axis=1)
     if not judged.any():
         raise InputError(f"nothing of this record can be judged; give a healthy one of {2 * _SHORTEST_S:g} s or more")
-    return float(np.quantile(least[judged], _MOSTLY, axis=0).min())
+    return least[judged]
 
 
 def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> SurfaceMonitor:
@@ -371,18 +369,19 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     InputError
         Naming the key, what stands there and what should.
     """
-    names = ("sample_period_s", "name", "answer", "noise", "colour", "thresholds", "kinematics")
+    names = ("sample_period_s", "name", "answer", "noise", "white", "colour", "thresholds", "kinematics")
     figures = keys("figures", figures, names)
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
     answer = answer_of("figures.answer", figures["answer"])
-    series = len(answer.series)
+    series = series_of(answer)
     thresholds = table_of("figures.thresholds", figures["thresholds"])
     return SurfaceMonitor(
         name=figures["name"],
         answer=answer,
         normal=Normal(
             noise=array_of("figures.noise", figures["noise"], (series,)),
+            white=array_of("figures.white", figures["white"], (series,)),
             colour=array_of("figures.colour", figures["colour"], (len(LABELS), series)),
         ),
         thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.series},
@@ -390,6 +389,12 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
         sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
         provenance=dict(provenance),
     )
+
+
+def series_of(answer: Answer) -> int:
+    """Return how many series are tested: those that are judged, and what is left by every surface's command."""
+    surfaces = len(answer.surfaces)
+    return surfaces + (len(answer.series) - surfaces) * (1 + surfaces)
 
 
 def _thresholds(series: str, given: Any) -> dict[str, float]:

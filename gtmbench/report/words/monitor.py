@@ -228,6 +228,7 @@ def _origin(known: Mapping[str, Any]) -> str:
         return (
             f"{count} flights of {known.get('aircraft')}, {known['duration_s']:g} s each, {known.get('excitation')}, "
             f"noise {known.get('noise')}, seeds {seeds[0]} to {seeds[1]}"
+            + (f", {known['in_the_loop']} in the loop" if "in_the_loop" in known else "")
         )
     if source == "logs" and isinstance(logs, list) and all(isinstance(log, dict) for log in logs):
         more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""

@@ -21,6 +21,8 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.detectors.surfaces.deviation import WINDOWS_S
+from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
@@ -220,7 +222,7 @@ def certificate_of(
     Parameters
     ----------
     monitor : Monitor or Detector
-        One that predicts sensors, or there is no certificate.
+        One that predicts sensors, or knows surfaces, or there is no certificate.
     watches : sequence of Watch
         Its own.
     named : bool
@@ -243,6 +245,8 @@ def certificate_of(
     >>> bias.within_s, bias.share >= 0.9, 0.01 < bias.size < 0.2
     (10.0, True, True)
     """
+    if isinstance(monitor, SurfaceMonitor):
+        return _of_surfaces(monitor, watches)
     if not predicts(monitor):
         return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
     sensors = [sensor for sensor in monitor.basis.predicts if sensor in monitor.suspects]
@@ -264,6 +268,30 @@ def certificate_of(
     rows = [_or_slow(row, means) for row in rows]
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+
+
+def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certificate:
+    """Return the least offset and the least loss of effectiveness of every surface, the worst of all stretches."""
+    try:
+        sizes = [monitor.sizes(watch.record) for watch in watches]
+    except InputError as error:
+        return Certificate(missing=str(error))
+    within_s, rows = max(WINDOWS_S), []
+    for surface in monitor.suspects if sizes else ():
+        least = [of[surface] for of in sizes]
+        offset, loss = max(each.offset_deg for each in least), max(each.loss for each in least)
+        seen = SHARE if loss <= 1.0 else min(each.lost_seen for each in least)
+        rows += [
+            Smallest(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
+            Smallest(
+                sensor=surface,
+                kind=ScaleFactor.kind,
+                size=loss if loss <= 1.0 else None,
+                share=seen,
+                within_s=within_s,
+            ),
+        ]
+    return Certificate(rows=tuple(rows), watched_s=sum(3600.0 * watch.armed_hours for watch in watches))
 
 
 def _or_slow(row: Smallest, means: SlowMeans | None) -> Smallest:

@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
-from gtmbench.detectors.surfaces.answer import Flow, answer_of, identified
-from gtmbench.detectors.surfaces.deviation import LABELS, blocks_of, changes, normal_of
+from gtmbench.detectors.surfaces.answer import Flow, answer_of
+from gtmbench.detectors.surfaces.blocks import blocks_of
+from gtmbench.detectors.surfaces.deviation import LABELS, Comparing, changes
+from gtmbench.detectors.surfaces.flow_sensors import margins
+from gtmbench.detectors.surfaces.identification import identified
+from gtmbench.detectors.surfaces.usual import normal_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS
 
-PERIOD_S, ROWS = 0.02, 12
-AT = round(81.0 / (ROWS * PERIOD_S))  # a block whose last 20 s are broken, and nothing before
+PERIOD_S = 0.02
+AT = round(76.0 / 0.1)  # a block whose last 16 s are broken, and nothing before
 FLOW = Flow()
 CHANNELS = (*GYROS, *FLOW.channels, *COMMANDS)
 EFFECTS = {"elevator": ("q", -20.0), "aileron": ("p", -25.0), "rudder": ("r", -30.0)}
@@ -23,8 +27,11 @@ def lag(values, lag_s):
     return out
 
 
-def aircraft(seed, broken=None, samples=6000):
-    """Return samples of an aircraft that turns by its surfaces and is damped; `broken` changes what they do."""
+def aircraft(seed, broken=None, samples=6000, gain=0.0):
+    """Return samples of an aircraft that turns by its surfaces and is damped; `broken` changes what they do.
+
+    `gain`: of a controller that answers every turn, in deg per deg/s.
+    """
     draw = np.random.default_rng(seed)
     time_s = np.arange(samples) * PERIOD_S
     values = {name: np.zeros(samples) for name in CHANNELS}
@@ -34,11 +41,14 @@ def aircraft(seed, broken=None, samples=6000):
         phases = draw.uniform(0.0, 2.0 * np.pi, 12)
         waves = np.sin(2.0 * np.pi * np.outer(time_s, np.linspace(0.05, 1.0, 12)) + phases)
         values[surface] = waves.sum(axis=1) / np.sqrt(12.0)
-        driven = lag(values[surface] if broken is None else broken(surface, values[surface], time_s), 0.04)
         gust = lag(draw.standard_normal(samples), 0.3) * 3.0
-        turn = np.zeros(samples)
+        turn, driven = np.zeros(samples), values[surface][0]
+        changed = values[surface] if broken is None else broken(surface, values[surface], time_s)
         for i in range(1, samples):
-            turn[i] = turn[i - 1] + PERIOD_S * (effect * driven[i] + gust[i] - 3.0 * turn[i - 1])
+            answer = gain * turn[i - 1]
+            values[surface][i] += answer
+            driven += (1.0 - np.exp(-PERIOD_S / 0.04)) * (changed[i] + answer * (broken is not None) - driven)
+            turn[i] = turn[i - 1] + PERIOD_S * (effect * driven + gust[i] - 3.0 * turn[i - 1])
         values[gyro] = turn + 0.1 * draw.standard_normal(samples)
     for name in ("alpha", "beta", "ny", "nz"):
         values[name] = values[name] + 0.02 * draw.standard_normal(samples)
@@ -52,7 +62,7 @@ def answer():
 
 def blocks(answer, values):
     there = np.isfinite(values).all(axis=1)
-    return blocks_of(answer.start(PERIOD_S).push(values), there, ROWS)
+    return blocks_of(answer.start(PERIOD_S).push(values), there, PERIOD_S)
 
 
 def test_effects_of_surfaces_are_found_in_their_axes(answer):
@@ -93,16 +103,16 @@ def test_less_effect_is_a_slope_and_a_slow_servo_a_rate(answer):
         return np.where((time_s > 60.0) & (name == "rudder"), lag(commanded, 0.24), commanded)
 
     normal = normal_of([blocks(answer, aircraft(5)), blocks(answer, aircraft(6))])
-    rudder = answer.surfaces.index("rudder")
-    found = changes(blocks(answer, aircraft(7, weak)), normal.noise)
-    assert found.change[AT, LABELS.index("slope 20 s"), rudder] == pytest.approx(-0.5, abs=0.06)
-    found = changes(blocks(answer, aircraft(8, slow)), normal.noise)
-    assert found.change[AT, LABELS.index("rate 20 s"), rudder] == pytest.approx(-0.2, abs=0.08)
+    rudder, test = answer.surfaces.index("rudder"), LABELS.index("answer 16 s")
+    for seed, broken, (loss, late) in ((7, weak, (-0.5, 0.0)), (8, slow, (0.0, -0.2))):
+        found = changes(blocks(answer, aircraft(seed, broken)), normal.white)
+        assert found.fit[AT, test, rudder] == pytest.approx((loss, late), abs=0.1)
+        assert normal.nats(found, 3)[AT, test, rudder] > 50.0
 
 
 def test_healthy_changes_are_as_large_as_they_are_said_to_be(answer):
     normal = normal_of([blocks(answer, aircraft(seed)) for seed in range(10, 16)])
-    nats = normal.nats(changes(blocks(answer, aircraft(20)), normal.noise), 3)
+    nats = normal.nats(changes(blocks(answer, aircraft(20)), normal.white), 3)
     assert np.nanmax(nats) < 12.0
     assert np.nanmean(2.0 * nats) < 1.2  # of T^2, less what is tolerated
 
@@ -113,7 +123,51 @@ def test_stronger_gusts_make_a_test_less_sensitive_not_false(answer):
     shaken = values.copy()
     noise = np.random.default_rng(3).standard_normal((len(values), 3))
     shaken[3000:, :3] += noise[3000:]  # from one moment on ten times what was learnt
-    assert np.nanmax(normal.nats(changes(blocks(answer, shaken), normal.noise), 3)[:, :, :3]) < 12.0
+    assert np.nanmax(normal.nats(changes(blocks(answer, shaken), normal.white), 3)[:, :, :3]) < 12.0
+
+
+def test_effects_are_found_though_a_controller_answers_every_gust():
+    """The oracle: a controller turns surfaces against gusts, which plain least squares take for a weak surface."""
+    found = identified(FLOW, [aircraft(seed, gain=0.15) for seed in (30, 31)], PERIOD_S)
+    equations = list(found.flow.equations)
+    for surface, (gyro, effect) in EFFECTS.items():
+        own = found.effects[equations.index(gyro), found.surfaces.index(surface)]
+        assert own == pytest.approx(effect, rel=0.15)
+
+
+def test_tests_come_in_chunks_as_in_one(answer):
+    floor = normal_of([blocks(answer, aircraft(5))]).white
+    whole = blocks(answer, aircraft(9))
+    holed = whole._replace(there=np.arange(len(whole.there)) != 400)
+    at_once = changes(holed, floor)
+    testing = Comparing(floor, 3, whole.block_s)
+    parts = [
+        testing.push(holed._replace(means=holed.means[first : first + 7], there=holed.there[first : first + 7]))
+        for first in range(0, len(whole.there), 7)
+    ]
+    for field, values in at_once._asdict().items():
+        pieces = np.concatenate([getattr(part, field) for part in parts])
+        np.testing.assert_allclose(pieces, values, rtol=1e-6, atol=1e-9)
+    assert np.isnan(at_once.size[404:425, LABELS.index("offset 2 s")]).all()  # not over a hole
+    assert np.isfinite(at_once.size[800, :, 0]).all()
+
+
+def test_a_surface_is_told_from_a_sensor_of_the_flow_by_what_that_would_leave(answer):
+    """The margin is large where a sensor would have left something and nothing is left, negative where it is."""
+    normal = normal_of([blocks(answer, aircraft(seed)) for seed in (5, 6)])
+
+    def bent(name, commanded, time_s):
+        return commanded + 2.0 * (time_s > 60.0) * (name == "rudder")
+
+    found = changes(blocks(answer, aircraft(3, bent)), normal.white)
+    rudder, test = answer.surfaces.index("rudder"), LABELS.index("offset 16 s")
+    sensor = np.zeros((1, 3, 2))
+    sensor[0, rudder] = (0.0, 40.0)  # a sensor that leaves 40 deviations of one equation a degree
+    assert margins(found, normal, sensor)[AT, test, rudder] > 5.0
+    left = found.fit.copy()
+    left[:, :, 4, 0] = 40.0 * found.fit[:, :, rudder, 0]  # and it does
+    assert margins(found._replace(fit=left), normal, sensor)[AT, test, rudder] < -5.0
+    assert margins(found, normal, np.zeros((1, 3, 2)))[AT, test, rudder] == pytest.approx(0.0)  # nobody could see it
 
 
 def test_a_table_gives_the_same_answer_back_and_what_is_wrong_in_it_is_named(answer):

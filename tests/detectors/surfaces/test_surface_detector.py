@@ -9,6 +9,7 @@ import gtmbench as gb
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.resampling import decimate
+from gtmbench.study.log.certificate import certificate_of
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
@@ -135,6 +136,33 @@ def test_a_loss_beyond_the_certificates_is_detected_and_a_tenth_of_it_isnt(loop)
     for share, detected in ((min(1.6 * loss, 1.0), True), (0.1 * loss, False)):
         weak = gb.ScaleFactor(channel="rudder", onset_s=ONSET_S, factor=1.0 - share)
         assert bool(said(sensed(loop, 816, weak, duration_s=120.0))) == detected
+
+
+def test_a_logs_certificate_has_a_row_for_every_surface_and_kind():
+    healthy = sensed(True, 816, duration_s=120.0)
+    certificate = certificate_of(monitor(), [monitor().watch(healthy)])
+    sizes = monitor().sizes(healthy)
+    for surface in monitor().suspects:
+        bias, loss = certificate.of(surface, "bias"), certificate.of(surface, "scale_factor")
+        assert bias.size == sizes[surface].offset_deg
+        assert loss.size is None or loss.size == sizes[surface].loss
+    short = monitor().watch(sensed(False, 817, duration_s=20.0))
+    assert certificate_of(monitor(), [short]).missing.startswith("nothing of this record can be judged")
+
+
+def test_the_kind_is_told_where_it_shows_and_never_another():
+    faults = {
+        "jam": gb.Jam(channel="rudder", onset_s=ONSET_S),
+        "scale_factor": gb.ScaleFactor(channel="rudder", onset_s=ONSET_S, factor=0.5),
+        "bias": gb.Bias(channel="rudder", onset_s=ONSET_S, size=-1.5),
+        "lag": gb.Lag(channel="rudder", onset_s=ONSET_S, lag_s=0.3),
+    }
+    told = {}
+    for kind, fault in faults.items():
+        (alarm,) = (each for each in said(sensed(True, 818, fault, duration_s=100.0)) if each.sensor)
+        told[kind] = {each.kind for each in alarm.judgements} - {None}
+    assert all(of <= {kind} for kind, of in told.items())
+    assert sum(map(len, told.values())) >= 3
 
 
 def test_a_record_too_short_has_no_certificate():
