@@ -6,6 +6,7 @@ from gtmbench.bench.autopilot import Autopilot
 from gtmbench.bench.controller import Controller
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import fly
+from gtmbench.bench.gps import Gps, with_gps
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, fly_in_loop
@@ -25,6 +26,7 @@ from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
+from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
@@ -134,6 +136,8 @@ __all__ = [
     "Controller",
     "ControllerError",
     "ConvergenceWarning",
+    "CrossCheck",
+    "CrossCheckMonitor",
     "Deadzone",
     "Delay",
     "Detector",
@@ -152,6 +156,7 @@ __all__ = [
     "Float",
     "FunctionDetector",
     "GSensitivity",
+    "Gps",
     "GtmbenchError",
     "Hardover",
     "HeadingWitness",
@@ -289,6 +294,7 @@ __all__ = [
     "watch_live",
     "watch_log",
     "windowed_norm",
+    "with_gps",
     "with_magnetometer",
     "write_log",
 ]

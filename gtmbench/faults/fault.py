@@ -24,7 +24,7 @@ from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
 from gtmbench.values.attitude import AttitudeEstimator
-from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, unit_of
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record
 
@@ -276,7 +276,8 @@ def inject(record: Record, faults: Fault | Sequence[Fault], *, attitude: Attitud
     ----------
     record : Record
     faults : Fault or sequence of Fault
-        Each acts on the result of those before it.
+        Each acts on the result of those before it. Of a magnetometer and a GPS, which are slower than a record, the
+        readings are broken, and rows between them stay missing.
     attitude : AttitudeEstimator, optional
         The estimator of the record's attitude: phi, theta and psi become its result on the broken gyros, and faults of
         these act on that. Without one the attitude is unchanged, as for a vertical gyro or a camera.
@@ -317,10 +318,21 @@ def _broken(record: Record, faults: Sequence[Fault]) -> Record:
     for fault in faults:
         check_onset(fault, record.start_s, record.end_s)
         check_of_sensor(fault)
-        broken = {part.channel: part.array(record) for part in fault.parts}
+        broken = {part.channel: _on_its_readings(part, record) for part in fault.parts}
         for channel, values in broken.items():
             record = record.replace(channel, values)
     return record
+
+
+def _on_its_readings(fault: Fault, record: Record) -> FloatArray:
+    """Return the broken channel; of a sensor with a rate of its own, only its readings are broken."""
+    values = record[fault.channel]
+    read = np.isfinite(values)
+    if fault.channel not in OF_OWN_RATE or read.all() or np.count_nonzero(read) < 2:
+        return fault.array(record)
+    values, time_s = values.copy(), record.time_s[read]
+    values[read] = fault.broken(record.matrix(fault.reads)[read], time_s, float(np.median(np.diff(time_s))))
+    return values
 
 
 def _check_estimated(record: Record, attitude: object) -> None:

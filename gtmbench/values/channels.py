@@ -116,6 +116,8 @@ SURFACES = ("elevator", "aileron", "rudder")
 ACTUAL = tuple(f"{name}_actual" for name in COMMANDS)  # where servos and engines were driven; never among the readings
 GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz")  # about, along x, y, z
 MAGNETOMETER = ("mag_x", "mag_y", "mag_z")  # the field in microtesla: forward, right, down
+GPS_VELOCITY = ("gps_north", "gps_east", "gps_down")  # over ground, in m/s
+OF_OWN_RATE = (*MAGNETOMETER, *GPS_VELOCITY)  # slower than most records, in which rows between readings are missing
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}

@@ -1,0 +1,446 @@
+"""What sensors besides the gyros say of each other, block by block: relations, each between few sensors.
+
+With C the rotation from body axes to north, east and down that the attitude tells, f the specific force, a = C f + g,
+v the velocity over ground, u the velocity through the air by tas, alpha and beta, h the altitude and m the field:
+
+    gps, accelerometers       v(t) less the integral of a        its rate of change
+    air, accelerometers       C u less the integral of a         its rate of change
+    gps, air                  v - C u                            its level: the wind
+    gps, altitude             h plus the integral of v_down      its rate of change
+    altitude, accelerometers  h plus the double integral of a    its second derivative
+    field                     m                                  as iron turns C' F into it
+
+Where all sensors are right each of them is linear in a few unknown constants: biases, the wind, the field and iron.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.record import FloatArray, Record
+
+BLOCK_S = 0.2  # all are compared in means over blocks of that length
+_M_PER_FT = 0.3048
+_M_S_PER_KT = FT_S_PER_KT * _M_PER_FT
+
+# the sensors that can be wrong, each as a whole; WIND is none, and may explain what the air says
+MAG, GPS, ACCEL, TAS, ALPHA, BETA, ALTITUDE = (
+    "magnetometer",
+    "gps",
+    "accelerometers",
+    "tas",
+    "alpha",
+    "beta",
+    "altitude",
+)
+ATT, WIND = "attitude", "wind"
+CHANNELS: Mapping[str, tuple[str, ...]] = {
+    MAG: MAGNETOMETER,
+    GPS: GPS_VELOCITY,
+    ACCEL: ACCELEROMETERS,
+    TAS: ("tas",),
+    ALPHA: ("alpha",),
+    BETA: ("beta",),
+    ALTITUDE: ("altitude",),
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """A relation on a record: y = X theta + e, block by block, and in which axes e is judged.
+
+    Attributes
+    ----------
+    name : str
+    axes : tuple of (str, sensors)
+        Of each axis its name, and which sensors enter it.
+    y : shape (blocks, axes)
+        NaN where readings are missing.
+    design : shape (blocks, axes, parameters)
+        X.
+    usual, spread : shape (parameters,)
+        What the parameters usually are, and their standard deviations, before anything is learnt.
+    frame : shape (blocks, axes, axes)
+        Rotates e into the axes in which it is judged.
+    least : tuple of float
+        By axis: an error that is usual beside the noise, in the unit of y.
+    is_length : bool
+        Whether the first axis is judged by the length of what is read, of which 1 is usual, and not by its share in e.
+    """
+
+    name: str
+    axes: tuple[tuple[str, frozenset[str]], ...]
+    y: FloatArray = field(repr=False)
+    design: FloatArray = field(repr=False)
+    usual: FloatArray = field(repr=False)
+    spread: FloatArray = field(repr=False)
+    frame: FloatArray = field(repr=False)
+    least: tuple[float, ...]
+    is_length: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion:
+    """A record's rows as all relations need them.
+
+    Attributes
+    ----------
+    record : Record
+    blocks : int
+        Of `BLOCK_S`.
+    rows : int
+        In a block.
+    turned : shape (rows, 3, 3)
+        C; the last known attitude where one is missing.
+    known : shape (rows,)
+        Where the attitude is there.
+    """
+
+    record: Record
+    blocks: int
+    rows: int
+    turned: FloatArray = field(repr=False)
+    known: FloatArray = field(repr=False)
+
+    @classmethod
+    def of(cls, record: Record) -> Motion:
+        """Return the motion of a record."""
+        rows = max(round(BLOCK_S / record.sample_period_s), 1)
+        attitude = record.matrix(ATTITUDE)
+        known = np.isfinite(attitude).all(axis=1)
+        told = _held(attitude)
+        turned = Rotation.from_euler("ZYX", told[:, ::-1], degrees=True).as_matrix()
+        return cls(record=record, blocks=len(record) // rows, rows=rows, turned=turned, known=known.astype(float))
+
+    def mean(self, values: FloatArray, read: FloatArray | None = None) -> FloatArray:
+        """Return means over blocks of values of shape (rows, ...); NaN where none of them is read."""
+        weight = np.ones(len(values)) if read is None else read
+        whole = self.blocks * self.rows
+        shaped = values[:whole].reshape(self.blocks, self.rows, *values.shape[1:])
+        weights = weight[:whole].reshape(self.blocks, self.rows)
+        counts = weights.sum(axis=1)
+        sums = np.einsum("br...,br->b...", shaped, weights)
+        means = sums / np.maximum(counts, 1.0).reshape(-1, *[1] * (values.ndim - 1))
+        means[counts == 0.0] = np.nan
+        return np.asarray(means)
+
+    @cached_property
+    def path(self) -> FloatArray:
+        """The integral of a from the record's start, shape (rows, 3)."""
+        pulled = np.einsum("kij,kj->ki", self.turned, self.force) + np.array([0.0, 0.0, G_M_S2])
+        return np.asarray(np.cumsum(pulled, axis=0) * self.record.sample_period_s)
+
+    @cached_property
+    def turning(self) -> FloatArray:
+        """The integral of C from the record's start, shape (rows, 3, 3)."""
+        return np.asarray(np.cumsum(self.turned, axis=0) * self.record.sample_period_s)
+
+    @cached_property
+    def through(self) -> FloatArray:
+        """The velocity through the air along north, east and down, shape (rows, 3)."""
+        return np.asarray(np.einsum("kij,kj->ki", self.turned, self.air))
+
+    @cached_property
+    def turns_rad(self) -> FloatArray:
+        """By how much the attitude turned since the block before, shape (blocks,)."""
+        ends = self.turned[self.rows - 1 : self.blocks * self.rows : self.rows]
+        traces = np.einsum("bij,bij->b", ends[1:], ends[:-1])
+        return np.concatenate([np.zeros(1), np.arccos(np.clip((traces - 1.0) / 2.0, -1.0, 1.0))])
+
+    @property
+    def force(self) -> FloatArray:
+        """The specific force along body axes forward, right and down in m/s2, shape (rows, 3)."""
+        return _held(self.record.matrix(ACCELEROMETERS)) * [G_M_S2, G_M_S2, -G_M_S2]
+
+    @property
+    def air(self) -> FloatArray:
+        """The velocity through the air along body axes in m/s, shape (rows, 3)."""
+        alpha, beta = (np.deg2rad(_column(self.record, name)) for name in (ALPHA, BETA))
+        speed = _column(self.record, TAS) * _M_S_PER_KT
+        along = [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
+        return np.column_stack([speed * share for share in along])
+
+    def there(self, *sensors: str) -> FloatArray:
+        """Tell in which rows sensors and the attitude are read, as 1 and 0."""
+        names = [name for sensor in sensors for name in CHANNELS[sensor] if name in self.record]
+        return np.asarray(np.isfinite(self.record.matrix(names)).all(axis=1) * self.known)
+
+
+def relations(motion: Motion, delay_s: float, field_ned: FloatArray | None) -> Iterator[Relation]:
+    """Give the relations that a record's channels allow.
+
+    Parameters
+    ----------
+    motion : Motion
+    delay_s : float
+        How late the GPS is.
+    field_ned : shape (3,) or None
+        The field along north, east and down, roughly; None where there is no magnetometer.
+    """
+    sensors = {name for name, channels in CHANNELS.items() if set(channels) <= set(motion.record.channels)}
+    late = Late.of(motion, delay_s) if GPS in sensors else None
+    if late is not None and not len(late.rows):
+        late = None
+    if late is not None and ACCEL in sensors:
+        yield _gps_and_force(motion, late)
+    if late is not None and ALTITUDE in sensors:
+        yield _gps_and_altitude(motion, late)
+    if late is not None and TAS in sensors:
+        yield _gps_and_air(motion, late)
+    if {ACCEL, TAS} <= sensors:
+        yield _air_and_force(motion)
+    if {ACCEL, ALTITUDE} <= sensors:
+        yield _altitude_and_force(motion)
+    if MAG in sensors and field_ned is not None:
+        yield _field(motion, field_ned)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Late:
+    """The rows with a reading of the GPS, and which rows these tell of.
+
+    Attributes
+    ----------
+    rows, at : shape (readings,)
+    velocity : shape (readings, 3)
+    """
+
+    rows: NDArray[np.int64] = field(repr=False)
+    at: NDArray[np.int64] = field(repr=False)
+    velocity: FloatArray = field(repr=False)
+
+    @classmethod
+    def of(cls, motion: Motion, delay_s: float) -> Late:
+        """Return the readings of a motion's GPS."""
+        velocity = motion.record.matrix(GPS_VELOCITY)
+        rows = np.flatnonzero(np.isfinite(velocity).all(axis=1))
+        at = np.maximum(rows - round(delay_s / motion.record.sample_period_s), 0)
+        return cls(rows=rows, at=at, velocity=velocity[rows])
+
+    def spread(self, motion: Motion, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return values of readings in their rows, zeros elsewhere, and which rows those are."""
+        laid = np.zeros((len(motion.record), *values.shape[1:]))
+        laid[self.rows] = values
+        read = np.zeros(len(motion.record))
+        read[self.rows] = motion.known[self.rows]
+        return laid, read
+
+
+def gps_delay_s(motion: Motion) -> float:
+    """Return by how much the GPS is late, as the accelerometers tell; 0.15 s where they can't."""
+    sensors = [name for name in (GPS, ACCEL) if set(CHANNELS[name]) <= set(motion.record.channels)]
+    if len(sensors) < 2:
+        return _USUAL_DELAY_S
+    left = []
+    for delay_s in _DELAYS_S:
+        late = Late.of(motion, float(delay_s))
+        laid, read = late.spread(motion, late.velocity - motion.path[late.at])
+        left.append(np.nanmean(np.nanvar(_changes(motion.mean(laid, read)), axis=0)))
+    return float(_DELAYS_S[int(np.argmin(left))])
+
+
+_USUAL_DELAY_S = 0.15
+_DELAYS_S = np.arange(0.0, 0.5, 0.02)
+
+
+def _gps_and_force(motion: Motion, late: Late) -> Relation:
+    path, turning = motion.path, motion.turning
+    laid, read = late.spread(motion, late.velocity - path[late.at])
+    read = read * motion.there(ACCEL)
+    turned, _ = late.spread(motion, turning[late.at])
+    y = _changes(motion.mean(laid, read))
+    biases = _changes(motion.mean(turned, read))
+    return Relation(
+        name="gps, accelerometers",
+        axes=tuple((f"gps, accelerometers: {axis}", frozenset({GPS, ACCEL, ATT})) for axis in _NED),
+        y=y,
+        design=-np.concatenate([biases, _eyes(y)], axis=2),
+        usual=np.zeros(6),
+        spread=np.array([_BIAS] * 3 + [_COARSE] * 3),
+        frame=_eyes(y),
+        least=(_TILTED, _TILTED, 0.2),
+    )
+
+
+def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
+    period_s = motion.record.sample_period_s
+    down = late.velocity[:, 2]
+    at_s = late.rows * period_s
+    sunk = np.concatenate([[0.0], np.cumsum(np.diff(at_s) * (down[1:] + down[:-1]) / 2.0)])
+    rows = np.arange(len(motion.record))
+    last = np.clip(np.searchsorted(late.rows, rows, side="right") - 1, 0, len(late.rows) - 1)
+    carried = sunk[last] + (rows - late.rows[last]) * period_s * down[last]  # on, by the last reading
+    behind = np.maximum(rows - (late.rows[0] - late.at[0] if late.at[0] else 0), 0)
+    height = _column(motion.record, ALTITUDE)[behind] * _M_PER_FT
+    _, read = late.spread(motion, late.velocity)
+    seen = motion.mean(np.zeros(len(rows)), read)
+    y = _changes(motion.mean(height + carried, motion.there(ALTITUDE)))[:, np.newaxis] + seen[:, np.newaxis]
+    return Relation(
+        name="gps, altitude",
+        axes=(("gps, altitude", frozenset({GPS, ALTITUDE})),),
+        y=y,
+        design=np.ones((motion.blocks, 1, 1)),
+        usual=np.zeros(1),
+        spread=np.array([0.3]),
+        frame=_eyes(y),
+        least=(0.3,),
+    )
+
+
+def _gps_and_air(motion: Motion, late: Late) -> Relation:
+    through = motion.through
+    laid, read = late.spread(motion, late.velocity - through[late.at])
+    read = read * motion.there(TAS, *_vanes(motion))
+    y = motion.mean(laid, read)
+    air, _ = late.spread(motion, through[late.at])
+    turned, _ = late.spread(motion, motion.turned[late.at])
+    scale = motion.mean(air, read)[:, :, np.newaxis]
+    return Relation(
+        name="gps, air",
+        axes=tuple((f"gps, air: {axis}", frozenset({GPS, sensor, ATT, WIND})) for axis, sensor in _air_axes(motion)),
+        y=y,
+        design=np.concatenate([_eyes(y), scale, motion.mean(turned, read)], axis=2),
+        usual=np.zeros(7),
+        spread=np.array([15.0, 15.0, 1.0, 0.05, 1.0, 1.0, 1.0]),
+        frame=_air_frame(motion),
+        least=(1.0, _SLIPPED, _SLIPPED),
+    )
+
+
+def _air_and_force(motion: Motion) -> Relation:
+    path, turning = motion.path, motion.turning
+    through = motion.through
+    read = motion.there(ACCEL, TAS, *_vanes(motion))
+    y = _changes(motion.mean(through - path, read))
+    biases = _changes(motion.mean(turning, read))
+    scale = _changes(motion.mean(through, read))[:, :, np.newaxis]
+    return Relation(
+        name="air, accelerometers",
+        axes=tuple(  # an error of the airspeed shows in all of them, where the aircraft turns
+            (f"air, accelerometers: {axis}", frozenset({ACCEL, sensor, TAS, ATT, WIND}))
+            for axis, sensor in _air_axes(motion)
+        ),
+        y=y,
+        design=np.concatenate([-biases, -_eyes(y), scale], axis=2),
+        usual=np.zeros(7),
+        spread=np.array([_BIAS] * 3 + [_COARSE] * 3 + [0.05]),
+        frame=_air_frame(motion),
+        least=(_TILTED, _TILTED, _TILTED),
+    )
+
+
+def _altitude_and_force(motion: Motion) -> Relation:
+    period_s = motion.record.sample_period_s
+    path, turning = motion.path, motion.turning
+    fallen = np.cumsum(path[:, 2]) * period_s
+    height = _column(motion.record, ALTITUDE) * _M_PER_FT
+    read = motion.there(ACCEL, ALTITUDE)
+    y = _changes(_changes(motion.mean(height + fallen, read)))[:, np.newaxis]
+    biases = _changes(_changes(motion.mean(np.cumsum(turning[:, 2], axis=0) * period_s, read)))
+    return Relation(
+        name="altitude, accelerometers",
+        axes=(("altitude, accelerometers", frozenset({ALTITUDE, ACCEL, ATT})),),
+        y=y,
+        design=np.concatenate([biases, np.ones((motion.blocks, 1))], axis=1)[:, np.newaxis, :],
+        usual=np.zeros(4),
+        spread=np.array([_BIAS] * 3 + [_COARSE]),
+        frame=_eyes(y),
+        least=(0.3,),
+    )
+
+
+def _field(motion: Motion, field_ned: FloatArray) -> Relation:
+    """Return how the field is read, as a share of its strength; iron makes of it anything linear in C."""
+    strength = float(np.linalg.norm(field_ned))
+    told = field_ned / strength
+    raw = motion.record.matrix(MAGNETOMETER)
+    read = np.isfinite(raw).all(axis=1) * motion.known
+    y = motion.mean(np.nan_to_num(raw) / strength, read)
+    turned = motion.mean(motion.turned, read)
+    elements = np.concatenate([turned.reshape(-1, 9), np.ones((motion.blocks, 1))], axis=1)
+    design = np.zeros((motion.blocks, 3, 30))
+    usual = np.zeros(30)
+    for axis in range(3):
+        design[:, axis, 10 * axis : 10 * axis + 10] = elements
+        usual[10 * axis + axis + 3 * np.arange(3)] = told  # element (n, axis) of C, by the field along n
+    first = np.cross(told, [0.0, 1.0, 0.0] if abs(told[1]) < 0.9 else [1.0, 0.0, 0.0])
+    first /= np.linalg.norm(first)
+    basis = np.array([told, first, np.cross(told, first)])
+    return Relation(
+        name="field",
+        axes=(
+            ("field strength", frozenset({MAG})),
+            ("field direction", frozenset({MAG, ATT})),
+            ("field direction, across", frozenset({MAG, ATT})),
+        ),
+        y=y,
+        design=design,
+        usual=usual,
+        spread=np.tile([0.1] * 9 + [0.2], 3),
+        frame=np.einsum("an,bnj->baj", basis, turned),
+        least=(0.04, _OFF_RAD, _OFF_RAD),
+        is_length=True,
+    )
+
+
+_NED = ("north", "east", "down")
+# an attitude that gyros drive may be off by 5 deg on a healthy day, which turns gravity, the air and the field
+_OFF_RAD = 0.0873
+_TILTED, _SLIPPED = _OFF_RAD * G_M_S2, 4.5  # m/s2, m/s
+_BIAS, _COARSE = 0.3, 0.05  # m/s2: of an accelerometer; of gravity, and of a round Earth that turns
+
+
+def _vanes(motion: Motion) -> tuple[str, ...]:
+    return tuple(name for name in (ALPHA, BETA) if name in motion.record)
+
+
+def _air_axes(motion: Motion) -> tuple[tuple[str, str], ...]:
+    """Return the axes of the air, and the sensor that each is read by; without a vane, the wind's only."""
+    return (
+        ("along", TAS),
+        ("across", BETA if BETA in motion.record else WIND),
+        ("normal", ALPHA if ALPHA in motion.record else WIND),
+    )
+
+
+def _air_frame(motion: Motion) -> FloatArray:
+    """Return the rotation from north, east, down to the axes of the air, of each block's mean."""
+    alpha, beta = (np.deg2rad(_column(motion.record, name)) for name in (ALPHA, BETA))
+    zero, one = np.zeros_like(alpha), np.ones_like(alpha)
+    pitch = np.array([[np.cos(alpha), zero, -np.sin(alpha)], [zero, one, zero], [np.sin(alpha), zero, np.cos(alpha)]])
+    yaw = np.array([[np.cos(beta), -np.sin(beta), zero], [np.sin(beta), np.cos(beta), zero], [zero, zero, one]])
+    to_body = np.einsum("ijk,jlk->kil", pitch, yaw)
+    return motion.mean(np.einsum("kij,kjl->kil", motion.turned, to_body)).transpose(0, 2, 1)
+
+
+def _changes(levels: FloatArray) -> FloatArray:
+    """Return rates of change from block to block; none before the first."""
+    changes = np.full_like(levels, np.nan)
+    changes[1:] = (levels[1:] - levels[:-1]) / BLOCK_S
+    return changes
+
+
+def _eyes(y: FloatArray) -> FloatArray:
+    return np.tile(np.eye(y.shape[1]), (len(y), 1, 1))
+
+
+def _column(record: Record, name: str) -> FloatArray:
+    """Return a channel, its last value where it is missing; zeros where it isn't there."""
+    return _held(record[name][:, np.newaxis])[:, 0] if name in record else np.zeros(len(record))
+
+
+def _held(values: FloatArray) -> FloatArray:
+    """Return columns with their last value where a sample is missing, and the first one before that."""
+    there = np.isfinite(values)
+    if there.all():
+        return values
+    last = np.maximum.accumulate(np.where(there, np.arange(len(values))[:, np.newaxis], -1), axis=0)
+    first = np.argmax(there, axis=0)
+    return np.nan_to_num(np.take_along_axis(values, np.where(last < 0, first, last), axis=0))
