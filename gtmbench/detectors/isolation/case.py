@@ -12,9 +12,9 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, re
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
 from gtmbench.detectors.isolation.lazily import Lazily
-from gtmbench.detectors.isolation.readings import Habit, straight_rows
+from gtmbench.detectors.isolation.readings import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
-from gtmbench.detectors.virtual import integrable, integrated_angle
+from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
@@ -24,6 +24,7 @@ ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
+_AS_BEFORE = 0.3  # of their steps, by which other sensors still move
 _REMEMBERED_S = 0.3  # that matters, by the longer filters of driven attitudes
 _SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
 _REFERRED_S = 1.0  # over which what references say of a gyro is smooth: they are noisier than it is
@@ -141,12 +142,26 @@ class Case:
 
     @cached_property
     def surprises(self) -> dict[str, float]:
-        """-2 log likelihood of how often each suspect's readings run dead straight over the rows judged."""
+        """-2 log likelihood of how often each suspect's readings run dead straight over the rows judged.
+
+        Counts tell that only where the aircraft still moves: on the ground all of them stand still.
+        """
         return {
-            channel: self.habits[channel].surprise(int(straight_rows(self.record[channel][self.judged]).sum()))
+            channel: self.habits[channel].surprise(self.record[channel][self.judged])
+            if self._is_told_by_lines(channel)
+            else 0.0
             for channel in self.suspects
             if channel in self.habits
         }
+
+    def _is_told_by_lines(self, channel: str) -> bool:
+        """Tell whether dead straight readings say something: they are no counts, or others of their kind still move."""
+        if not self.habits[channel].is_counted:
+            return True
+        others = [name for name in (ANGLES if channel in ANGLES else GYROS) if name != channel and name in self.habits]
+        return bool(others) and all(
+            steps(self.record[name][self.judged]) >= _AS_BEFORE * steps(self.habits[name].before) for name in others
+        )
 
     def objection(self, suspect: str) -> float:
         """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""

@@ -39,7 +39,7 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
 from gtmbench.values.attitude import AttitudeEstimator
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import GYROS, axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
@@ -48,6 +48,9 @@ _END = 20.0  # nats
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
 _ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
+_EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the first seconds; and a row judged
+_RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
+_OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
 _VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
 _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
@@ -273,9 +276,13 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
     """Return the suspects that the best doesn't decisively beat, likeliest first; or that likely hold the excess."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
+    resembled = _OF_GYROS if first.channel in GYROS else _RESEMBLED
 
     def is_near(channel: str, fit: FittedHypothesis) -> bool:
         if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE):
+            return True
+        is_early = first.kind in resembled and not case.is_telling and channel in axis_of(first.channel)
+        if is_early and fit.bic < first.bic + _EARLY + _EARLY_ROW * (case.judged.stop - case.judged.start):
             return True
         is_vague = fit.bic < first.bic + _VAGUE * (case.deviance - first.bic)
         return (is_vague or (excess is not None and channel == excess.holder)) and _reads_anything(case, first, fit)

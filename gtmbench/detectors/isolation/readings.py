@@ -28,6 +28,8 @@ _DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good t
 _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
 _QUIETEST = 1e-3
 _DISTINCT = 0.9  # of the readings, where they are no counts
+_OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
+_SELDOM = 0.2  # of the rows that counts run straight at most, where their noise is above a count
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
 ROWS_BEFORE = _ROWS + 4
@@ -52,6 +54,8 @@ class Habit:
         What it read.
     is_steady : bool
         Whether its noise is as loud at all times, so that a little more or less of it tells.
+    is_counted : bool
+        Whether its readings are counts of a converter, which may repeat where nothing moves.
     """
 
     taps: FloatArray = field(repr=False)
@@ -60,6 +64,7 @@ class Habit:
     reach: float
     before: FloatArray = field(repr=False)
     is_steady: bool = True
+    is_counted: bool = False
 
     @property
     def variance(self) -> float:
@@ -86,8 +91,11 @@ class Habit:
         level = np.clip(squares / samples * _STEADY / self.quietest, _QUIETEST, 1.0)
         return np.asarray(samples * np.log(level) + squares / level)
 
-    def surprise(self, straight: int) -> float:
-        """Return -2 log likelihood of so many straight rows, were the sensor healthy."""
+    def surprise(self, readings: FloatArray) -> float:
+        """Return -2 log likelihood of straight rows, were the sensor healthy; of counts, of more than is usual."""
+        straight = int(straight_rows(readings).sum())
+        if self.is_counted:
+            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, 0)
         return -2.0 * straight * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
 
 
@@ -109,18 +117,35 @@ def habit_of(readings: FloatArray) -> Habit | None:
         return None
     there = last[np.isfinite(last)]
     straight, quietest = float(np.mean(straight_rows(last)[np.isfinite(last)])), float(blocks.min()) / variance
-    if len(np.unique(there)) < _DISTINCT * len(there):  # counts of a converter repeat whenever little moves
-        straight, quietest = 1.0, 0.0
+    is_counted = len(np.unique(there)) < _DISTINCT * len(there)
+    if is_counted:  # counts repeat whenever little moves, unless their noise is above a count
+        straight, quietest = straight if straight <= _SELDOM else 1.0, 0.0
     quietest = min(quietest, 1.0)
     taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
     reach = float(np.nanmax(np.abs(last)))
-    return Habit(taps=taps, quietest=quietest, straight=straight, reach=reach, before=last, is_steady=is_steady)
+    return Habit(
+        taps=taps,
+        quietest=quietest,
+        straight=straight,
+        reach=reach,
+        before=last,
+        is_steady=is_steady,
+        is_counted=is_counted,
+    )
 
 
 def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
     """Tell whether readings are dead straight more often than is usual: they are held, clipped or rounded."""
     straight = float(straight_rows(readings).mean()) if len(readings) else 0.0
-    return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
+    usual = 0.0 if habit is None else 1.0 if habit.is_counted else habit.straight  # counts are, wherever it is calm
+    return straight > _STRAIGHTER + usual
+
+
+def steps(readings: FloatArray) -> float:
+    """Return the mean step from one reading to the next; NaN where there are none."""
+    found = np.abs(np.diff(readings))
+    found = found[np.isfinite(found)]
+    return float(found.mean()) if len(found) else float("nan")
 
 
 def straight_rows(readings: FloatArray) -> BoolArray:

@@ -1,0 +1,38 @@
+"""What a sensor's own readings tell: how often they run dead straight, and when counts of a converter may say so."""
+
+import numpy as np
+import pytest
+
+from gtmbench.detectors.isolation.readings import habit_of, is_straighter
+
+ROWS = 3000
+
+
+def rounded(noise, count=0.01, seed=1, rows=ROWS):
+    """Return readings of a slow motion, with noise, in counts of a hundredth."""
+    motion = 3.0 * np.sin(np.arange(rows) / 150.0)
+    return np.round((motion + noise * np.random.default_rng(seed).standard_normal(rows)) / count) * count
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.05])
+def test_counts_below_their_noise_tell_that_a_sensor_stands_still_and_nothing_of_healthy_ones(noise):
+    habit = habit_of(rounded(noise))
+    assert habit.is_counted
+    assert habit.surprise(np.full(139, 1.23)) > 200.0
+    for seed in range(2, 12):
+        healthy = rounded(noise, seed=seed, rows=400)
+        assert habit.surprise(healthy) == 0.0
+        assert not is_straighter(healthy, habit)
+
+
+def test_counts_above_their_noise_say_nothing_by_standing_still():
+    habit = habit_of(rounded(0.0))
+    assert habit.is_counted
+    assert habit.surprise(np.full(400, 1.23)) == 0.0
+    assert not is_straighter(np.full(400, 1.23), habit)
+
+
+def test_readings_that_never_repeat_are_surprising_at_the_first_repeat():
+    habit = habit_of(3.0 + 0.05 * np.random.default_rng(3).standard_normal(ROWS))
+    assert not habit.is_counted
+    assert habit.surprise(np.array([1.0, 1.0, 1.0])) > 9.0
