@@ -48,7 +48,7 @@ def ulog(topics, *, start_us=0, texts=()):
 
 
 FMT = struct.Struct("<BB4s16s64s")
-DF_CODES = {"Q": "Q", "f": "f", "B": "B", "b": "b", "c": "h", "d": "d", "N": "16s", "Z": "64s", "n": "4s"}
+DF_CODES = {"Q": "Q", "f": "f", "B": "B", "b": "b", "c": "h", "d": "d", "N": "16s", "Z": "64s", "n": "4s", "H": "H"}
 # as ArduPilot writes them: what a unit's and a multiplier's letter means
 UNITS = {"s": "s", "E": "rad/s", "o": "m/s/s", "d": "deg", "#": "instance", "-": "", "m": "m"}
 SCALES = {"F": 1e-6, "0": 1.0, "-": 0.0}

@@ -23,7 +23,7 @@ def rows(record, values):
 def read(content, path):
     path.write_bytes(content)
     log = gb.open_log(path, needs=("p", *COMMANDS))
-    return {name: float(np.median(log.segments[0][name])) for name in COMMANDS}
+    return {name: float(np.nanmedian(log.segments[0][name])) for name in COMMANDS}
 
 
 @pytest.mark.parametrize("new", [False, True], ids=["actuator_controls", "setpoints"])
@@ -46,6 +46,45 @@ def test_ardupilots_outputs_become_degrees_in_our_signs(tmp_path, record):
     found = read(log, tmp_path / "flight.bin")
     wanted = {"elevator": -45.0 * PITCH, "aileron": -45.0 * ROLL, "rudder": -45.0 * YAW, "throttle": 100.0 * THRUST}
     assert found == pytest.approx(wanted, rel=1e-4)
+
+
+SERVOS = {  # functions of SERVO1.., and the pulses of each
+    "a plane": ((4, 19, 70, 21), (1500 + 400 * ROLL, 1500 + 400 * PITCH, 1100 + 800 * THRUST, 1500 + 400 * YAW)),
+    "elevons": (
+        (77, 78, 70, 21),
+        (1500 + 200 * (PITCH - ROLL), 1500 + 200 * (PITCH + ROLL), 1100 + 800 * THRUST, 1500 + 400 * YAW),
+    ),
+    "a V-tail": (
+        (4, 79, 70, 80),
+        (1500 + 400 * ROLL, 1500 + 200 * (PITCH + YAW), 1100 + 800 * THRUST, 1500 + 200 * (PITCH - YAW)),
+    ),
+}
+
+
+@pytest.mark.parametrize("is_reversed", [False, True])
+@pytest.mark.parametrize("aircraft", SERVOS)
+def test_ardupilots_servos_become_degrees_by_what_its_parameters_tell(tmp_path, record, aircraft, is_reversed):
+    functions, pulses = SERVOS[aircraft]
+    settings = [(0.0, f"SERVO{number}_FUNCTION", float(function)) for number, function in enumerate(functions, 1)]
+    if is_reversed:
+        settings += [(0.0, "SERVO1_REVERSED", 1.0)]
+        pulses = (3000 - pulses[0], *pulses[1:])
+    stamped = [(at(time_s), *map(round, pulses)) for time_s in record.time_s.tolist()]
+    stamped[0] = (stamped[0][0], 0, 0, 0, 0)  # not armed yet
+    log = ardupilot([record], settings=settings, more={"RCOU": ("QHHHH", "TimeUS,C1,C2,C3,C4", stamped)})
+    found = read(log, tmp_path / "flight.bin")
+    wanted = {"elevator": -45.0 * PITCH, "aileron": -45.0 * ROLL, "rudder": -45.0 * YAW, "throttle": 100.0 * THRUST}
+    assert found == pytest.approx(wanted, rel=0.02, abs=0.06)
+
+
+def test_servos_of_a_copter_are_no_surfaces(tmp_path, record):
+    settings = [(0.0, f"SERVO{number}_FUNCTION", 32.0 + number) for number in range(1, 5)]
+    stamped = [(at(time_s), 1500, 1500, 1500, 1500) for time_s in record.time_s.tolist()]
+    (tmp_path / "flight.bin").write_bytes(
+        ardupilot([record], settings=settings, more={"RCOU": ("QHHHH", "TimeUS,C1,C2,C3,C4", stamped)})
+    )
+    with pytest.raises(InputError, match="elevator"):
+        gb.open_log(tmp_path / "flight.bin", needs=("p", *COMMANDS))
 
 
 def test_a_log_without_commands_says_which_are_missing(tmp_path, record):
