@@ -32,8 +32,8 @@ class LoopEvent:
     value : float or None
         The channel's value in its unit, if it matters.
     fault : str or None
-        The kind of a surface's fault, where it is known: a surface is told of when it is named, and again when its kind
-        shows.
+        The kind of a surface's fault, where it is known: there is an event when a surface is named, and another one when
+        the kind shows.
 
     Examples
     --------
