@@ -36,6 +36,7 @@ REPORTS = {  # pages of the repository that these pages link to; each becomes a 
     path.relative_to(ROOT).as_posix(): f"report_{path.parent.name}"
     for path in (*sorted((ROOT / "experiments/reports").glob("*/report.md")), ROOT / "aircraft/gtm/README.md")
 }
+OF_PROJECT = {"CONTRIBUTING.md": "contributing", "SECURITY.md": "security"}  # the same
 TABLES = {"CHANNELS": "values", "PSEUDO_INPUTS": "method"}  # values, which can't say where they come from
 
 
@@ -117,13 +118,14 @@ def reports_page() -> Iterator[str]:
 
 def report_page(source: str) -> Iterator[str]:
     """Yield a page that is a file from elsewhere in the repository."""
-    yield from (f"```{{include}} ../../../{source}", ":relative-images:", ":relative-docs: .", "```")
+    links = "docs/" if source in OF_PROJECT else "."  # how those begin that are relative to the file
+    yield from (f"```{{include}} ../../../{source}", ":relative-images:", f":relative-docs: {links}", "```")
 
 
 def relink(_: Any, page: str, source: list[str]) -> None:
     """Let links to those files lead to their pages, and those that show a file's name show words: my_log.md, my log."""
     up = "../" * page.count("/")
-    for path, name in REPORTS.items():
+    for path, name in (REPORTS | OF_PROJECT).items():
         source[0] = source[0].replace(f"]({up}../{path}", f"]({up}reference/generated/{name}.md")
     source[0] = re.sub(r"\[([a-z_]+)\.md\]\(", lambda found: f"[{found[1].replace('_', ' ')}](", source[0])
 
@@ -132,7 +134,9 @@ def write() -> None:
     """Write the pages; one that says the same stays as it is, so that a second build is quick."""
     HERE.mkdir(parents=True, exist_ok=True)
     pages = {"names.rst": names_page(), "theory.rst": theory_page(), "channels.rst": channels_page()}
-    pages |= {"reports.rst": reports_page()} | {f"{name}.md": report_page(path) for path, name in REPORTS.items()}
+    pages |= {"reports.rst": reports_page()} | {
+        f"{name}.md": report_page(path) for path, name in (REPORTS | OF_PROJECT).items()
+    }
     for name, page in pages.items():
         path, text = HERE / name, "\n".join(page).rstrip() + "\n"
         if not path.exists() or path.read_text(encoding="utf-8") != text:

@@ -33,6 +33,7 @@ BIN = Path(sys.executable).parent
 PYTHONS = ("3.11", "3.12", "3.13")
 SHIPPED = (
     "py.typed",
+    "banks/C.toml",
     "baselines/bank-C.json",
     "schemas/monitor.json",
     "cli/template.toml",
@@ -40,6 +41,7 @@ SHIPPED = (
     "_share/faults/drift.toml",
 )
 EXTRAS = {
+    "gym": "gymnasium, gtmbench.gym",
     "logs": "h5py, mcap, openpyxl, pymavlink, serial, pyulog, rosbags",
     "learnt": "jax",
     "rivals": "sklearn",

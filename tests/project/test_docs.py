@@ -22,6 +22,7 @@ from gtmbench.study.score import SAME_KINDS
 from tests.helpers.pages import ROOT, blocks, commands, run_chain
 
 PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" not in page.parts]
+OF_ROOT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
 
 
 TUTORIAL = ROOT / "docs/tutorial/in_python.md"
@@ -138,7 +139,7 @@ def test_the_controllers_are_the_files_and_short(name, place):
 
 
 def test_links_lead_somewhere():
-    for page in (*PAGES, ROOT / "README.md"):
+    for page in (*PAGES, *OF_ROOT):
         for target in re.findall(r"\]\(([^)#]+\.md)(?:#[^)]*)?\)", page.read_text()):
             assert (page.parent / target).is_file(), target
 
@@ -146,10 +147,11 @@ def test_links_lead_somewhere():
 def test_files_that_are_named_exist():
     """Whole paths anywhere; in the table of rooms, what to begin with stands below its room."""
     every = set()
-    for page in PAGES:
+    for page in (*PAGES, *OF_ROOT):
         text = page.read_text()
         named = set(re.findall(r"`((?:gtmbench|aircraft|docs|experiments|faults|tests)/[\w./-]+)`", text)) - {
             "aircraft/NAME/",
+            "faults/KIND.toml",
             "gtmbench/GTM-v0",  # the environment's name
         }
         for room, first in re.findall(r"^\| `(gtmbench/\w+/)`[^|]*\|[^|]*\| (`[^|]*`) \|$", text, flags=re.MULTILINE):
@@ -157,6 +159,21 @@ def test_files_that_are_named_exist():
         assert [name for name in named if not (ROOT / name).exists()] == []
         every |= named
     assert len(every) > 50
+
+
+def test_what_contributing_says_to_run_is_there():
+    words = " ".join(blocks(OF_ROOT[1], "sh")).split()
+    tried = [word for word in words if word.startswith(("tests/", "gtmbench/"))]
+    assert len(tried) > 10
+    assert [word for word in tried if not (ROOT / word).exists()] == []
+
+
+def test_the_number_of_kinds_is_right_wherever_it_stands():
+    texts = [page.read_text() for page in (*PAGES, *OF_ROOT)]
+    said = [number for text in texts for number in re.findall(r"([Tt]wenty-\w+)(?= kinds? of fault| ways)", text)]
+    assert len(said) > 3
+    assert {number.lower() for number in said} == {"twenty-four"}
+    assert len(FAULTS) == 24, "say the new number on these pages, and here"
 
 
 def test_every_room_stands_in_the_design():

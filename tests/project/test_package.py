@@ -2,11 +2,14 @@
 
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
 import gtmbench as gb
 from gtmbench import api
+from tests.release import EXTRAS
 
 HEAVY = ("numpy", "scipy", "pandas", "pyarrow", "rerun", "matplotlib", "jsbsim")
 
@@ -38,3 +41,8 @@ def test_what_a_test_puts_in_a_names_place_stays_there(monkeypatch):
     monkeypatch.setattr(gb, "fly", None)
     assert not hasattr(gb, "flie")
     assert gb.fly is None
+
+
+def test_every_extra_of_users_is_tried_before_a_release():
+    described = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    assert set(EXTRAS) == set(described["optional-dependencies"]) - {"bench", "dev", "docs", "release"}
