@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gtmbench.bench.sensors import stream
 from gtmbench.checks import number, whole
@@ -126,6 +125,8 @@ def with_gps(readings: Record, truth: Record, gps: Gps, *, seed: int = 1) -> Rec
 
 def _noise(gps: Gps, rows: int, period_s: float, seed: int) -> FloatArray:
     """Return white noise and noise that wanders, shape (rows, 3)."""
+    from scipy.signal import lfilter  # takes longer to import than all of ours
+
     drawn = stream(seed, "gps velocity")
     white, driving = drawn.standard_normal((2, rows, 3))
     kept = np.exp(-period_s / gps.wander_time_s)

@@ -32,7 +32,7 @@ class LoopEvent:
     value : float or None
         The channel's value in its unit, if it matters.
     fault : str or None
-        The kind of a surface's fault, where it is known: there is an event when a surface is named, and another one when
+        The kind of a surface's fault, where it is known: there is an event when a surface is named, and another when
         the kind shows.
 
     Examples

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as students
 
 from gtmbench.detectors.crosscheck.relations import BLOCK_S, Relation
 from gtmbench.values.record import FloatArray
@@ -130,6 +129,8 @@ def _fitted(y: FloatArray, design: FloatArray, usual: FloatArray, spread: FloatA
 
 def _bound(parts: Sequence[FloatArray], window: int, least: Sequence[float]) -> FloatArray:
     """Return the bound of each axis, by Student's distribution of as many windows as are worth independent ones."""
+    from scipy.stats import t as students  # takes longer to import than all of ours
+
     means = [moving_mean(part, window) for part in parts]
     bounds = np.full(means[0].shape[1], np.inf)
     for axis in range(len(bounds)):

@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from gtmbench.detectors.crosscheck.learnt import WINDOWS, Learnt, moving_mean
 from gtmbench.detectors.crosscheck.relations import (
@@ -243,6 +241,8 @@ def _explains_little(by_name: Mapping[str, Seen], part: slice) -> bool:
     An attitude that is off by a turn R shows (I - R) f in the accelerometers' relation to the GPS, (R' - I) u in that
     of the air, and (R - I) F in the field's direction: three unknowns, found by least squares in units of bounds.
     """
+    from scipy.optimize import least_squares  # takes longer to import than all of ours
+
     for window in WINDOWS[:-1]:  # in longer ones a gyro that is wrong turns it too far for one turn
         now = [told for name in (_GPS_FORCE, _GPS_AIR, FIELD) if (told := _now(by_name.get(name), part, window))]
         if not now:
@@ -270,6 +270,8 @@ class _Now:
 
     def shown(self, turn: FloatArray) -> FloatArray:
         """Return what a turn (a rotation vector, in rad) shows, in units of bounds."""
+        from scipy.spatial.transform import Rotation  # takes longer to import than all of ours
+
         rotation = Rotation.from_rotvec(turn)
         by = rotation.inv() if self.is_inverse else rotation
         return np.asarray(self.scaled @ (self.sign * (by.apply(self.turned) - self.turned)))

@@ -21,7 +21,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record
@@ -112,6 +111,8 @@ class Motion:
     @classmethod
     def of(cls, record: Record) -> Motion:
         """Return the motion of a record."""
+        from scipy.spatial.transform import Rotation  # takes longer to import than all of ours
+
         rows = max(round(BLOCK_S / record.sample_period_s), 1)
         attitude = record.matrix(ATTITUDE)
         known = np.isfinite(attitude).all(axis=1)
