@@ -25,7 +25,7 @@ from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
 from gtmbench.detectors.surfaces.whitened import ORDER, Counts, Sums, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
-BASE_S, LEAST_BASE_S = 60.0, 20.0  # what a window is compared with
+BASE_S, LEAST_BASE_S = 60.0, 40.0  # what a window is compared with: a phugoid takes half of that
 _RECENT_S = 10.0
 OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
 _TESTS = (

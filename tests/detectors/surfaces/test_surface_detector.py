@@ -185,9 +185,9 @@ def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
 @cache
 def contracted():
     """Return a case of the contract: a surface's fault can't be injected, a gyro's alarms without a name."""
-    flights = [sensed(False, 750 + i, duration_s=100.0, excitation="multisine+turbulence") for i in range(4)]
+    flights = [sensed(False, 750 + i, duration_s=130.0, excitation="multisine+turbulence") for i in range(4)]
     flights = [decimate(flight, 2) for flight in flights]
-    return contract_case("surfaces", flights, fault=gb.Bias(channel="beta", onset_s=70.0, size=3.0))
+    return contract_case("surfaces", flights, fault=gb.Bias(channel="beta", onset_s=100.0, size=3.0))
 
 
 @pytest.mark.parametrize("name", CONTRACT)
