@@ -336,7 +336,7 @@ def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monit
                     "flights": len(own),
                     "hours watched": round(float(own["hours"].sum()), 2),
                     "greatest score over its threshold": round(float(own["peak"].max()), 2),
-                    "alarms": int((own["said"].fillna("") != "").sum()),
+                    "alarms": int((own["said"].fillna("") != "")[own["hours"].notna()].sum()),
                     "not flown": int(own["hours"].isna().sum()),
                     "a surface named": int((own["named"].fillna("") != "").sum()),
                     "C accuses": int((own["C_accuses"].fillna("") != "").sum()),
