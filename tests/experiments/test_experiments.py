@@ -107,6 +107,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "small_uavs",
         "yardstick",
         "attitude_origin",
+        "names_in_the_loop",
         "on_board",
         "driven_attitude",
         "benchmark_entries",
