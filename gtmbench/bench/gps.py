@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.bench.sensors import stream
+from gtmbench.bench.slow_sensor import beside, check_beside, is_read
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.values.channels import GPS_VELOCITY
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record
 
 _M_PER_FT = 0.3048
 _LONGEST_DELAY_S = 2.0
@@ -89,38 +90,17 @@ def with_gps(readings: Record, truth: Record, gps: Gps, *, seed: int = 1) -> Rec
     >>> gb.with_gps(truth, truth, perfect)["gps_north"].round(3).tolist()
     [9.144, nan, 9.144, nan, 9.144, nan]
     """
-    check_record(readings)
-    check_record(truth)
     seed = whole("seed", seed)
-    period_s = truth.sample_period_s
-    if len(readings) != len(truth) or readings.sample_period_s != period_s:
-        raise InputError(
-            f"the readings have {len(readings)} rows and the truth has {len(truth)}, or their rates differ; give the "
-            f"flight that was measured"
-        )
-    if taken := [name for name in GPS_VELOCITY if name in readings]:
-        raise InputError(f"the readings have {', '.join(taken)} already; a record holds one receiver")
+    check_beside(readings, truth, GPS_VELOCITY, "receiver")
     position = truth.matrix(("north", "east", "altitude"))
     if len(truth) < 2 or not np.isfinite(position).all():
         raise InputError("the truth lacks north, east or altitude in some rows, or has one row; a velocity needs two")
-    every = 1.0 / (gps.rate_hz * period_s)
-    if every < 1.0 - 1e-9:
-        raise InputError(
-            f"the receiver is read at {gps.rate_hz:g} Hz, the record at {1.0 / period_s:g}; give at most that rate_hz"
-        )
+    rows, period_s = is_read(truth, gps.rate_hz, "receiver"), truth.sample_period_s
     velocity = np.gradient(position * [_M_PER_FT, _M_PER_FT, -_M_PER_FT], period_s, axis=0)
     time_s = truth.time_s
     late = np.column_stack([np.interp(time_s - gps.delay_s, time_s, along) for along in velocity.T])
     read = late + _noise(gps, len(truth), period_s, seed)
-    turn = np.floor(np.arange(len(truth)) / every + 1e-6)
-    read[np.diff(turn, prepend=-1.0) == 0.0] = np.nan
-    return Record(
-        np.column_stack([readings.values, read]),
-        channels=[*readings.channels, *GPS_VELOCITY],
-        sample_period_s=readings.sample_period_s,
-        start_s=readings.start_s,
-        there=np.column_stack([readings.there, np.isfinite(read)]),
-    )
+    return beside(readings, GPS_VELOCITY, read, rows)
 
 
 def _noise(gps: Gps, rows: int, period_s: float, seed: int) -> FloatArray:

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.bench.sensors import stream
+from gtmbench.bench.slow_sensor import beside, check_beside, is_read
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record
 
 _STRONGEST = 100.0  # times the field: no magnetometer in an aircraft reads more
 
@@ -122,28 +123,14 @@ def with_magnetometer(
     >>> gb.with_magnetometer(truth, truth, perfect)["mag_y"].round(6).tolist()
     [-50.0, nan, -50.0, nan]
     """
-    check_record(readings)
-    check_record(truth)
     seed = whole("seed", seed)
-    if len(readings) != len(truth) or readings.sample_period_s != truth.sample_period_s:
-        raise InputError(
-            f"the readings have {len(readings)} rows and the truth has {len(truth)}, or their rates differ; give the "
-            f"flight that was measured"
-        )
-    taken = [name for name in MAGNETOMETER if name in readings]
-    if taken:
-        raise InputError(f"the readings have {', '.join(taken)} already; a record holds one magnetometer")
+    check_beside(readings, truth, MAGNETOMETER, "magnetometer")
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 
     attitude = truth.matrix(ATTITUDE)
     if not np.isfinite(attitude).all():
         raise InputError("the truth lacks phi, theta or psi in some rows; the field can't be turned there")
-    every = 1.0 / (magnetometer.rate_hz * truth.sample_period_s)
-    if every < 1.0 - 1e-9:
-        raise InputError(
-            f"the magnetometer is read at {magnetometer.rate_hz:g} Hz, the record at {1.0 / truth.sample_period_s:g}; "
-            f"give at most that rate_hz"
-        )
+    rows = is_read(truth, magnetometer.rate_hz, "magnetometer")
     body = Rotation.from_euler("ZYX", attitude[:, ::-1], degrees=True).inv().apply(magnetometer.north_east_down_ut())
     drawn = stream(seed, "magnetometer")
     iron = np.eye(3) + magnetometer.soft_iron * drawn.uniform(-1.0, 1.0, (3, 3))
@@ -154,13 +141,4 @@ def with_magnetometer(
         if current.shape != (len(truth),) or not np.isfinite(current).all():
             raise InputError(f"current_a needs one finite number for each of {len(truth)} rows")
         field += np.outer(current, magnetometer.field_per_ampere_ut)
-    # the reading whose turn it is since the row before; the tolerance keeps 1/0.01 rows from being 99.999...
-    turn = np.floor(np.arange(len(truth)) / every + 1e-6)
-    field[np.diff(turn, prepend=-1.0) == 0.0] = np.nan
-    return Record(
-        np.column_stack([readings.values, field]),
-        channels=[*readings.channels, *MAGNETOMETER],
-        sample_period_s=readings.sample_period_s,
-        start_s=readings.start_s,
-        there=np.column_stack([readings.there, np.isfinite(field)]),
-    )
+    return beside(readings, MAGNETOMETER, field, rows)

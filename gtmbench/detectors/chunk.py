@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
@@ -33,6 +34,36 @@ class Said(NamedTuple):
             for name, values in self.scores.items()
         }
         return Watch(monitor=monitor, record=record, scores=MappingProxyType(scores), alarms=self.told)
+
+
+class ChunkStream(ABC):
+    """A stream that says of each chunk what its samples' scores and alarms are."""
+
+    def __init__(self) -> None:
+        self._alarms: dict[int, Alarm] = {}
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """Every alarm so far, as it is known by now."""
+        return tuple(self._alarms.values())
+
+    def push(self, chunk: Record) -> tuple[Alarm, ...]:
+        """Return the alarms that a chunk's samples raise or tell more of.
+
+        Raises
+        ------
+        InputError
+            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        """
+        return self.taken(chunk).told
+
+    @abstractmethod
+    def taken(self, chunk: Record) -> Said:
+        """Return everything that is said of a chunk; parameters and errors are those of `push`."""
+
+    def _news(self, before: Mapping[int, Alarm]) -> tuple[Alarm, ...]:
+        """Return the alarms that are new, or of which more is known than before."""
+        return tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
 
 
 def taken(

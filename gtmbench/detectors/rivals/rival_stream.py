@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
-from gtmbench.detectors.chunk import Said, taken
+from gtmbench.detectors.chunk import ChunkStream, Said, taken
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.method.windowed_alarms import came_down, rising
@@ -60,7 +60,7 @@ class _Looking:
     peaks: dict[str, float] = field(default_factory=dict)
 
 
-class RivalStream:
+class RivalStream(ChunkStream):
     """A rival's monitor at work on samples as they come in.
 
     Parameters
@@ -69,6 +69,7 @@ class RivalStream:
     """
 
     def __init__(self, monitor: Watching) -> None:
+        super().__init__()
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._settled_row = round(monitor.settles_s / self._period_s)
         self._generator, self._judges = monitor.generator(), monitor.judges()
@@ -77,27 +78,11 @@ class RivalStream:
         self._armed = dict.fromkeys(self._judges, False)
         self._above_row: float = -np.inf  # where a score was last above its threshold
         self._looking: _Looking | None = None
-        self._alarms: dict[int, Alarm] = {}
 
     @property
     def armed(self) -> Mapping[str, bool]:
         """Whether each score has been known at or below its threshold."""
         return MappingProxyType(self._armed)
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm so far, as it is known by now."""
-        return tuple(self._alarms.values())
-
-    def push(self, chunk: Record) -> tuple[Alarm, ...]:
-        """Return the alarms that a chunk's samples raise or tell more of.
-
-        Raises
-        ------
-        InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period.
-        """
-        return self.taken(chunk).told
 
     def taken(self, chunk: Record) -> Said:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
@@ -113,7 +98,7 @@ class RivalStream:
         known_s = np.round(clock.times_s(rows), 9)
         self._alarm(scores, armed, looks_back, known_s, rows)
         self._clock = clock
-        told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
+        told = self._news(before)
         return Said(known_s, scores, armed, told)
 
     def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:

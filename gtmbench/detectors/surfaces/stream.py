@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.chunk import Said, taken
+from gtmbench.detectors.chunk import ChunkStream, Said, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
@@ -108,7 +108,7 @@ class _Open:
     margins: FloatArray  # of each surface, the greatest
 
 
-class SurfaceStream:
+class SurfaceStream(ChunkStream):
     """A monitor of surfaces at work on samples as they come in.
 
     Parameters
@@ -117,6 +117,7 @@ class SurfaceStream:
     """
 
     def __init__(self, monitor: Watching) -> None:
+        super().__init__()
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._rows = rows_of(self._period_s)
         self._block_s = self._rows * self._period_s
@@ -138,27 +139,11 @@ class SurfaceStream:
         )  # scores and armed, as told last
         self._above_block = -np.inf  # where a score was last above its threshold
         self._open: _Open | None = None
-        self._alarms: dict[int, Alarm] = {}
 
     @property
     def armed(self) -> Mapping[str, bool]:
         """Whether each surface's score has been known at or below its threshold."""
         return MappingProxyType(dict(zip(self._monitor.suspects, self._is_armed.tolist(), strict=True)))
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm so far, as it is known by now."""
-        return tuple(self._alarms.values())
-
-    def push(self, chunk: Record) -> tuple[Alarm, ...]:
-        """Return the alarms that a chunk's samples raise or tell more of.
-
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
-        """
-        return self.taken(chunk).told
 
     def taken(self, chunk: Record) -> Said:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
@@ -183,7 +168,7 @@ class SurfaceStream:
         for i in range(len(scores)):
             self._block(first + i, float(times_s[i]), found.at(i), armed[i])
         rows = range(clock.count - len(new), clock.count)
-        told = tuple(alarm for number, alarm in self._alarms.items() if alarm is not before.get(number))
+        told = self._news(before)
         return self._said(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
 
     def _tested(self, values: FloatArray) -> _Tested:

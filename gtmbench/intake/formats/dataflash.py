@@ -83,9 +83,10 @@ def read_dataflash(path: Path) -> RawLog:
     series = [column for topic, columns in topics.items() if topic in clocks for column in columns.values()]
     if not series:
         raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
+    servos = servo_series(_settings(tables), topics[TOPIC]) if TOPIC in topics else []
     return RawLog(
         kind=kind,
-        series=(*documented_first(series, ARDUPILOT), *servo_series(_settings(tables), topics.get(TOPIC, {}))),
+        series=(*documented_first(series, ARDUPILOT), *servos),
         clocks=clocks,
         notes=notes,
         by_name=False,
