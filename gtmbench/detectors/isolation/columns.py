@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from gtmbench.values.record import BoolArray, FloatArray
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
 _OUTLIERS = 0.3
 _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
+_PRODUCTS = 200_000  # multiplications at once, which OpenBLAS leaves to one thread: small products by several take longer
 
 
 class Columns:
@@ -36,7 +37,8 @@ class Columns:
             self._shown *= suspect.there.ravel()
         self._size = np.sqrt(np.einsum("ij,ij->i", self._shown, self._shown)) + 1e-12
         self._shown /= self._size[:, np.newaxis]
-        self._gram, self._with = self._shown @ self._shown.T, self._shown @ self._y
+        self._gram = np.sum([part @ part.T for part in _parts(self._shown, len(self.names))], axis=0)
+        self._with = np.einsum("ij,j->i", self._shown, self._y)
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
@@ -63,7 +65,7 @@ class Columns:
     def _solve(self, sets: Sequence[tuple[str, ...]]) -> None:
         chosen = np.array([[name in names for name in self.names] for names in sets])
         weights = _solved(self._gram, self._with, chosen)
-        left = self._y - weights @ self._shown
+        left = self._y - np.concatenate([weights @ part for part in _parts(self._shown, len(weights))], axis=1)
         out = np.abs(left) > MOST
         few = np.count_nonzero(out, axis=1)
         for i in np.flatnonzero((few > 0) & (few < _OUTLIERS * left.shape[1])).tolist():  # once more without them
@@ -84,6 +86,12 @@ class Columns:
         chosen = [self._place[name] for name in names]
         size = self._size[chosen]
         return np.asarray(np.linalg.pinv(self._gram[np.ix_(chosen, chosen)]) / np.outer(size, size))
+
+
+def _parts(shown: FloatArray, by: int) -> Iterator[FloatArray]:
+    """Give some rows of all shapes at a time, so that the product with so many vectors stays small."""
+    step = max(_PRODUCTS // (len(shown) * by), 1)
+    return (shown[:, first : first + step] for first in range(0, shown.shape[1], step))
 
 
 def _solved(gram: FloatArray, right: FloatArray, chosen: BoolArray) -> FloatArray:
