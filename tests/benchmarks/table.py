@@ -40,6 +40,7 @@ ROWS = (  # what is measured, section, and its keys of time, memory and differen
         "",
     ),
     ("a trial of that fault (`monitor.trials`) over that", "diagnosis", "trial_ratio", "", ""),
+    ("the CPU of diagnosed watches with all threads over one thread's", "diagnosis", "threads_ratio", "", ""),
     (
         "a day of 100 Hz over the time that `gtmbench monitor` with a ready monitor takes (memory: GB)",
         "day",
