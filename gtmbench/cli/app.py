@@ -44,6 +44,7 @@ from gtmbench.cli.study import new_command, run_command, view_command
 from gtmbench.cli.verify import verify_command
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.files.disk import is_file
+from gtmbench.jobs.threads import one_thread
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
@@ -112,6 +113,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit; no traceback for anything that was foreseen."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     as_json = "--json" in given
+    one_thread()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without ± or ² gets ?, not a traceback

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TextIO, TypeVar
 
 from gtmbench.errors import GtmbenchError
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.threads import one_thread_each
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -200,7 +201,7 @@ def _pool(
         return
 
     def submit(work: Callable[[Any], Any], task: Any) -> Future[Any]:
-        with _interrupts_wait():  # the processes start here; Ctrl-C is ours to handle, not theirs
+        with _interrupts_wait(), one_thread_each():  # processes start here; Ctrl-C is ours to handle, not theirs
             return pool.submit(work, task)
 
     others = set(multiprocessing.active_children())

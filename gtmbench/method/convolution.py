@@ -8,10 +8,11 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from gtmbench.method.products import product
 from gtmbench.values.record import FloatArray
 
-_BLOCK = 48  # outputs a row of the product: more multiply more zeros, fewer starve BLAS (measured)
-_STRETCH = 160 * _BLOCK  # outputs a product: their windows, 0.6 MB for 3 inputs and 101 lags, stay in the cache
+_BLOCK = 32  # outputs a row of the product: more multiply more zeros, fewer starve BLAS (measured)
+_STRETCH = 240 * _BLOCK  # outputs a product: their windows, 0.6 MB for 3 inputs and 101 lags, stay in the cache
 
 
 @np.errstate(all="ignore")  # a sensor that reads 1e308 overflows in its own windows: a value like others
@@ -20,7 +21,7 @@ def filtered(
 ) -> FloatArray:
     """Return x(n) = sum over j = 0..lags-1 of H_j u(n + lags - 1 - j), the sum of (4.4), wherever it is complete.
 
-    A block of outputs is one banded Toeplitz matrix times one window of inputs, and many blocks are one BLAS product. A
+    A block of outputs is one banded Toeplitz matrix times one window of inputs, and many blocks are one product. A
     spike meets an exact zero wherever it doesn't belong (a Fourier transform would spread its rounding errors); so that
     this holds for NaN and inf too, 0 takes their place, and the outputs that need them become NaN.
 
@@ -62,7 +63,7 @@ def filtered(
         missing = ~np.isfinite(stretch)
         stretch[missing] = 0.0
         rows = np.ascontiguousarray(windows[: -(-len(part) // block)])  # BLAS takes none that overlap
-        part[:] = (rows @ toeplitz).reshape(-1, outputs)[: len(part)]
+        part[:] = product(rows, toeplitz).reshape(-1, outputs)[: len(part)]
         if missing.any():
             part[_spoilt(missing[:needed], lags)] = np.nan
     return result

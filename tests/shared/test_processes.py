@@ -119,3 +119,17 @@ def test_tasks_that_kill_their_process_or_never_end_are_lost_and_the_others_surv
 def test_of_survivors_too_what_the_work_raises_comes_as_it_is():
     with pytest.raises(ZeroDivisionError):
         list(survived(partial(divmod, 1), [1, 0], processes=1, limit_s=60.0))
+
+
+def _asked(_):
+    return os.environ.get("OPENBLAS_NUM_THREADS")
+
+
+@pytest.mark.parametrize(("here", "there"), [(None, "1"), ("3", "3")])
+def test_each_process_computes_on_one_thread_unless_somebody_asks_for_more(here, there, monkeypatch):
+    if here is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    else:
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", here)
+    assert [told for _, told in completed(_asked, range(3), processes=2)] == [there] * 3
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == here

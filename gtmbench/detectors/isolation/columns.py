@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.suspect import Suspect
+from gtmbench.method.products import gram, product
 from gtmbench.values.record import BoolArray, FloatArray
 
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
 _OUTLIERS = 0.3
 _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
-_PRODUCTS = 200_000  # multiplications at once, which OpenBLAS leaves to one thread: small products by several take longer
 
 
 class Columns:
@@ -37,8 +37,8 @@ class Columns:
             self._shown *= suspect.there.ravel()
         self._size = np.sqrt(np.einsum("ij,ij->i", self._shown, self._shown)) + 1e-12
         self._shown /= self._size[:, np.newaxis]
-        self._gram = np.sum([part @ part.T for part in _parts(self._shown, len(self.names))], axis=0)
-        self._with = np.einsum("ij,j->i", self._shown, self._y)
+        self._gram = gram(self._shown)
+        self._with = self._shown @ self._y
 
     def weights(self, names: tuple[str, ...]) -> FloatArray:
         """Return how much of each shape there is."""
@@ -65,13 +65,13 @@ class Columns:
     def _solve(self, sets: Sequence[tuple[str, ...]]) -> None:
         chosen = np.array([[name in names for name in self.names] for names in sets])
         weights = _solved(self._gram, self._with, chosen)
-        left = self._y - np.concatenate([weights @ part for part in _parts(self._shown, len(weights))], axis=1)
+        left = self._y - product(weights, self._shown)
         out = np.abs(left) > MOST
         few = np.count_nonzero(out, axis=1)
         for i in np.flatnonzero((few > 0) & (few < _OUTLIERS * left.shape[1])).tolist():  # once more without them
             far = self._shown[:, out[i]]
-            gram, right = self._gram - far @ far.T, self._with - far @ self._y[out[i]]
-            weights[i] = _solved(gram, right, chosen[i : i + 1])[0]
+            with_far = self._with - far @ self._y[out[i]]
+            weights[i] = _solved(self._gram - gram(far), with_far, chosen[i : i + 1])[0]
             left[i] = self._y - weights[i] @ self._shown
         deviances = self._suspect.deviances(self._shaped(left)).tolist()
         self._fitted |= zip(sets, zip(weights, deviances, strict=True), strict=True)
@@ -86,12 +86,6 @@ class Columns:
         chosen = [self._place[name] for name in names]
         size = self._size[chosen]
         return np.asarray(np.linalg.pinv(self._gram[np.ix_(chosen, chosen)]) / np.outer(size, size))
-
-
-def _parts(shown: FloatArray, by: int) -> Iterator[FloatArray]:
-    """Give some rows of all shapes at a time, so that the product with so many vectors stays small."""
-    step = max(_PRODUCTS // (len(shown) * by), 1)
-    return (shown[:, first : first + step] for first in range(0, shown.shape[1], step))
 
 
 def _solved(gram: FloatArray, right: FloatArray, chosen: BoolArray) -> FloatArray:
