@@ -142,12 +142,13 @@ class Case:
 
     @cached_property
     def surprises(self) -> dict[str, float]:
-        """-2 log likelihood of how often each suspect's readings run dead straight over the rows judged.
+        """-2 log likelihood of how often each suspect's readings run dead straight since the fault is surely there.
 
-        Counts tell that only where the aircraft still moves: on the ground all of them stand still.
+        No filter has to forget what was before, so that more rows tell than are judged. Counts tell it only where the
+        aircraft still moves: on the ground all of them stand still.
         """
         return {
-            channel: self.habits[channel].surprise(self.record[channel][self.judged])
+            channel: self.habits[channel].surprise(self.record[channel][self._surely])
             if self._is_told_by_lines(channel)
             else 0.0
             for channel in self.suspects
@@ -160,8 +161,13 @@ class Case:
             return True
         others = [name for name in (ANGLES if channel in ANGLES else GYROS) if name != channel and name in self.habits]
         return bool(others) and all(
-            steps(self.record[name][self.judged]) >= _AS_BEFORE * steps(self.habits[name].before) for name in others
+            steps(self.record[name][self._surely]) >= _AS_BEFORE * steps(self.habits[name].before) for name in others
         )
+
+    @property
+    def _surely(self) -> slice:
+        """The rows since the fault is surely there, up to the last one judged."""
+        return slice(self.sure, self.judged.stop)
 
     def objection(self, suspect: str) -> float:
         """Return what air data say against a suspect that they clear, of -2 log likelihood; 0 otherwise."""

@@ -15,6 +15,8 @@ import numpy as np
 from gtmbench.method.autoregressive import innovations
 from gtmbench.values.record import BoolArray, FloatArray
 
+IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
+
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count
 _ROWS = 3000  # learnt from, at most
@@ -29,6 +31,7 @@ _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
 _QUIETEST = 1e-3
 _DISTINCT = 0.9  # of the readings, where they are no counts
 _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
+_LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
 _SELDOM = 0.2  # of the rows that counts run straight at most, where their noise is above a count
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
@@ -56,6 +59,8 @@ class Habit:
         Whether its noise is as loud at all times, so that a little more or less of it tells.
     is_counted : bool
         Whether its readings are counts of a converter, which may repeat where nothing moves.
+    longest : int
+        How many rows in a row ran dead straight at most.
     """
 
     taps: FloatArray = field(repr=False)
@@ -65,6 +70,7 @@ class Habit:
     before: FloatArray = field(repr=False)
     is_steady: bool = True
     is_counted: bool = False
+    longest: int = 0
 
     @property
     def variance(self) -> float:
@@ -92,10 +98,16 @@ class Habit:
         return np.asarray(samples * np.log(level) + squares / level)
 
     def surprise(self, readings: FloatArray) -> float:
-        """Return -2 log likelihood of straight rows, were the sensor healthy; of counts, of more than is usual."""
-        straight = int(straight_rows(readings).sum())
+        """Return -2 log likelihood of straight rows, were the sensor healthy; of counts, of more than is usual.
+
+        These are more than usual in all, or in a row: a while of standing still stays one, whatever comes after.
+        """
+        rows = straight_rows(readings)
+        straight = int(rows.sum())
         if self.is_counted:
-            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, 0)
+            runs = _runs(rows)
+            together = int(runs[runs > _LONGER * self.longest + _FEW].sum())
+            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, together)
         return -2.0 * straight * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
 
 
@@ -116,7 +128,8 @@ def habit_of(readings: FloatArray) -> Habit | None:
     if not variance > (1e-9 * max(float(np.nanmax(np.abs(last))), 1e-12)) ** 2:
         return None
     there = last[np.isfinite(last)]
-    straight, quietest = float(np.mean(straight_rows(last)[np.isfinite(last)])), float(blocks.min()) / variance
+    rows = straight_rows(last)
+    straight, quietest = float(np.mean(rows[np.isfinite(last)])), float(blocks.min()) / variance
     is_counted = len(np.unique(there)) < _DISTINCT * len(there)
     if is_counted:  # counts repeat whenever little moves, unless their noise is above a count
         straight, quietest = straight if straight <= _SELDOM else 1.0, 0.0
@@ -131,6 +144,7 @@ def habit_of(readings: FloatArray) -> Habit | None:
         before=last,
         is_steady=is_steady,
         is_counted=is_counted,
+        longest=int(_runs(rows).max(initial=0)),
     )
 
 
@@ -146,6 +160,12 @@ def steps(readings: FloatArray) -> float:
     found = np.abs(np.diff(readings))
     found = found[np.isfinite(found)]
     return float(found.mean()) if len(found) else float("nan")
+
+
+def _runs(rows: BoolArray) -> IntArray:
+    """Return how many rows in a row there are each time."""
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
+    return np.asarray(ends[1::2] - ends[::2])
 
 
 def straight_rows(readings: FloatArray) -> BoolArray:
