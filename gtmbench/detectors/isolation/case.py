@@ -149,15 +149,15 @@ class Case:
         """
         return {
             channel: self.habits[channel].surprise(self.record[channel][self._surely])
-            if self._is_told_by_lines(channel)
+            if self.is_told_by_lines(channel)
             else 0.0
             for channel in self.suspects
             if channel in self.habits
         }
 
-    def _is_told_by_lines(self, channel: str) -> bool:
+    def is_told_by_lines(self, channel: str) -> bool:
         """Tell whether dead straight readings say something: they are no counts, or others of their kind still move."""
-        if not self.habits[channel].is_counted:
+        if channel not in self.habits or not self.habits[channel].is_counted:
             return True
         others = [name for name in (ANGLES if channel in ANGLES else GYROS) if name != channel and name in self.habits]
         return bool(others) and all(

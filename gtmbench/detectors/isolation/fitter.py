@@ -296,8 +296,9 @@ class Fitter:
     @cached_property
     def is_straight(self) -> bool:
         """Whether it is dead straight more often than it was."""
-        suspect = self.suspect
-        return is_straighter(suspect.measured[suspect.judged], suspect.case.habits.get(suspect.channel))
+        suspect, case = self.suspect, self.suspect.case
+        straighter = is_straighter(suspect.measured[suspect.judged], case.habits.get(suspect.channel))
+        return straighter and case.is_told_by_lines(suspect.channel)
 
     @cached_property
     def is_at_limit(self) -> bool:

@@ -32,7 +32,7 @@ _QUIETEST = 1e-3
 _DISTINCT = 0.9  # of the readings, where they are no counts
 _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
 _LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
-_SELDOM = 0.2  # of the rows that counts run straight at most, where their noise is above a count
+_SELDOM, _EVER = 0.15, 0.3  # of the rows, and of any hundred, that counts run straight at most: noise above a count
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
 ROWS_BEFORE = _ROWS + 4
@@ -97,17 +97,19 @@ class Habit:
         level = np.clip(squares / samples * _STEADY / self.quietest, _QUIETEST, 1.0)
         return np.asarray(samples * np.log(level) + squares / level)
 
+    def standing(self, readings: FloatArray) -> int:
+        """Return how many rows run dead straight together, in runs that are longer than usual."""
+        runs = _runs(straight_rows(readings))
+        return int(runs[runs > _LONGER * self.longest + _FEW].sum())
+
     def surprise(self, readings: FloatArray) -> float:
         """Return -2 log likelihood of straight rows, were the sensor healthy; of counts, of more than is usual.
 
         These are more than usual in all, or in a row: a while of standing still stays one, whatever comes after.
         """
-        rows = straight_rows(readings)
-        straight = int(rows.sum())
+        straight = int(straight_rows(readings).sum())
         if self.is_counted:
-            runs = _runs(rows)
-            together = int(runs[runs > _LONGER * self.longest + _FEW].sum())
-            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, together)
+            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, self.standing(readings))
         return -2.0 * straight * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
 
 
@@ -132,7 +134,8 @@ def habit_of(readings: FloatArray) -> Habit | None:
     straight, quietest = float(np.mean(rows[np.isfinite(last)])), float(blocks.min()) / variance
     is_counted = len(np.unique(there)) < _DISTINCT * len(there)
     if is_counted:  # counts repeat whenever little moves, unless their noise is above a count
-        straight, quietest = straight if straight <= _SELDOM else 1.0, 0.0
+        most = float(rows[: len(rows) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1).max())
+        straight, quietest = straight if straight <= _SELDOM and most <= _EVER else 1.0, 0.0
     quietest = min(quietest, 1.0)
     taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
     reach = float(np.nanmax(np.abs(last)))
@@ -150,9 +153,10 @@ def habit_of(readings: FloatArray) -> Habit | None:
 
 def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
     """Tell whether readings are dead straight more often than is usual: they are held, clipped or rounded."""
+    if habit is not None and habit.is_counted:  # counts are, wherever it is calm, but not for long
+        return habit.straight < 1.0 and habit.standing(readings) > 0
     straight = float(straight_rows(readings).mean()) if len(readings) else 0.0
-    usual = 0.0 if habit is None else 1.0 if habit.is_counted else habit.straight  # counts are, wherever it is calm
-    return straight > _STRAIGHTER + usual
+    return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
 
 
 def steps(readings: FloatArray) -> float:

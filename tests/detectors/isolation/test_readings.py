@@ -36,3 +36,16 @@ def test_readings_that_never_repeat_are_surprising_at_the_first_repeat():
     habit = habit_of(3.0 + 0.05 * np.random.default_rng(3).standard_normal(ROWS))
     assert not habit.is_counted
     assert habit.surprise(np.array([1.0, 1.0, 1.0])) > 9.0
+
+
+@pytest.mark.parametrize("noise", [0.02, 0.05])
+def test_a_while_of_standing_still_says_the_same_however_long_the_sensor_moves_after_it(noise):
+    readings = rounded(noise, rows=9000)
+    habit = habit_of(readings[:3000])
+    held = readings[3000:].copy()
+    held[:100] = held[0]
+    told = [habit.surprise(held[:rows]) for rows in (100, 400, 1600, 6000)]
+    assert min(told) > 200.0
+    assert told == pytest.approx([told[0]] * 4, rel=0.05)
+    assert is_straighter(held, habit)
+    assert not is_straighter(readings[3000:], habit)
