@@ -217,6 +217,8 @@ def fly_command(
         echo(verdict)
         for event in events:
             echo(f"{event.time_s:g} s: {loop_text(event)}")
+        if closed_loop and noise is None and of_sensors:
+            echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read", err=True)
 
 
 def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:

@@ -202,3 +202,10 @@ def test_a_gyro_that_never_speaks_is_missing_and_a_stream_takes_it():
         stream.push(flight.sensed.between(0.01 * at, min(0.01 * (at + 76), 10.0)))
     assert [(alarm.test, alarm.last.sensor) for alarm in whole.alarms] == [("missing", "q")]
     assert [alarm.time_s for alarm in stream.alarms] == [alarm.time_s for alarm in whole.alarms]
+
+
+def test_a_truth_that_a_broken_sensor_steered_is_told_as_one(cli, tmp_path):
+    command = ["fly", "--closed-loop", "--duration", "6", "--fault", "jam:theta", "--onset", "2"]
+    _, _, told = cli(*command, "--out", str(tmp_path / "truth.csv"))
+    assert "--noise t2" in told
+    assert cli(*command, "--out", str(tmp_path / "read.csv"), "--noise", "t2")[2] == ""
