@@ -10,7 +10,7 @@ from gtmbench.bench.gps import Gps, with_gps
 from gtmbench.bench.imperfections import Imperfections, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import Accommodation, fly_in_loop
-from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
+from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
 from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
 from gtmbench.bench.sensing import Readings
@@ -36,7 +36,6 @@ from gtmbench.detectors.surfaces.in_loop import WatchSurfaces
 from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, SurfaceSizes
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
 from gtmbench.errors import (
-    ControllerError,
     ConvergenceWarning,
     EnvelopeError,
     GtmbenchError,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 
 class GtmbenchError(Exception):
     """The base of every error this package raises on purpose; the command line ends with exit code 2.
@@ -61,29 +59,6 @@ class EnvelopeError(GtmbenchError):
     ...     print(str(error).split(":")[0])
     the excitation throws 'gtm' out of its envelope
     """
-
-
-class ControllerError(GtmbenchError):
-    """A controller of your own has failed in flight: it raised, or its commands can't be flown.
-
-    Attributes
-    ----------
-    flight : LoopFlight
-        What was flown until then.
-
-    Examples
-    --------
-    >>> import gtmbench as gb
-    >>> def asleep(readings, time_s):
-    ...     return None
-    >>> try:
-    ...     gb.fly_in_loop(controller=asleep)
-    ... except gb.ControllerError as error:
-    ...     print(str(error).split(";")[0], len(error.flight.truth))
-    controller 'asleep' at 0 s: commands are None 1
-    """
-
-    flight: Any = None
 
 
 class ConvergenceWarning(UserWarning):

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from gtmbench.bench.loop_flight import LoopEvent
+from gtmbench.bench.loop_flight import ControllerError, LoopEvent
 from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import one_line, shown
-from gtmbench.errors import ControllerError, InputError
+from gtmbench.errors import InputError
 from gtmbench.imports import brought_object
 
 Command = Callable[[Readings, float], Sequence[float]]

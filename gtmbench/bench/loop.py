@@ -15,11 +15,11 @@ from gtmbench.bench.controller import check_controller, failed, listener, take_o
 from gtmbench.bench.excitation import Excitation
 from gtmbench.bench.flight import check_envelope
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, LoopEvent, LoopFlight
+from gtmbench.bench.loop_flight import ENVELOPE, OUT_OF_LOOP, SURFACE_FAILED, ControllerError, LoopEvent, LoopFlight
 from gtmbench.bench.sensing import Readings as Sample
 from gtmbench.bench.sensor_chain import IDEAL, SensorChain
 from gtmbench.bench.simulation import Simulation, checked_commands
-from gtmbench.errors import ControllerError, InputError
+from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
 from gtmbench.values.channels import SENSORS

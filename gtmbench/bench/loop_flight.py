@@ -9,6 +9,7 @@ import numpy as np
 
 from gtmbench.bench.airborne import Outside
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 
@@ -99,3 +100,26 @@ def departed_s(events: Sequence[LoopEvent]) -> float | None:
 def event_of(kind: str, flight: Record, outside: Outside) -> LoopEvent:
     """Return the event of a flight that is first outside of some spans."""
     return LoopEvent(time_s=float(flight.time_s[outside.row]), kind=kind, channel=outside.channel, value=outside.value)
+
+
+class ControllerError(GtmbenchError):
+    """A controller of your own has failed in flight: it raised, or its commands can't be flown.
+
+    Attributes
+    ----------
+    flight : LoopFlight
+        What was flown until then.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> def asleep(readings, time_s):
+    ...     return None
+    >>> try:
+    ...     gb.fly_in_loop(controller=asleep)
+    ... except gb.ControllerError as error:
+    ...     print(str(error).split(";")[0], len(error.flight.truth))
+    controller 'asleep' at 0 s: commands are None 1
+    """
+
+    flight: LoopFlight

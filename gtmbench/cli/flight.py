@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +14,11 @@ from gtmbench.cli.aircraft import aircraft_options, told_aircraft
 from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.cli.sending import broken, check_destination, deliver
-from gtmbench.errors import ControllerError, InputError
+from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.loop_flight import LoopEvent, LoopFlight
+    from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
     from gtmbench.bench.modes import Mode
     from gtmbench.bench.trim import Trim
 
@@ -162,7 +163,6 @@ def fly_command(
     from gtmbench.bench.sensors import measure
     from gtmbench.imports import load_object
     from gtmbench.report.tables.loop import event_rows
-    from gtmbench.report.words.judgement import loop_text
     from gtmbench.values.attitude import estimator_of
 
     check_destination(out, target, speed, force=force)
@@ -208,17 +208,13 @@ def fly_command(
     verdict = deliver(record, out, target, speed, silent=as_json or quiet)
     if failed is not None:  # what was flown is kept
         where = out or target
-        raise ControllerError(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
+        raise type(failed)(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
     if as_json:
         to = {"out": None if out is None else str(out), "live": target}
         written = {**to, "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
         print_json(envelope("fly", verdict, written, findings=event_rows(events)))
     elif not quiet:
-        echo(verdict)
-        for event in events:
-            echo(f"{event.time_s:g} s: {loop_text(event)}")
-        if closed_loop and noise is None and of_sensors:
-            echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read", err=True)
+        _tell(verdict, events, steered=closed_loop and noise is None and bool(of_sensors))
 
 
 def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:
@@ -235,9 +231,21 @@ def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
 
 
+def _tell(verdict: str, events: Sequence[LoopEvent], *, steered: bool) -> None:
+    """Print what was written and what happened, and that a broken sensor's readings aren't in the truth it steered."""
+    from gtmbench.report.words.judgement import loop_text
+
+    echo(verdict)
+    for event in events:
+        echo(f"{event.time_s:g} s: {loop_text(event)}")
+    if steered:
+        echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read", err=True)
+
+
 def _in_loop(*how: Any, **settings: Any) -> tuple[LoopFlight, ControllerError | None]:
     """Fly in the loop; of a controller that fails, return what was flown and the error."""
     from gtmbench.bench.loop import fly_in_loop
+    from gtmbench.bench.loop_flight import ControllerError
 
     try:
         return fly_in_loop(*how, **settings), None

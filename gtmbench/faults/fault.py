@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, overload
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from gtmbench.faults.parameter import severity as severity
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
 from gtmbench.values.clock import even_times_s
-from gtmbench.values.record import FloatArray, Record
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 Distorted = tuple[FloatArray, Any]  # broken samples, and what is carried into the next stretch
 Value = Any  # a float, or an array of them: formulas hold for either
@@ -162,6 +162,10 @@ class Fault:
         """Return the row of a record from which on the fault may act: the first at or after the onset."""
         return math.ceil((self.onset_s - SLACK_S - record.start_s) / record.sample_period_s)
 
+    @overload
+    def active(self, time_s: float) -> bool: ...
+    @overload
+    def active(self, time_s: FloatArray) -> BoolArray: ...
     def active(self, time_s: Value) -> Any:
         """Return at which times the fault is active; a time counts as reached up to a nanosecond before it."""
         active = time_s >= self.onset_s - SLACK_S

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, overload
 
 from gtmbench.checks import number, whole
 from gtmbench.faults.draws import drawn
+from gtmbench.values.record import BoolArray, FloatArray
 
 SLACK_S = 1e-9  # a time counts as reached up to a nanosecond before it
 
@@ -56,6 +57,10 @@ class Intermittent:
         number("intermittent: jitter", self.jitter, 0.0, 1.0 - duty + 1e-9)
         whole("intermittent: seed", self.seed)
 
+    @overload
+    def is_on(self, elapsed_s: float) -> bool: ...
+    @overload
+    def is_on(self, elapsed_s: FloatArray) -> BoolArray: ...
     def is_on(self, elapsed_s: Any) -> Any:
         """Return whether the fault is on at a time after its onset, for a float or an array of increasing times."""
         period = (elapsed_s + SLACK_S) // self.period_s

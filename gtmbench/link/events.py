@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 from gtmbench.detectors.alarm import Alarm
 
@@ -72,7 +71,7 @@ class LiveEvent:
         return f"{when:>10}  {self.kind:<11}  {self.text}"
 
     @property
-    def table(self) -> Mapping[str, Any]:
+    def table(self) -> Mapping[str, object]:
         """The event as plain values; `text` first."""
         judged = None if self.alarm is None else self.alarm.last
         return {

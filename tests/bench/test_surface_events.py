@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.errors import ControllerError, InputError
+from gtmbench.bench.loop_flight import ControllerError
+from gtmbench.errors import InputError
 
 LEVEL_S = 1.0
 

@@ -173,7 +173,7 @@ class Campaign:
         ]
         return tuple(dict.fromkeys(flown))
 
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, object]:
         """Return everything that determines the rows, as plain values."""
         return {
             "name": self.name,
