@@ -52,7 +52,7 @@ _EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the firs
 _RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
 _OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
 _VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
-_PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test
+_PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test; what plainly stands still
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
 _PASSED_S = 15.0  # until an alarm that nothing explains has passed: a weak fault has yet to show what it is
 
@@ -284,6 +284,8 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
         is_early = first.kind in resembled and not case.is_telling and channel in axis_of(first.channel)
         if is_early and fit.bic < first.bic + _EARLY + _EARLY_ROW * (case.judged.stop - case.judged.start):
             return True
+        if fit.is_held and not first.is_held and case.surprises.get(channel, 0.0) > _PLAIN:
+            return channel in axis_of(first.channel)  # it stands still where others move, whatever else explains more
         is_vague = fit.bic < first.bic + _VAGUE * (case.deviance - first.bic)
         return (is_vague or (excess is not None and channel == excess.holder)) and _reads_anything(case, first, fit)
 

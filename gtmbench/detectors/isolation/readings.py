@@ -3,7 +3,8 @@
 An aircraft moves slowly beside its sensors' samples, so the fourth differences of readings are the sensor's own noise.
 A fault of a gyro leaves the attitude sensors' alone, and the other way round: where one residual holds both, this tells
 them apart. What is usual is learnt just before the fault, on the same flight with the same sensors; motion that should
-have been as sudden as noise is discounted (`Habit.motion`), and counts of a converter tell nothing by repeating.
+have been as sudden as noise is discounted (`Habit.motion`), and counts of a converter tell by repeating only what is
+far from usual.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _QUIETEST = 1e-3
 _DISTINCT = 0.9  # of the readings, where they are no counts
 _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
 _LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
+_OF_LONGEST = 4.0  # of -2 log likelihood: of N exponential runs the longest is log(N) means long, and 2 is a mean's
 _SELDOM, _EVER = 0.15, 0.3  # of the rows, and of any hundred, that counts run straight at most: noise above a count
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
@@ -97,20 +99,29 @@ class Habit:
         level = np.clip(squares / samples * _STEADY / self.quietest, _QUIETEST, 1.0)
         return np.asarray(samples * np.log(level) + squares / level)
 
-    def standing(self, readings: FloatArray) -> int:
-        """Return how many rows run dead straight together, in runs that are longer than usual."""
+    def standing(self, readings: FloatArray) -> FloatArray:
+        """Return how many rows run dead straight together, of each run that is longer than usual."""
         runs = _runs(straight_rows(readings))
-        return int(runs[runs > _LONGER * self.longest + _FEW].sum())
+        return np.asarray(runs[runs > self._usual], dtype=float)
+
+    @property
+    def _usual(self) -> int:
+        return _LONGER * self.longest + _FEW
 
     def surprise(self, readings: FloatArray) -> float:
         """Return -2 log likelihood of straight rows, were the sensor healthy; of counts, of more than is usual.
 
-        These are more than usual in all, or in a row: a while of standing still stays one, whatever comes after.
+        These are more than usual in all, or in a row: a while of standing still stays one, whatever comes after. Counts
+        that are coarser than their noise tell only by runs, whose lengths fall off as the longest before says.
         """
         straight = int(straight_rows(readings).sum())
-        if self.is_counted:
-            straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, self.standing(readings))
-        return -2.0 * straight * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
+        each = -2.0 * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
+        if not self.is_counted:
+            return each * straight
+        standing = self.standing(readings)
+        beyond = float((standing - self._usual).sum()) / max(self.longest, 1)
+        straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, int(standing.sum()))
+        return max(each * straight, _OF_LONGEST * beyond)
 
 
 def habit_of(readings: FloatArray) -> Habit | None:
@@ -154,7 +165,7 @@ def habit_of(readings: FloatArray) -> Habit | None:
 def is_straighter(readings: FloatArray, habit: Habit | None) -> bool:
     """Tell whether readings are dead straight more often than is usual: they are held, clipped or rounded."""
     if habit is not None and habit.is_counted:  # counts are, wherever it is calm, but not for long
-        return habit.straight < 1.0 and habit.standing(readings) > 0
+        return len(habit.standing(readings)) > 0
     straight = float(straight_rows(readings).mean()) if len(readings) else 0.0
     return straight > _STRAIGHTER + (0.0 if habit is None else habit.straight)
 

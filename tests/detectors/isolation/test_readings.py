@@ -25,13 +25,6 @@ def test_counts_below_their_noise_tell_that_a_sensor_stands_still_and_nothing_of
         assert not is_straighter(healthy, habit)
 
 
-def test_counts_above_their_noise_say_nothing_by_standing_still():
-    habit = habit_of(rounded(0.0))
-    assert habit.is_counted
-    assert habit.surprise(np.full(400, 1.23)) == 0.0
-    assert not is_straighter(np.full(400, 1.23), habit)
-
-
 def test_readings_that_never_repeat_are_surprising_at_the_first_repeat():
     habit = habit_of(3.0 + 0.05 * np.random.default_rng(3).standard_normal(ROWS))
     assert not habit.is_counted
@@ -49,3 +42,15 @@ def test_a_while_of_standing_still_says_the_same_however_long_the_sensor_moves_a
     assert told == pytest.approx([told[0]] * 4, rel=0.05)
     assert is_straighter(held, habit)
     assert not is_straighter(readings[3000:], habit)
+
+
+@pytest.mark.parametrize("count", [0.05, 0.2])
+def test_counts_coarser_than_their_noise_tell_by_standing_still_far_longer_than_before(count):
+    readings = rounded(0.005, count, rows=9000)
+    habit = habit_of(readings[:3000])
+    assert habit.longest > 5
+    assert habit.is_counted
+    assert habit.surprise(np.full(2 * habit.longest, 1.2)) == 0.0
+    assert not is_straighter(np.full(2 * habit.longest, 1.2), habit)
+    assert habit.surprise(np.full(20 * habit.longest, 1.2)) > 60.0
+    assert [habit.surprise(readings[first : first + 500]) for first in range(3000, 8500, 500)] == [0.0] * 11
