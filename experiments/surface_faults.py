@@ -54,6 +54,15 @@ SAID = {
     "backlash 2 deg": "none of these",
     "slow servo 0.3 s": "lag",
 }
+OF_THROTTLE = {
+    "engine out": lambda at: gb.ScaleFactor(**at, factor=0.0),
+    "stuck": lambda at: gb.Jam(**at),
+    "half the command": lambda at: gb.ScaleFactor(**at, factor=0.5),
+    "slow 2 s": lambda at: gb.Lag(**at, lag_s=2.0),
+    "runaway to full": lambda at: gb.Hardover(**at, limit=100.0, rate_limit=50.0),
+}
+SAID |= {"engine out": "jam", "stuck": "jam", "half the command": "scale_factor", "slow 2 s": "lag"}
+SAID |= {"runaway to full": "jam"}
 SENSOR_FAULTS = {
     "bias": lambda at: gb.Bias(**at, size=SIZES[at["channel"]]),
     "drift": lambda at: gb.Drift(**at, slope=SIZES[at["channel"]] / 10.0),
@@ -140,28 +149,45 @@ def kinds_said(alarms: Sequence[gb.detectors.alarm.Alarm]) -> str:
     return " ".join(dict.fromkeys(kinds[-1] for kinds in told if kinds))
 
 
-def noise_deg(monitor: gb.SurfaceMonitor, surface: str) -> float:
-    """Return what gusts and sensors amount to, in degrees of a surface."""
-    return float(monitor.normal.noise[monitor.suspects.index(surface)])
+def noise_of(monitor: gb.SurfaceMonitor, surface: str) -> float:
+    """Return what gusts and sensors amount to, in degrees of a surface or percent of throttle."""
+    place = monitor.suspects.index(surface)
+    return float(monitor.normal.noise[place] * monitor.answer.frame.steps[place])
 
 
-def moved_by(truth: gb.Record, surface: str) -> float:
-    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset."""
+def lagged(values: gb.values.record.FloatArray, lag_s: float, period_s: float) -> gb.values.record.FloatArray:
+    """Return values behind a lag of first order, at rest in the first of them."""
     from scipy.signal import lfilter
 
-    off = truth[f"{surface}_actual"] - truth[surface]
-    pole = np.exp(-2.0 * truth.sample_period_s)
-    slow = lfilter([1.0 - pole], [1.0, -pole], off)
+    pole = np.exp(-period_s / lag_s)
+    return np.asarray(lfilter([1.0 - pole], [1.0, -pole], values - values[0]) + values[0])
+
+
+def moved_by(monitor: gb.SurfaceMonitor, truth: gb.Record, surface: str) -> float:
+    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset.
+
+    Of the throttle it is the thrust that an engine as it was identified makes of either, in percent of throttle.
+    """
+    both = [truth[f"{surface}_actual"], truth[surface]]
+    engine = monitor.answer.frame.engine
+    if surface == "throttle":
+        for _ in range(engine.lags):
+            both = [lagged(each, engine.lag_s, truth.sample_period_s) for each in both]
+        both = [engine.thrust(each) for each in both]
+    slow = lagged(both[0] - both[1], 0.5, truth.sample_period_s)
     since = (truth.time_s >= ONSET_S) & (truth.time_s < ONSET_S + 20.0)
     return float(np.sqrt(np.mean(np.square(slow[since])))) if since.any() else 0.0
 
 
-def surface_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterator[dict[str, object]]:
-    """Break surfaces."""
+def surface_rows(
+    both: dict[str, gb.Monitor], flights: int, seed: int, part: str = "surfaces"
+) -> Iterator[dict[str, object]]:
+    """Break surfaces, or the throttle."""
+    kinds, broken = (KINDS, SURFACES) if part == "surfaces" else (OF_THROTTLE, ("throttle",))
     for number in range(flights):
         for loop in (True, False):
-            for kind, made in KINDS.items():
-                for surface in SURFACES:
+            for kind, made in kinds.items():
+                for surface in broken:
                     fault = made({"channel": surface, "onset_s": ONSET_S})
                     truth, readings, departed_s = flown(loop, seed + number, (fault,))
                     until_s = min(ONSET_S + WATCHED_S, truth.end_s)
@@ -171,13 +197,13 @@ def surface_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterat
                     names = accused(alarms)
                     bank = told(both["C"].watch(record), 0.0, until_s)
                     yield {
-                        "part": "surfaces",
+                        "part": part,
                         "loop": loop,
                         "kind": kind,
                         "channel": surface,
                         "seed": seed + number,
                         "departed_s": departed_s,
-                        "moved": moved_by(truth, surface) / noise_deg(both["surfaces"], surface),
+                        "moved": moved_by(both["surfaces"], truth, surface) / noise_of(both["surfaces"], surface),
                         "alarm_s": alarms[0].time_s - ONSET_S if alarms else np.nan,
                         "named_s": min((a.isolated_s for a in alarms if a.isolated_s), default=np.nan) - ONSET_S,
                         "named": " ".join(dict.fromkeys(names)),
@@ -296,8 +322,8 @@ def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monit
     """Return the report as Markdown."""
     surfaces, sensors, healthy = (rows[rows["part"] == part] for part in ("surfaces", "sensors", "healthy"))
     texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
-    noise = ", ".join(f"{name} {noise_deg(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
-    texts.append(f"Gusts and sensors amount to, in deg of the surface: {noise}.\n")
+    noise = ", ".join(f"{name} {noise_of(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
+    texts.append(f"Gusts and sensors amount to, in deg of the surface or % of throttle: {noise}.\n")
     if len(surfaces):
         moves = surfaces[surfaces["moved"] >= 1.0]
         named = surfaces["named"].ne("")

@@ -26,9 +26,9 @@ def ratios(answer: Answer) -> FloatArray:
 
     Sensors are the accelerometers across, which an equation explains, and the vanes, which explain.
     """
-    equations = list(answer.flow.equations)
-    wrong = np.zeros((len(answer.flow.sensors), len(equations)))
-    for number, sensor in enumerate(answer.flow.sensors):
+    equations = list(answer.equations)
+    wrong = np.zeros((len(answer.frame.sensors), len(equations)))
+    for number, sensor in enumerate(answer.frame.sensors):
         if sensor in equations:
             wrong[number, equations.index(sensor)] = 1.0
         else:

@@ -12,12 +12,14 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import ChunkStream, Said, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.surfaces.answer import Answer
+from gtmbench.detectors.surfaces.airspeed import AirspeedHistory
+from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
 from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
@@ -129,6 +131,7 @@ class SurfaceStream(ChunkStream):
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
         self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
+        self._airspeed = AirspeedHistory(self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -178,13 +181,27 @@ class SurfaceStream(ChunkStream):
             nothing = np.zeros((0, tests, surfaces))
             return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing)
         there = np.asarray(np.isfinite(values).all(axis=1))
-        new = blocks_of(self._answering.push(values), there, self._period_s)
+        made = self._answering.push(values)
+        new = blocks_of(made, there, self._period_s)
+        self._remember(made)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
         normal = self._monitor.normal
         return _Tested(
-            normal.nats(found, surfaces) / self._limits, margins(found, normal, self._rho), found.fit, found.spread
+            normal.nats(found, surfaces) / self._limits,
+            margins(found, normal, self._rho),
+            found.fit,
+            found.spread,
         )
+
+    def _remember(self, made: Deviations) -> None:
+        """Keep what tells a throttle from a wrong nx."""
+        answer = self._monitor.answer
+        if THROTTLE not in answer.surfaces:
+            return
+        place, per_step = answer.surfaces.index(THROTTLE), answer.theta["nx"][answer.surfaces.index(THROTTLE)]
+        of_blocks = made.off[:, place].reshape(-1, self._rows).mean(axis=1)
+        self._airspeed.push(made.wind.reshape(-1, self._rows).sum(axis=1), per_step * of_blocks)
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -244,7 +261,7 @@ class SurfaceStream(ChunkStream):
             surfaces=self._monitor.suspects,
             peaks=looking.peaks,
             sensors=self._sensors(alarm, time_s),
-            margins=looking.margins,
+            margins=self._margins(looking, alarm),
             named=alarm.sensor,
             kind=tested.kind(int(np.nanargmax(np.nan_to_num(looking.peaks[: len(self._monitor.suspects)]))))
             if time_s - alarm.time_s >= _KIND_S
@@ -259,6 +276,15 @@ class SurfaceStream(ChunkStream):
         self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
         if not looking.looks:
             self._open = None
+
+    def _margins(self, looking: _Open, alarm: Alarm) -> FloatArray:
+        """Return the margins over all sensors: of the throttle, over nx by the airspeed, too."""
+        margins = looking.margins.copy()
+        if THROTTLE in self._monitor.suspects:
+            place = self._monitor.suspects.index(THROTTLE)
+            onset = looking.block - round((alarm.time_s - alarm.onset_s) / self._block_s)
+            margins[place] = min(margins[place], self._airspeed.margin(onset))
+        return margins
 
     def _sensors(self, raised: Alarm, time_s: float) -> tuple[str, ...]:
         """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it.
