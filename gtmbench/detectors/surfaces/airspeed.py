@@ -63,10 +63,10 @@ class AirspeedHistory:
         steps = ceil((_BEFORE_S + _MOST_S) / block_s)
         self._kept: deque[tuple[float, float]] = deque(maxlen=steps)
 
-    def push(self, wind_kt: FloatArray, unexplained_g: FloatArray) -> None:
-        """Take blocks: by how much E grew in each, and the forward acceleration that is put down to the throttle."""
-        self._kept.extend(zip(wind_kt.tolist(), unexplained_g.tolist(), strict=True))
-        self.count += len(wind_kt)
+    def push(self, wind_kt: float, unexplained_g: float) -> None:
+        """Take a block: by how much E grew, and the forward acceleration that is put down to the throttle."""
+        self._kept.append((wind_kt, unexplained_g))
+        self.count += 1
 
     def margin(self, onset: int) -> float:
         """Return by how many nats a failed throttle explains the airspeed since a block better than a wrong nx.

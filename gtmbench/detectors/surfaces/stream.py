@@ -75,12 +75,15 @@ class _Tested(NamedTuple):
         As `flow_sensors.margins` makes them.
     fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
         What has changed, and its covariance.
+    pushed : shape (blocks, 2)
+        As `AirspeedHistory` takes them.
     """
 
     ratios: FloatArray
     margins: FloatArray
     fit: FloatArray
     spread: FloatArray
+    pushed: FloatArray
 
     def at(self, block: int) -> _Tested:
         """Return those of a block."""
@@ -179,11 +182,10 @@ class SurfaceStream(ChunkStream):
         surfaces, tests = len(self._monitor.suspects), len(LABELS)
         if not len(values):
             nothing = np.zeros((0, tests, surfaces))
-            return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing)
+            return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing, np.zeros((0, 2)))
         there = np.asarray(np.isfinite(values).all(axis=1))
         made = self._answering.push(values)
         new = blocks_of(made, there, self._period_s)
-        self._remember(made)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
         normal = self._monitor.normal
@@ -192,16 +194,19 @@ class SurfaceStream(ChunkStream):
             margins(found, normal, self._rho),
             found.fit,
             found.spread,
+            self._pushed(made),
         )
 
-    def _remember(self, made: Deviations) -> None:
-        """Keep what tells a throttle from a wrong nx."""
-        answer = self._monitor.answer
-        if THROTTLE not in answer.surfaces:
-            return
-        place, per_step = answer.surfaces.index(THROTTLE), answer.theta["nx"][answer.surfaces.index(THROTTLE)]
-        of_blocks = made.off[:, place].reshape(-1, self._rows).mean(axis=1)
-        self._airspeed.push(made.wind.reshape(-1, self._rows).sum(axis=1), per_step * of_blocks)
+    def _pushed(self, made: Deviations) -> FloatArray:
+        """Return by how much the wind grew in every block, and which forward acceleration thrust doesn't explain."""
+        surfaces = self._monitor.suspects
+        wind = made.wind.reshape(-1, self._rows).sum(axis=1)
+        unexplained = np.zeros(len(wind))
+        if THROTTLE in surfaces:
+            place = surfaces.index(THROTTLE)
+            unexplained += made.off[:, place].reshape(-1, self._rows).mean(axis=1)
+            unexplained *= self._monitor.answer.theta["nx"][place]
+        return np.column_stack([wind, unexplained])
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -213,6 +218,7 @@ class SurfaceStream(ChunkStream):
 
     def _block(self, block: int, time_s: float, tested: _Tested, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
+        self._airspeed.push(*tested.pushed.tolist())
         surfaces = len(self._monitor.suspects)
         series = np.fmax.reduce(tested.ratios, axis=0)
         scores = series[:surfaces]
