@@ -6,13 +6,14 @@ Flies the GTM on its sensor chain, in the loop and open loop. `surfaces` and ban
 flights of 300 s at the aircraft's own trim, half of them in the loop, in the bench's usual turbulence.
 
 1. Surfaces: six kinds x elevator, aileron, rudder x flights with doublets and turbulence, 220 s, broken at 100 s and
-   watched for 60 s from then on, or until the aircraft departs. A fault moves the aircraft by more than its noise and
-   gusts if the RMS of what the surface did less what was commanded, over 20 s behind the monitor's own 2 rad/s lag,
-   is at least what gusts and sensors amount to in degrees of that surface (what a minute of healthy flight leaves).
-2. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
-3. Healthy flight: light, the usual and severe turbulence at trims that neither learnt.
+   watched for 60 s from then on. A fault moves the aircraft by more than its noise and gusts if the RMS of what the
+   surface did less what was commanded, over 20 s behind the monitor's own 2 rad/s lag, is at least what gusts and
+   sensors amount to in degrees of that surface (what a minute of healthy flight leaves).
+2. Throttle: five kinds, likewise, watched for 110 s; it moves the aircraft by its thrust, in percent of throttle.
+3. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
+4. Healthy flight: light, the usual, moderate and severe turbulence at trims that neither learnt.
 
-Seeds of development are 970,001 and on, those of the report 991,001 and on, looked at once.
+Seeds of development are 1,010,001 and on, those of the report 1,020,001 and on, looked at once.
 
 Writes report.md and rows.csv into DIR; about an hour of one core.
 """
@@ -33,10 +34,12 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
 
-SEED, HELD_SEED, CALIBRATION_SEED = 970_001, 991_001, 960_001
-ALL_PARTS = "surfaces,healthy,sensors"
+HELD_SEED, CALIBRATION_SEED = 1_020_001, 960_001
+ALL_PARTS = "surfaces,throttle,sensors,healthy"
+THROTTLE_TIMES = 2  # as many flights: it has five rows of kinds, where surfaces have eighteen
 KEPT = 20  # rows, between two times that they are written
-ONSET_S, WATCHED_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 60.0, 220.0, 400.0, 10.0
+ONSET_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 220.0, 400.0, 10.0
+WATCHED_S = {"surfaces": 60.0, "throttle": 110.0, "sensors": 60.0}  # from the onset on
 KINDS = {
     "jam": lambda at: gb.Jam(**at),
     "half effective": lambda at: gb.ScaleFactor(**at, factor=0.5),
@@ -190,7 +193,7 @@ def surface_rows(
                 for surface in broken:
                     fault = made({"channel": surface, "onset_s": ONSET_S})
                     truth, readings, departed_s = flown(loop, seed + number, (fault,))
-                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    until_s = min(ONSET_S + WATCHED_S[part], truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
                     watch = both["surfaces"].watch(record)
                     alarms, before = told(watch, ONSET_S, until_s), told(watch, 0.0, ONSET_S - 1e-9)
@@ -223,7 +226,7 @@ def sensor_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterato
                 for channel in SIZES:
                     fault = made({"channel": channel, "onset_s": ONSET_S})
                     truth, readings, departed_s = flown(loop, seed + 500 + number, (fault,))
-                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    until_s = min(ONSET_S + WATCHED_S["sensors"], truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
                     alone = told(both["C"].watch(record.select(SENSORS)), 0.0, until_s)
                     alarms = told(both["surfaces"].watch(record), 0.0, until_s)
@@ -318,25 +321,27 @@ def surface_table(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def in_short(rows: pd.DataFrame) -> str:
+    """Return the table's sums."""
+    moves, far = rows[rows["moved"] >= 1.0], rows[rows["moved"] >= 2.0]
+    wrong = rows["named"].ne("") & (rows["named"] != rows["channel"])
+    return (
+        f"A sensor accused by C: {int((rows['C_accuses'] != '').sum())} of {len(rows)}. "
+        f"Right name where it moves the aircraft: {int((moves['named'] == moves['channel']).sum())} of "
+        f"{len(moves)}; where by twice as much: {int((far['named'] == far['channel']).sum())} of {len(far)}. "
+        f"Wrong name: {int(wrong.sum())} of {len(rows)}. Alarms before the onset: {int(rows['early'].sum())}."
+    )
+
+
 def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monitor]) -> str:
     """Return the report as Markdown."""
-    surfaces, sensors, healthy = (rows[rows["part"] == part] for part in ("surfaces", "sensors", "healthy"))
+    surfaces, throttle, sensors, healthy = (rows[rows["part"] == part] for part in ALL_PARTS.split(","))
     texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
     noise = ", ".join(f"{name} {noise_of(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
     texts.append(f"Gusts and sensors amount to, in deg of the surface or % of throttle: {noise}.\n")
-    if len(surfaces):
-        moves = surfaces[surfaces["moved"] >= 1.0]
-        named = surfaces["named"].ne("")
-        wrong = named & (surfaces["named"] != surfaces["channel"])
-        far = surfaces[surfaces["moved"] >= 2.0]
-        texts.append(f"## Surfaces\n\n{markdown(surface_table(surfaces))}\n")
-        texts.append(
-            f"A sensor accused by C: {int((surfaces['C_accuses'] != '').sum())} of {len(surfaces)}. "
-            f"Right surface where it moves the aircraft: {int((moves['named'] == moves['channel']).sum())} of "
-            f"{len(moves)}; where by twice as much: {int((far['named'] == far['channel']).sum())} of {len(far)}. "
-            f"Wrong surface: {int(wrong.sum())} of {len(surfaces)}. "
-            f"Alarms before the onset: {int(surfaces['early'].sum())}.\n"
-        )
+    for title, own in (("Surfaces", surfaces), ("Throttle", throttle)):
+        if len(own):
+            texts.append(f"## {title}\n\n{markdown(surface_table(own))}\n\n{in_short(own)}\n")
     if len(sensors):
         lines = []
         for channel, own in sensors.groupby("channel", sort=False):
@@ -388,6 +393,7 @@ def main() -> None:
     both = monitors()
     parts = {
         "surfaces": lambda: surface_rows(both, flights, asked.seed),
+        "throttle": lambda: surface_rows(both, THROTTLE_TIMES * flights, asked.seed + 2000, "throttle"),
         "healthy": lambda: healthy_rows(both, hours, asked.seed),
         "sensors": lambda: sensor_rows(both, max(flights // 5, 1), asked.seed),
     }

@@ -4,7 +4,8 @@ Wind shakes everything, damage changes several effects at once, and a sensor's f
 surface is named only where no other's deviation comes near, no sensor of the flow would explain the same
 (`flow_sensors.py`), what no surface explains is small beside it, and kinematics hold. Otherwise it is said what may be,
 and that nobody can tell. Who was named stays named while the aircraft is thrown about, which no linear answer explains,
-unless another surface or a sensor comes up.
+unless another surface or a sensor comes up. Then drag isn't what it was, either, so a throttle that comes up after a
+surface was named changes nothing.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.values.record import FloatArray
 
 _DECISIVE = 3.0  # nats by which a sensor of the flow has to explain it worse: 20 times less likely
@@ -68,6 +70,8 @@ def judged(seen: Seen, time_s: float) -> Judgement:
     "can't tell: a sensor, for kinematics don't hold (q)"
     """
     own = np.nan_to_num(seen.peaks[: len(seen.surfaces)], nan=0.0)
+    if seen.named not in (None, THROTTLE) and THROTTLE in seen.surfaces:
+        own[seen.surfaces.index(THROTTLE)] = 0.0
     left = float(np.max(np.nan_to_num(seen.peaks[len(seen.surfaces) :], nan=0.0), initial=0.0))
     ranked = np.argsort(-own, kind="stable")
     greatest = float(own[ranked[0]])

@@ -27,6 +27,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _SETTLES_S = 5.0
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
+_LAST_LOOK_S = 60.0  # of a throttle that no airspeed has told from nx by then
 _KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
 _AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a consequence
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
@@ -75,6 +76,8 @@ class _Tested(NamedTuple):
         As `flow_sensors.margins` makes them.
     fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
         What has changed, and its covariance.
+    error : shape (blocks, tests, any)
+        What one deviation amounts to.
     pushed : shape (blocks, 2)
         As `AirspeedHistory` takes them.
     """
@@ -83,6 +86,7 @@ class _Tested(NamedTuple):
     margins: FloatArray
     fit: FloatArray
     spread: FloatArray
+    error: FloatArray
     pushed: FloatArray
 
     def at(self, block: int) -> _Tested:
@@ -99,7 +103,12 @@ class _Tested(NamedTuple):
     def kind(self, surface: int) -> str | None:
         """Return the kind of a surface's fault, as far as it shows; of one block."""
         offset, answer = KIND_TESTS
-        return kind_of(self.ratios[[offset, answer], surface], self.fit[answer, surface], self.spread[answer, surface])
+        return kind_of(
+            self.ratios[[offset, answer], surface],
+            self.fit[answer, surface],
+            self.spread[answer, surface],
+            float(self.error[answer, surface]),
+        )
 
 
 @dataclass(kw_only=True)
@@ -182,7 +191,9 @@ class SurfaceStream(ChunkStream):
         surfaces, tests = len(self._monitor.suspects), len(LABELS)
         if not len(values):
             nothing = np.zeros((0, tests, surfaces))
-            return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing, np.zeros((0, 2)))
+            return _Tested(
+                np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing, nothing, np.zeros((0, 2))
+            )
         there = np.asarray(np.isfinite(values).all(axis=1))
         made = self._answering.push(values)
         new = blocks_of(made, there, self._period_s)
@@ -194,6 +205,7 @@ class SurfaceStream(ChunkStream):
             margins(found, normal, self._rho),
             found.fit,
             found.spread,
+            found.error,
             self._pushed(made),
         )
 
@@ -276,6 +288,8 @@ class SurfaceStream(ChunkStream):
         judgement = judged(seen, time_s)
         if judgement.sensor is not None and time_s - alarm.time_s >= _KIND_S:
             looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
+        elif not looking.looks and judgement.candidates == (THROTTLE,) and time_s - alarm.time_s < 0.9 * _LAST_LOOK_S:
+            looking.looks.append(looking.block + round(_LAST_LOOK_S / self._block_s))
         again_s = None
         if looking.looks:
             again_s = round(time_s + (looking.looks[0] - block) * self._block_s, 9)
