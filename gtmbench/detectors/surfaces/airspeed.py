@@ -11,7 +11,8 @@ whatever the engine does; and what is left of it is wind. So since the fault beg
 
 has wandered as wind does if the throttle failed, and by what the throttle seems to be off, integrated, if nx did. Wind
 comes back within seconds and that grows, so time decides. The margin is the logarithm of the likelihood ratio, in nats,
-wind being a first-order Gauss-Markov process of the size that it had in the minute before.
+wind being a first-order Gauss-Markov process of the size that it had in the minute before. Where E wanders as no wind
+does, the airspeed may be wrong itself, and nothing is told.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ _WIND_S = 4.0  # how long wind lasts
 _LEAST_WIND_KT = 1.0
 _DRIFT_KT_S = 0.1  # how far E's slope of a minute may be from the next one's
 _KNOWN_TO = 0.1  # of what nx is off by
+_MISFIT, _FAR = 2.0, 3.5  # of E a value, and deviations of its farthest: more is no wind
 
 
 def speeding(read: Mapping[str, FloatArray]) -> FloatArray:
@@ -79,7 +81,7 @@ class AirspeedHistory:
         Returns
         -------
         float
-            0, which decides nothing, where too little was seen before.
+            0, which decides nothing, where too little was seen before; minus infinity where neither explains it.
         """
         first = max(onset - (self.count - len(self._kept)), 0)
         known = np.array(self._kept).reshape(-1, 2)
@@ -96,7 +98,10 @@ class AirspeedHistory:
         wind = wind_kt**2 * (np.exp(-apart_s / _WIND_S) + 1.0)  # and what it was at the onset
         wind += np.outer(_DRIFT_KT_S * times_s, _DRIFT_KT_S * times_s)
         told = np.outer(_KNOWN_TO * wrong, _KNOWN_TO * wrong)
-        return 0.5 * (_misfit(seen - wrong, wind + told) - _misfit(seen, wind + told))
+        misfit = _misfit(seen, wind + told)
+        if misfit > _MISFIT * len(seen) or np.any(np.abs(seen) > _FAR * np.sqrt(np.diag(wind + told))):
+            return -np.inf
+        return 0.5 * (_misfit(seen - wrong, wind + told) - misfit)
 
 
 def _misfit(values: FloatArray, covariance: FloatArray) -> float:

@@ -102,7 +102,10 @@ class Answer:
         """Return what a degree of a vane changes of an equation, where the dynamic pressure is 1."""
         explained_by = {"alpha": ("longitudinal", "forward"), "beta": ("lateral",)}[vane]
         explains = self.equations[equation] in explained_by
-        return float(self.theta[equation][len(self.surfaces)]) if explains else 0.0  # the first cause beside surfaces
+        if not explains:
+            return 0.0
+        linear, square = self.theta[equation][len(self.surfaces) :][:2]  # the first causes beside surfaces
+        return float(linear + 2.0 * self.frame.alpha * square if vane == "alpha" else linear)
 
     @property
     def series(self) -> tuple[str, ...]:
@@ -125,6 +128,7 @@ class Answer:
             "servo_s": frame.servo_s,
             "engine": frame.engine.table(),
             "reference": frame.reference,
+            "alpha": frame.alpha,
             "theta": {name: values.tolist() for name, values in self.theta.items()},
             "covariance": self.covariance.tolist(),
         }
@@ -167,7 +171,18 @@ def answer_of(where: str, given: Any) -> Answer:
     InputError
         Naming the key, what stands there and what should.
     """
-    names = ("vanes", "airspeed", "forward", "surfaces", "servo_s", "engine", "reference", "theta", "covariance")
+    names = (
+        "vanes",
+        "airspeed",
+        "forward",
+        "surfaces",
+        "servo_s",
+        "engine",
+        "reference",
+        "alpha",
+        "theta",
+        "covariance",
+    )
     table = keys(where, given, names)
     for key in ("vanes", "airspeed", "forward"):
         if not isinstance(table[key], bool):
@@ -183,6 +198,7 @@ def answer_of(where: str, given: Any) -> Answer:
         servo_s=number(f"{where}.servo_s", table["servo_s"], 0.0, above=True),
         engine=engine_of(f"{where}.engine", table["engine"]),
         reference=number(f"{where}.reference", table["reference"], 0.0, above=True),
+        alpha=number(f"{where}.alpha", table["alpha"], -90.0, 90.0),
     )
     theta = table_of(f"{where}.theta", table["theta"])
     equations = frame.equations

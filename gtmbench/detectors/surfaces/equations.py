@@ -85,6 +85,8 @@ class Frame:
     engine : Engine
     reference : float
         The airspeed in kt at which Q is 1.
+    alpha : float
+        The usual angle of attack in deg, where sensors of the flow are compared with surfaces.
     """
 
     flow: Flow
@@ -92,6 +94,7 @@ class Frame:
     servo_s: float
     engine: Engine
     reference: float
+    alpha: float = 0.0
 
     @property
     def equations(self) -> dict[str, str]:

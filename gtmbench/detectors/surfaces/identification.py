@@ -55,7 +55,14 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
 
     reference = max(abs(usual("tas")), 1e-6) if flow.airspeed else 1.0
     engine = Engine(lag_s=_ENGINE_LAGS_S[1])
-    frame = Frame(flow=flow, surfaces=moved, servo_s=_SERVO_LAGS_S[0], engine=engine, reference=reference)
+    frame = Frame(
+        flow=flow,
+        surfaces=moved,
+        servo_s=_SERVO_LAGS_S[0],
+        engine=engine,
+        reference=reference,
+        alpha=usual("alpha") if flow.vanes else 0.0,
+    )
 
     def left(tried: Frame, *names: str) -> float:
         return _fitted(tried, names or tuple(frame.equations), records, sample_period_s)[1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
@@ -100,6 +100,11 @@ class _Tested(NamedTuple):
             above = self.ratios[:, : self.margins.shape[1]] > 1.0
         return np.asarray(np.max(np.where(above, self.margins, -np.inf), axis=0))
 
+    def margins_of(self, surface: int) -> FloatArray:
+        """Return a surface's margins in the tests that are above their thresholds; of one block."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.margins[self.ratios[:, surface] > 1.0, surface])
+
     def kind(self, surface: int) -> str | None:
         """Return the kind of a surface's fault, as far as it shows; of one block."""
         offset, answer = KIND_TESTS
@@ -120,6 +125,7 @@ class _Open:
     looks: list[int]  # blocks in which it is looked at again
     peaks: FloatArray  # of each series, since its onset
     margins: FloatArray  # of each surface, the greatest
+    of_throttle: list[float] = field(default_factory=list)  # all of its margins
 
 
 class SurfaceStream(ChunkStream):
@@ -247,6 +253,8 @@ class SurfaceStream(ChunkStream):
         with np.errstate(invalid="ignore"):
             if np.any(armed & (scores > 1.0)):
                 self._above_block = float(block)
+        if self._open is not None and THROTTLE in self._monitor.suspects:
+            self._open.of_throttle += tested.margins_of(self._monitor.suspects.index(THROTTLE)).tolist()
         self._look(block, time_s, tested)
 
     def _raise(
@@ -298,10 +306,11 @@ class SurfaceStream(ChunkStream):
             self._open = None
 
     def _margins(self, looking: _Open, alarm: Alarm) -> FloatArray:
-        """Return the margins over all sensors: of the throttle, over nx by the airspeed, too."""
+        """Return the margins over all sensors: of the throttle their mean, and over nx by the airspeed."""
         margins = looking.margins.copy()
         if THROTTLE in self._monitor.suspects:
             place = self._monitor.suspects.index(THROTTLE)
+            margins[place] = np.mean(looking.of_throttle) if looking.of_throttle else -np.inf
             onset = looking.block - round((alarm.time_s - alarm.onset_s) / self._block_s)
             margins[place] = min(margins[place], self._airspeed.margin(onset))
         return margins
