@@ -72,11 +72,14 @@ class Answer:
         Effects: first those of the surfaces, in their order, 0 where there is none.
     covariance : shape (equations, equations)
         S, of what the equations leave on healthy flight.
+    by_airspeed : shape (equations,)
+        What a knot that the airspeed is wrong changes of the equations' residuals.
     """
 
     frame: Frame
     theta: Mapping[str, FloatArray]
     covariance: FloatArray
+    by_airspeed: FloatArray
 
     @property
     def flow(self) -> Flow:
@@ -131,6 +134,7 @@ class Answer:
             "alpha": frame.alpha,
             "theta": {name: values.tolist() for name, values in self.theta.items()},
             "covariance": self.covariance.tolist(),
+            "by_airspeed": self.by_airspeed.tolist(),
         }
 
 
@@ -182,6 +186,7 @@ def answer_of(where: str, given: Any) -> Answer:
         "alpha",
         "theta",
         "covariance",
+        "by_airspeed",
     )
     table = keys(where, given, names)
     for key in ("vanes", "airspeed", "forward"):
@@ -209,6 +214,7 @@ def answer_of(where: str, given: Any) -> Answer:
         frame=frame,
         theta={name: array_of(f"{where}.theta.{name}", theta[name], (length,)) for name, length in lengths.items()},
         covariance=array_of(f"{where}.covariance", table["covariance"], (len(equations), len(equations))),
+        by_airspeed=array_of(f"{where}.by_airspeed", table["by_airspeed"], (len(equations),)),
     )
     try:
         np.linalg.cholesky(answer.covariance)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.airspeed import speeding
+from gtmbench.detectors.surfaces.throttle_sensors import speeding
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray

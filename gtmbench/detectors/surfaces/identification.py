@@ -75,7 +75,12 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
         engines = [replace(engine, lag_s=lag_s) for lag_s in _ENGINE_LAGS_S]
         frame = min((replace(frame, engine=tried) for tried in engines), key=left)
     theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
-    return Answer(frame=frame, theta=theta, covariance=_covariance(frame, theta, records, sample_period_s))
+    return Answer(
+        frame=frame,
+        theta=theta,
+        covariance=_covariance(frame, theta, records, sample_period_s),
+        by_airspeed=_by_airspeed(frame, theta, records[0], sample_period_s),
+    )
 
 
 def _engine(frame: Frame, left: Callable[..., float]) -> Engine:
@@ -152,3 +157,13 @@ def _covariance(
     alone = np.array([axis == "forward" for axis in frame.equations.values()])
     apart = (alone[:, np.newaxis] | alone) & ~np.eye(len(alone), dtype=bool)
     return np.where(apart, 0.0, covariance)
+
+
+def _by_airspeed(frame: Frame, theta: Mapping[str, FloatArray], values: FloatArray, period_s: float) -> FloatArray:
+    """Return what a knot that the airspeed is wrong changes of what the equations leave, in the mean of a record."""
+    if not frame.flow.airspeed:
+        return np.zeros(len(theta))
+    faster, column = values.copy(), len(GYROS) + frame.flow.channels.index("tas")
+    faster[:, column] += 1.0
+    before, after = (Regressing(frame, period_s).push(each).regressors for each in (values, faster))
+    return np.array([float(np.mean((before[name] - after[name]) @ of)) for name, of in theta.items()])

@@ -19,6 +19,7 @@ from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.values.record import FloatArray
 
 _DECISIVE = 3.0  # nats by which a sensor of the flow has to explain it worse: 20 times less likely
+_DECISIVE_OF_THROTTLE = 5.0  # it is looked at up to five times, and wind is no white noise
 _NEAR = 0.4  # of the greatest: as much of another surface's, if that is above its threshold, too
 _LEFT = 0.5  # of the greatest: as much of what no surface explains
 _LEFT_AT_LEAST = 0.5  # of its threshold
@@ -82,9 +83,11 @@ def judged(seen: Seen, time_s: float) -> Judgement:
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
     names = " or ".join(alike)
     certain = Judgement(time_s=time_s, sensor=alike[0], candidates=alike, kind=seen.kind)
-    if alike[0] == seen.named:  # what it does to the motion since proves no more
+    margin = float(seen.margins[ranked[0]])
+    if alike[0] == seen.named and (alike[0] != THROTTLE or margin > 0.0):  # its motion since proves no more
         return certain
-    if left > max(_LEFT * greatest, _LEFT_AT_LEAST) or (len(alike) == 1 and seen.margins[ranked[0]] < _DECISIVE):
+    decisive = _DECISIVE_OF_THROTTLE if alike[0] == THROTTLE else _DECISIVE
+    if left > max(_LEFT * greatest, _LEFT_AT_LEAST) or (len(alike) == 1 and margin < decisive):
         why = f"surface, wind, or a sensor of the flow: {names}"
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
     if len(alike) > 1:

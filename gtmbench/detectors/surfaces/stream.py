@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
@@ -12,13 +12,13 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import ChunkStream, Said, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.surfaces.airspeed import AirspeedHistory
 from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
-from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
+from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
 from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
@@ -78,8 +78,8 @@ class _Tested(NamedTuple):
         What has changed, and its covariance.
     error : shape (blocks, tests, any)
         What one deviation amounts to.
-    pushed : shape (blocks, 2)
-        As `AirspeedHistory` takes them.
+    pushed : shape (blocks, any)
+        As `ThrottleHistory` takes them.
     """
 
     ratios: FloatArray
@@ -99,11 +99,6 @@ class _Tested(NamedTuple):
         with np.errstate(invalid="ignore"):
             above = self.ratios[:, : self.margins.shape[1]] > 1.0
         return np.asarray(np.max(np.where(above, self.margins, -np.inf), axis=0))
-
-    def margins_of(self, surface: int) -> FloatArray:
-        """Return a surface's margins in the tests that are above their thresholds; of one block."""
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.margins[self.ratios[:, surface] > 1.0, surface])
 
     def kind(self, surface: int) -> str | None:
         """Return the kind of a surface's fault, as far as it shows; of one block."""
@@ -125,7 +120,6 @@ class _Open:
     looks: list[int]  # blocks in which it is looked at again
     peaks: FloatArray  # of each series, since its onset
     margins: FloatArray  # of each surface, the greatest
-    of_throttle: list[float] = field(default_factory=list)  # all of its margins
 
 
 class SurfaceStream(ChunkStream):
@@ -149,7 +143,7 @@ class SurfaceStream(ChunkStream):
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
         self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
-        self._airspeed = AirspeedHistory(self._block_s)
+        self._throttle = _history(monitor.answer, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -216,15 +210,13 @@ class SurfaceStream(ChunkStream):
         )
 
     def _pushed(self, made: Deviations) -> FloatArray:
-        """Return by how much the wind grew in every block, and which forward acceleration thrust doesn't explain."""
-        surfaces = self._monitor.suspects
+        """Return of every block by how much wind grew, by how much the throttle seems off, and what is left."""
+        if self._throttle is None:
+            return np.zeros((len(made.off) // self._rows, 0))
+        place = self._monitor.suspects.index(THROTTLE)
         wind = made.wind.reshape(-1, self._rows).sum(axis=1)
-        unexplained = np.zeros(len(wind))
-        if THROTTLE in surfaces:
-            place = surfaces.index(THROTTLE)
-            unexplained += made.off[:, place].reshape(-1, self._rows).mean(axis=1)
-            unexplained *= self._monitor.answer.theta["nx"][place]
-        return np.column_stack([wind, unexplained])
+        rest = np.column_stack([made.off[:, place], made.left])
+        return np.column_stack([wind, rest.reshape(-1, self._rows, rest.shape[1]).mean(axis=1)])
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -236,7 +228,8 @@ class SurfaceStream(ChunkStream):
 
     def _block(self, block: int, time_s: float, tested: _Tested, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
-        self._airspeed.push(*tested.pushed.tolist())
+        if self._throttle is not None:
+            self._throttle.push(tested.pushed.tolist())
         surfaces = len(self._monitor.suspects)
         series = np.fmax.reduce(tested.ratios, axis=0)
         scores = series[:surfaces]
@@ -253,8 +246,6 @@ class SurfaceStream(ChunkStream):
         with np.errstate(invalid="ignore"):
             if np.any(armed & (scores > 1.0)):
                 self._above_block = float(block)
-        if self._open is not None and THROTTLE in self._monitor.suspects:
-            self._open.of_throttle += tested.margins_of(self._monitor.suspects.index(THROTTLE)).tolist()
         self._look(block, time_s, tested)
 
     def _raise(
@@ -306,13 +297,11 @@ class SurfaceStream(ChunkStream):
             self._open = None
 
     def _margins(self, looking: _Open, alarm: Alarm) -> FloatArray:
-        """Return the margins over all sensors: of the throttle their mean, and over nx by the airspeed."""
+        """Return the margins over all sensors; of the throttle by what happened since its fault began."""
         margins = looking.margins.copy()
-        if THROTTLE in self._monitor.suspects:
-            place = self._monitor.suspects.index(THROTTLE)
-            margins[place] = np.mean(looking.of_throttle) if looking.of_throttle else -np.inf
+        if self._throttle is not None:
             onset = looking.block - round((alarm.time_s - alarm.onset_s) / self._block_s)
-            margins[place] = min(margins[place], self._airspeed.margin(onset))
+            margins[self._monitor.suspects.index(THROTTLE)] = self._throttle.margin(onset)
         return margins
 
     def _sensors(self, raised: Alarm, time_s: float) -> tuple[str, ...]:
@@ -352,6 +341,14 @@ class SurfaceStream(ChunkStream):
             {name: could[at, i] for i, name in enumerate(surfaces)},
             told,
         )
+
+
+def _history(answer: Answer, block_s: float) -> ThrottleHistory | None:
+    """Return what a throttle is told from sensors by; None where it isn't judged."""
+    if THROTTLE not in answer.surfaces:
+        return None
+    per_step = float(answer.theta["nx"][answer.surfaces.index(THROTTLE)])
+    return ThrottleHistory(block_s, per_step, throttle_ratios(answer))
 
 
 def _read(monitor: Watching) -> tuple[str, ...]:
