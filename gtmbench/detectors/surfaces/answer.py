@@ -16,7 +16,7 @@ covariance S on healthy flight, say by how many degrees each surface seems to be
 and what no surface explains is left: z, of deviation 1 on healthy flight, to tell that something else happened.
 
 Where the forward acceleration is read, too, the throttle is one of them (`thrust.py`): thrust is a cause of q', nz and
-nx, in steps of 10 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
+nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
 nx changes nothing of what is said of elevator, aileron and rudder but by thrust.
 """
 
@@ -43,7 +43,7 @@ class Deviations(NamedTuple):
     Attributes
     ----------
     off : shape (samples, surfaces)
-        By how much each surface seems to be off, in its unit: degrees, of the throttle steps of 10 %.
+        By how much each surface seems to be off, in its unit: degrees, of the throttle steps of 20 %.
     commanded, slew : shape (samples, surfaces)
         What was commanded, behind servo and lag, and how fast that changes, in its unit and per second: as a servo
         that is slow by some tenths of a second sees it.

@@ -21,7 +21,7 @@ from gtmbench.detectors.tables import keys
 from gtmbench.values.record import FloatArray
 
 THROTTLE = "throttle"
-STEP_PERCENT = 10.0  # of throttle, beside a degree of a surface: what is tolerated of either is alike
+STEP_PERCENT = 20.0  # of throttle, beside a degree of a surface: what is tolerated of either is alike
 _MOST_LAG_S, _MOST_BEND = 60.0, 100.0
 
 

@@ -45,7 +45,7 @@ def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[
 def effect_rows(monitor: SurfaceMonitor) -> tuple[list[str], list[list[str]]]:
     """Return the columns and rows of what a degree of each surface changes, and what gusts amount to in its degrees.
 
-    Of the throttle it is a step of 10 %, and percent.
+    Of the throttle it is a step of 20 %, and percent.
     """
     surfaces, steps = list(monitor.suspects), monitor.answer.frame.steps
     rows = [
