@@ -333,7 +333,7 @@ class SurfaceMonitor:
         >>> flown = [gb.fly("gtm", "multisine+turbulence", 150.0, seed) for seed in (1, 2, 3)]
         >>> healthy = [gb.measure(flight, noise="t2", seed=1, commands=True) for flight in flown]
         >>> sizes = gb.SurfaceDetector().calibrate(healthy).sizes(healthy[2])
-        >>> 0.1 < sizes["rudder"].offset_deg < sizes["aileron"].offset_deg, sizes["rudder"].loss < 1.0
+        >>> 0.1 < sizes["rudder"].offset < sizes["aileron"].offset, sizes["rudder"].loss < 1.0
         (True, True)
         """
         kept = record.select(self.channels)
