@@ -6,13 +6,14 @@ Flies the GTM on its sensor chain, in the loop and open loop. `surfaces` and ban
 flights of 300 s at the aircraft's own trim, half of them in the loop, in the bench's usual turbulence.
 
 1. Surfaces: six kinds x elevator, aileron, rudder x flights with doublets and turbulence, 220 s, broken at 100 s and
-   watched for 60 s from then on, or until the aircraft departs. A fault moves the aircraft by more than its noise and
-   gusts if the RMS of what the surface did less what was commanded, over 20 s behind the monitor's own 2 rad/s lag,
-   is at least what gusts and sensors amount to in degrees of that surface (what a minute of healthy flight leaves).
-2. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
-3. Healthy flight: light, the usual and severe turbulence at trims that neither learnt.
+   watched for 60 s from then on. A fault moves the aircraft by more than its noise and gusts if the RMS of what the
+   surface did less what was commanded, over 20 s behind the monitor's own 2 rad/s lag, is at least what gusts and
+   sensors amount to in degrees of that surface (what a minute of healthy flight leaves).
+2. Throttle: five kinds, likewise, watched for 110 s; it moves the aircraft by its thrust, in percent of throttle.
+3. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
+4. Healthy flight: light, the usual, moderate and severe turbulence at trims that neither learnt.
 
-Seeds of development are 970,001 and on, those of the report 991,001 and on, looked at once.
+Seeds of development are 1,010,001 and on, those of the report 1,020,001 and on, looked at once.
 
 Writes report.md and rows.csv into DIR; about an hour of one core.
 """
@@ -33,10 +34,12 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
 
-SEED, HELD_SEED, CALIBRATION_SEED = 970_001, 991_001, 960_001
-ALL_PARTS = "surfaces,healthy,sensors"
+HELD_SEED, CALIBRATION_SEED = 1_020_001, 960_001
+ALL_PARTS = "surfaces,throttle,sensors,healthy"
+THROTTLE_TIMES = 2  # as many flights: it has five rows of kinds, where surfaces have eighteen
 KEPT = 20  # rows, between two times that they are written
-ONSET_S, WATCHED_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 60.0, 220.0, 400.0, 10.0
+ONSET_S, FLIGHT_S, HEALTHY_S, BEGUN_S = 100.0, 220.0, 400.0, 10.0
+WATCHED_S = {"surfaces": 60.0, "throttle": 110.0, "sensors": 60.0}  # from the onset on
 KINDS = {
     "jam": lambda at: gb.Jam(**at),
     "half effective": lambda at: gb.ScaleFactor(**at, factor=0.5),
@@ -54,6 +57,15 @@ SAID = {
     "backlash 2 deg": "none of these",
     "slow servo 0.3 s": "lag",
 }
+OF_THROTTLE = {
+    "engine out": lambda at: gb.ScaleFactor(**at, factor=0.0),
+    "stuck": lambda at: gb.Jam(**at),
+    "half the command": lambda at: gb.ScaleFactor(**at, factor=0.5),
+    "slow 2 s": lambda at: gb.Lag(**at, lag_s=2.0),
+    "runaway to full": lambda at: gb.Hardover(**at, limit=100.0, rate_limit=50.0),
+}
+SAID |= {"engine out": "jam", "stuck": "jam", "half the command": "scale_factor", "slow 2 s": "lag"}
+SAID |= {"runaway to full": "jam"}
 SENSOR_FAULTS = {
     "bias": lambda at: gb.Bias(**at, size=SIZES[at["channel"]]),
     "drift": lambda at: gb.Drift(**at, slope=SIZES[at["channel"]] / 10.0),
@@ -140,44 +152,61 @@ def kinds_said(alarms: Sequence[gb.detectors.alarm.Alarm]) -> str:
     return " ".join(dict.fromkeys(kinds[-1] for kinds in told if kinds))
 
 
-def noise_deg(monitor: gb.SurfaceMonitor, surface: str) -> float:
-    """Return what gusts and sensors amount to, in degrees of a surface."""
-    return float(monitor.normal.noise[monitor.suspects.index(surface)])
+def noise_of(monitor: gb.SurfaceMonitor, surface: str) -> float:
+    """Return what gusts and sensors amount to, in degrees of a surface or percent of throttle."""
+    place = monitor.suspects.index(surface)
+    return float(monitor.normal.noise[place] * monitor.answer.frame.steps[place])
 
 
-def moved_by(truth: gb.Record, surface: str) -> float:
-    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset."""
+def lagged(values: gb.values.record.FloatArray, lag_s: float, period_s: float) -> gb.values.record.FloatArray:
+    """Return values behind a lag of first order, at rest in the first of them."""
     from scipy.signal import lfilter
 
-    off = truth[f"{surface}_actual"] - truth[surface]
-    pole = np.exp(-2.0 * truth.sample_period_s)
-    slow = lfilter([1.0 - pole], [1.0, -pole], off)
+    pole = np.exp(-period_s / lag_s)
+    return np.asarray(lfilter([1.0 - pole], [1.0, -pole], values - values[0]) + values[0])
+
+
+def moved_by(monitor: gb.SurfaceMonitor, truth: gb.Record, surface: str) -> float:
+    """Return the RMS of what a surface did less the command, behind a lag of 2 rad/s, over 20 s from the onset.
+
+    Of the throttle it is the thrust that an engine as it was identified makes of either, in percent of throttle.
+    """
+    both = [truth[f"{surface}_actual"], truth[surface]]
+    engine = monitor.answer.frame.engine
+    if surface == "throttle":
+        for _ in range(engine.lags):
+            both = [lagged(each, engine.lag_s, truth.sample_period_s) for each in both]
+        both = [engine.thrust(each) for each in both]
+    slow = lagged(both[0] - both[1], 0.5, truth.sample_period_s)
     since = (truth.time_s >= ONSET_S) & (truth.time_s < ONSET_S + 20.0)
     return float(np.sqrt(np.mean(np.square(slow[since])))) if since.any() else 0.0
 
 
-def surface_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterator[dict[str, object]]:
-    """Break surfaces."""
+def surface_rows(
+    both: dict[str, gb.Monitor], flights: int, seed: int, part: str = "surfaces"
+) -> Iterator[dict[str, object]]:
+    """Break surfaces, or the throttle."""
+    kinds, broken = (KINDS, SURFACES) if part == "surfaces" else (OF_THROTTLE, ("throttle",))
     for number in range(flights):
         for loop in (True, False):
-            for kind, made in KINDS.items():
-                for surface in SURFACES:
+            for kind, made in kinds.items():
+                for surface in broken:
                     fault = made({"channel": surface, "onset_s": ONSET_S})
                     truth, readings, departed_s = flown(loop, seed + number, (fault,))
-                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    until_s = min(ONSET_S + WATCHED_S[part], truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
                     watch = both["surfaces"].watch(record)
                     alarms, before = told(watch, ONSET_S, until_s), told(watch, 0.0, ONSET_S - 1e-9)
                     names = accused(alarms)
                     bank = told(both["C"].watch(record), 0.0, until_s)
                     yield {
-                        "part": "surfaces",
+                        "part": part,
                         "loop": loop,
                         "kind": kind,
                         "channel": surface,
                         "seed": seed + number,
                         "departed_s": departed_s,
-                        "moved": moved_by(truth, surface) / noise_deg(both["surfaces"], surface),
+                        "moved": moved_by(both["surfaces"], truth, surface) / noise_of(both["surfaces"], surface),
                         "alarm_s": alarms[0].time_s - ONSET_S if alarms else np.nan,
                         "named_s": min((a.isolated_s for a in alarms if a.isolated_s), default=np.nan) - ONSET_S,
                         "named": " ".join(dict.fromkeys(names)),
@@ -197,7 +226,7 @@ def sensor_rows(both: dict[str, gb.Monitor], flights: int, seed: int) -> Iterato
                 for channel in SIZES:
                     fault = made({"channel": channel, "onset_s": ONSET_S})
                     truth, readings, departed_s = flown(loop, seed + 500 + number, (fault,))
-                    until_s = min(ONSET_S + WATCHED_S, truth.end_s)
+                    until_s = min(ONSET_S + WATCHED_S["sensors"], truth.end_s)
                     record = readings.between(BEGUN_S, until_s)
                     alone = told(both["C"].watch(record.select(SENSORS)), 0.0, until_s)
                     alarms = told(both["surfaces"].watch(record), 0.0, until_s)
@@ -292,25 +321,27 @@ def surface_table(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
+def in_short(rows: pd.DataFrame) -> str:
+    """Return the table's sums."""
+    moves, far = rows[rows["moved"] >= 1.0], rows[rows["moved"] >= 2.0]
+    wrong = rows["named"].ne("") & (rows["named"] != rows["channel"])
+    return (
+        f"A sensor accused by C: {int((rows['C_accuses'] != '').sum())} of {len(rows)}. "
+        f"Right name where it moves the aircraft: {int((moves['named'] == moves['channel']).sum())} of "
+        f"{len(moves)}; where by twice as much: {int((far['named'] == far['channel']).sum())} of {len(far)}. "
+        f"Wrong name: {int(wrong.sum())} of {len(rows)}. Alarms before the onset: {int(rows['early'].sum())}."
+    )
+
+
 def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monitor]) -> str:
     """Return the report as Markdown."""
-    surfaces, sensors, healthy = (rows[rows["part"] == part] for part in ("surfaces", "sensors", "healthy"))
+    surfaces, throttle, sensors, healthy = (rows[rows["part"] == part] for part in ALL_PARTS.split(","))
     texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
-    noise = ", ".join(f"{name} {noise_deg(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
-    texts.append(f"Gusts and sensors amount to, in deg of the surface: {noise}.\n")
-    if len(surfaces):
-        moves = surfaces[surfaces["moved"] >= 1.0]
-        named = surfaces["named"].ne("")
-        wrong = named & (surfaces["named"] != surfaces["channel"])
-        far = surfaces[surfaces["moved"] >= 2.0]
-        texts.append(f"## Surfaces\n\n{markdown(surface_table(surfaces))}\n")
-        texts.append(
-            f"A sensor accused by C: {int((surfaces['C_accuses'] != '').sum())} of {len(surfaces)}. "
-            f"Right surface where it moves the aircraft: {int((moves['named'] == moves['channel']).sum())} of "
-            f"{len(moves)}; where by twice as much: {int((far['named'] == far['channel']).sum())} of {len(far)}. "
-            f"Wrong surface: {int(wrong.sum())} of {len(surfaces)}. "
-            f"Alarms before the onset: {int(surfaces['early'].sum())}.\n"
-        )
+    noise = ", ".join(f"{name} {noise_of(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
+    texts.append(f"Gusts and sensors amount to, in deg of the surface or % of throttle: {noise}.\n")
+    for title, own in (("Surfaces", surfaces), ("Throttle", throttle)):
+        if len(own):
+            texts.append(f"## {title}\n\n{markdown(surface_table(own))}\n\n{in_short(own)}\n")
     if len(sensors):
         lines = []
         for channel, own in sensors.groupby("channel", sort=False):
@@ -362,6 +393,7 @@ def main() -> None:
     both = monitors()
     parts = {
         "surfaces": lambda: surface_rows(both, flights, asked.seed),
+        "throttle": lambda: surface_rows(both, THROTTLE_TIMES * flights, asked.seed + 2000, "throttle"),
         "healthy": lambda: healthy_rows(both, hours, asked.seed),
         "sensors": lambda: sensor_rows(both, max(flights // 5, 1), asked.seed),
     }

@@ -236,7 +236,8 @@ def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, a
     from gtmbench.report.words.monitor import facts, origin_text
     from gtmbench.report.words.surfaces import EQUATIONS, effect_rows, equation_rows
 
-    rows = equation_rows(detector.flow)
+    rows = equation_rows(detector.flow, None if monitor is None else monitor.suspects)
+    unwatched = {} if monitor is None else monitor.unwatched
     verdict = f"{detector.name} has {len(rows)} equations, of {', '.join(row[0] for row in rows)}: {detector.title}."
     if as_json:
         own = {
@@ -244,6 +245,7 @@ def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, a
             "channels": list(detector.channels),
             "equations": {row[0]: dict(zip(EQUATIONS[1:], row[1:], strict=True)) for row in rows},
             "effects": None if monitor is None else monitor.answer.effects.tolist(),
+            "unwatched": unwatched,
             "monitor": None if monitor is None else facts(monitor),
         }
         print_json(envelope("bank", verdict, own))
@@ -253,7 +255,7 @@ def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, a
         if monitor is not None:
             columns, found = effect_rows(monitor)
             print_table("Effects as identified, a degree", columns, found, right=columns[1:])
-            for line in origin_text(monitor):
+            for line in [*(f"{name} is not watched: {why}" for name, why in unwatched.items()), *origin_text(monitor)]:
                 echo(line)
         echo("from which size on a fault is detected: gtmbench monitor LOG --detector MONITOR.json, its last table")
 

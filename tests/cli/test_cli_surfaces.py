@@ -13,8 +13,8 @@ def test_bank_shows_the_equations_of_the_detector_of_surfaces(cli):
     code, out, err = cli("bank", "surfaces", "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
-    assert list(told["equations"]) == ["change of p", "change of q", "change of r", "ny", "nz"]
-    assert told["equations"]["change of q"]["surfaces in it"] == "elevator"
+    assert list(told["equations"]) == ["change of p", "change of q", "change of r", "ny", "nz", "nx"]
+    assert told["equations"]["change of q"]["surfaces in it"] == "elevator throttle"
     assert told["effects"] is None
     code, out, _ = cli("bank", "surfaces-no-vanes")
     assert code == 0

@@ -81,8 +81,8 @@ def ardupilot(records, *, settings=(), texts=(), unhealthy=(), lanes=(), more=No
     return files.dataflash({**tables, **(more or {})}, units=units)
 
 
-def px4(record, *, more=None, texts=()):
-    """Return a PX4 log; more: further topics, their rows' stamps in seconds."""
+def px4(record, *, more=None, texts=(), settings=None):
+    """Return a PX4 log; more: further topics, their rows' stamps in seconds; settings: parameters by name."""
     stamps = [at(time_s) for time_s in record.time_s]
     rates = np.radians(record.matrix(GYROS)).tolist()
     half = np.radians(record.matrix(ATTITUDE)) / 2.0
@@ -104,4 +104,4 @@ def px4(record, *, more=None, texts=()):
     }
     for name, (fields, rows) in (more or {}).items():
         topics[name] = (fields, [(at(row[0]), *row[1:]) for row in rows])
-    return files.ulog(topics, texts=[(at(time_s), text) for time_s, text in texts])
+    return files.ulog(topics, texts=[(at(time_s), text) for time_s, text in texts], settings=settings)

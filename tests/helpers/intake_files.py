@@ -21,12 +21,16 @@ def ulog_message(kind, body):
     return struct.pack("<HB", len(body), ord(kind)) + body
 
 
-def ulog(topics, *, start_us=0, texts=()):
+def ulog(topics, *, start_us=0, texts=(), settings=None):
     """Return a ULog file; topics: name -> (field declarations like "float xyz[3]", rows that begin with the stamp).
 
-    Texts are (stamp, text).
+    Texts are (stamp, text); settings are parameters, integers or floats.
     """
     out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", start_us) + ulog_message("B", bytes(40))
+    for name, value in (settings or {}).items():
+        key = f"{'int32_t' if isinstance(value, int) else 'float'} {name}".encode()
+        packed = struct.pack("<i" if isinstance(value, int) else "<f", value)
+        out += ulog_message("P", struct.pack("<B", len(key)) + key + packed)
     for name, (fields, _) in topics.items():
         out += ulog_message("F", f"{name.partition('#')[0]}:{';'.join(['uint64_t timestamp', *fields])};".encode())
     rows = []

@@ -49,6 +49,7 @@ _BROKEN = np.diag(1.0 / np.square([10.0, 1.0, 1.0]))
 _FORGETS_S = 2.0  # after a hole
 _LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
+_BLIND = 1.0  # the loss of all of a command is less than a deviation: it hardly moved
 _LEAST = 1e-12
 
 
@@ -271,12 +272,13 @@ def _answer(seen: _Compared) -> Changes:
     spread = level * gain @ inverse + gain @ seen.covariance @ np.swapaxes(gain, -1, -2)
     certain = np.asarray(np.linalg.inv(spread[..., 1:, 1:] + _LEAST * np.eye(2)), dtype=np.float64)
     change, gain = fit[..., 1:], gain[..., 1:, 1:]
+    error = 1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST))
     signs = [gain @ np.array([_TOLERATED_LOSS, sign * _TOLERATED_S]) for sign in (-1.0, 1.0)]
     tolerated = np.sqrt(np.max([_quadratic(certain, both) for both in signs], axis=0))
     return Changes(
-        np.sqrt(_quadratic(certain, change)),
+        np.where(error > _BLIND, 0.0, np.sqrt(_quadratic(certain, change))),
         tolerated * seen.rough,
-        1.0 / np.sqrt(np.maximum(_quadratic(certain, gain[..., 0]), _LEAST)),
+        error,
         change,
         spread[..., 1:, 1:],
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from gtmbench.detectors.surfaces.answer import Answer, solved
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, Changes
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.record import FloatArray
 
@@ -26,9 +27,9 @@ def ratios(answer: Answer) -> FloatArray:
 
     Sensors are the accelerometers across, which an equation explains, and the vanes, which explain.
     """
-    equations = list(answer.flow.equations)
-    wrong = np.zeros((len(answer.flow.sensors), len(equations)))
-    for number, sensor in enumerate(answer.flow.sensors):
+    equations = list(answer.equations)
+    wrong = np.zeros((len(answer.frame.sensors), len(equations)))
+    for number, sensor in enumerate(answer.frame.sensors):
         if sensor in equations:
             wrong[number, equations.index(sensor)] = 1.0
         else:
@@ -36,6 +37,14 @@ def ratios(answer: Answer) -> FloatArray:
     to_off, to_left = solved(answer)
     off, left = wrong @ to_off.T, wrong @ to_left.T
     return np.asarray(left[:, np.newaxis, :] / np.where(np.abs(off) < _LEAST, _LEAST, off)[..., np.newaxis])
+
+
+def throttle_ratios(answer: Answer) -> FloatArray:
+    """Return what a wrong alpha and a wrong airspeed change of what is left, by a step of throttle; (sensors, left)."""
+    place, alpha = answer.surfaces.index(THROTTLE), answer.frame.sensors.index("alpha")
+    to_off, to_left = solved(answer)
+    by_airspeed = to_left @ answer.by_airspeed / (to_off @ answer.by_airspeed)[place]
+    return np.array([ratios(answer)[alpha, place], by_airspeed])
 
 
 def margins(found: Changes, normal: Normal, rho: FloatArray) -> FloatArray:

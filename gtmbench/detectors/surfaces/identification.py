@@ -8,20 +8,25 @@ nothing to anything before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.answer import CAUSES, OWN_SURFACES, Answer, Flow, Regressing
+from gtmbench.detectors.surfaces.answer import Answer
+from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow, Frame, Regressing, causes_beside
+from gtmbench.detectors.surfaces.thrust import THROTTLE, Engine
 from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
 from gtmbench.values.record import FloatArray
 
-_SURFACE_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
+_SERVO_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
+_TWICE_LAGS_S = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)  # of engines that are judged: two in a row
+_BENDS = tuple(np.arange(-0.75, 4.1, 0.25).tolist())  # and how far from proportional their thrust is
+_LEAST_SLOPE = 0.1
 _SETTLES_S = 5.0
-_MOVED_DEG = 0.1  # deviation that a command must have had to be identified
+_MOVED_DEG, _MOVED_PERCENT = 0.1, 1.0  # deviation that a command must have had to be identified
 _STEP_S = 0.05  # from causes to what they change, where effects are identified
 _TURNS = 12  # of fitting effects and making their noise white
 
@@ -35,60 +40,81 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
         Where no surface ever moved.
     """
     at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
-    moved = tuple(
-        name for name in SURFACES if max(float(np.nanstd(values[:, at[name]])) for values in records) >= _MOVED_DEG
-    )
+    spread = {name: max(float(np.nanstd(values[:, at[name]])) for values in records) for name in COMMANDS}
+    moved = tuple(name for name in SURFACES if spread[name] >= _MOVED_DEG)
     if not moved:
         raise InputError(
             f"no command of {', '.join(SURFACES)} moves in the healthy records, so nothing is known of what they do; "
             "give flights that somebody flies, or with an excitation"
         )
-    reference = (
-        float(np.nanmedian(np.concatenate([values[:, at["tas"]] for values in records]))) if flow.airspeed else 1.0
-    )
-    reference = max(abs(reference), 1e-6)
-    found = partial(_fitted, flow, moved, reference, records, sample_period_s)
-    servo = min(_SURFACE_LAGS_S, key=lambda lag_s: found((lag_s, _ENGINE_LAGS_S[1]))[1])
-    engine = min(_ENGINE_LAGS_S, key=lambda lag_s: found((servo, lag_s))[1])
-    theta, _ = found((servo, engine))
-    lags_s = (servo, engine)
-    return Answer(
+    if flow.forward and spread[THROTTLE] >= _MOVED_PERCENT:
+        moved = (*moved, THROTTLE)
+
+    def usual(name: str) -> float:
+        return float(np.nanmedian(np.concatenate([values[:, at[name]] for values in records])))
+
+    reference = max(abs(usual("tas")), 1e-6) if flow.airspeed else 1.0
+    engine = Engine(lag_s=_ENGINE_LAGS_S[1])
+    frame = Frame(
         flow=flow,
         surfaces=moved,
-        lags_s=lags_s,
-        theta=theta,
-        covariance=_covariance(theta, flow, moved, lags_s, reference, records, sample_period_s),
+        servo_s=_SERVO_LAGS_S[0],
+        engine=engine,
         reference=reference,
+        alpha=usual("alpha") if flow.vanes else 0.0,
     )
+
+    def left(tried: Frame, *names: str) -> float:
+        return _fitted(tried, names or tuple(frame.equations), records, sample_period_s)[1]
+
+    if THROTTLE in moved:
+        engine = _engine(replace(frame, engine=Engine(lag_s=1.0, lags=2, level=usual(THROTTLE))), left)
+        frame = replace(frame, engine=engine)
+    frame = min((replace(frame, servo_s=lag_s) for lag_s in _SERVO_LAGS_S), key=left)
+    if THROTTLE not in moved:
+        engines = [replace(engine, lag_s=lag_s) for lag_s in _ENGINE_LAGS_S]
+        frame = min((replace(frame, engine=tried) for tried in engines), key=left)
+    theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
+    return Answer(
+        frame=frame,
+        theta=theta,
+        covariance=_covariance(frame, theta, records, sample_period_s),
+        by_airspeed=_by_airspeed(frame, theta, records[0], sample_period_s),
+    )
+
+
+def _engine(frame: Frame, left: Callable[..., float]) -> Engine:
+    """Return the engine whose thrust leaves least of the forward acceleration: its lag and its bend by turns."""
+    for _ in range(2):
+        for key, values in (("lag_s", _TWICE_LAGS_S), ("bend", _BENDS)):
+            tried = [replace(frame, engine=replace(frame.engine, **{key: value})) for value in values]
+            frame = min((each for each in tried if each.engine.slope > _LEAST_SLOPE), key=lambda each: left(each, "nx"))
+    return frame.engine
 
 
 def _fitted(
-    flow: Flow,
-    surfaces: tuple[str, ...],
-    reference: float,
-    records: Sequence[FloatArray],
-    period_s: float,
-    lags_s: tuple[float, float],
+    frame: Frame, names: Sequence[str], records: Sequence[FloatArray], period_s: float
 ) -> tuple[dict[str, FloatArray], float]:
-    """Return the effects, and what is left unpredicted: the logarithm of its power, of all equations.
+    """Return the effects, and what is left unpredicted: the logarithm of its power, of some equations.
 
     Gusts drive what they are mixed up with: a gust that rolls the aircraft changes the roll rate, and a controller
     then moves the ailerons. So causes of one step explain the change to the next, and noise is made white: what is
     new in it owes nothing to anything before.
     """
     rows, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
-    made = [Regressing(flow, surfaces, lags_s, reference, period_s).sides(values[begun:]) for values in records]
-    theta, cost = {}, 0.0
-    for name, axis in flow.equations.items():
+    made = [Regressing(frame, period_s).sides(values[begun:]) for values in records]
+    surfaces, theta, cost = frame.surfaces, {}, 0.0
+    for name in names:
+        axis = frame.equations[name]
+        found = np.zeros(len(surfaces) + causes_beside(axis, surfaces))
         own = [i for i, surface in enumerate(surfaces) if surface in OWN_SURFACES[axis]]
-        used = [*own, *range(len(surfaces), len(surfaces) + CAUSES[axis])]
+        used = [*own, *range(len(surfaces), len(found))]
         parts = []
         for sides in made:
             causes, explained = _means(sides.causes[axis][:, used], rows), _means(sides.explained[name], rows)
             if name in GYROS:
                 causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
             parts.append(np.column_stack([causes, explained]))
-        found = np.zeros(len(surfaces) + CAUSES[axis])
         found[used], power = _in_coloured_noise(parts)
         theta[name] = found
         cost += float(np.log(max(power, 1e-300)))
@@ -117,20 +143,27 @@ def _in_coloured_noise(parts: Sequence[FloatArray]) -> tuple[FloatArray, float]:
 
 
 def _covariance(
-    theta: Mapping[str, FloatArray],
-    flow: Flow,
-    surfaces: tuple[str, ...],
-    lags_s: tuple[float, float],
-    reference: float,
-    records: Sequence[FloatArray],
-    period_s: float,
+    frame: Frame, theta: Mapping[str, FloatArray], records: Sequence[FloatArray], period_s: float
 ) -> FloatArray:
-    """Return S: the covariance of what the equations leave behind the lag."""
+    """Return S: the covariance of what the equations leave behind the lag; nx by itself."""
     step, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
     left = []
     for values in records:
-        made = Regressing(flow, surfaces, lags_s, reference, period_s).push(values)
+        made = Regressing(frame, period_s).push(values)
         left.append(
             [made.explained[name][begun::step] - made.regressors[name][begun::step] @ of for name, of in theta.items()]
         )
-    return np.atleast_2d(np.cov(np.concatenate([np.array(each) for each in left], axis=1), bias=True))
+    covariance = np.atleast_2d(np.cov(np.concatenate([np.array(each) for each in left], axis=1), bias=True))
+    alone = np.array([axis == "forward" for axis in frame.equations.values()])
+    apart = (alone[:, np.newaxis] | alone) & ~np.eye(len(alone), dtype=bool)
+    return np.where(apart, 0.0, covariance)
+
+
+def _by_airspeed(frame: Frame, theta: Mapping[str, FloatArray], values: FloatArray, period_s: float) -> FloatArray:
+    """Return what a knot that the airspeed is wrong changes of what the equations leave, in the mean of a record."""
+    if not frame.flow.airspeed:
+        return np.zeros(len(theta))
+    faster, column = values.copy(), len(GYROS) + frame.flow.channels.index("tas")
+    faster[:, column] += 1.0
+    before, after = (Regressing(frame, period_s).push(each).regressors for each in (values, faster))
+    return np.array([float(np.mean((before[name] - after[name]) @ of)) for name, of in theta.items()])

@@ -19,7 +19,7 @@ _KNOWN = 0.15  # of b, whose deviation has to be less: more tells neither that i
 _SMALL = 0.25  # of the command: a loss below passes for none, and one above 1 less that for all
 
 
-def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray) -> str | None:
+def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray, error: float = 0.0) -> str | None:
     """Return ``jam``, ``scale_factor``, ``lag``, ``bias``, or None where several would do.
 
     Parameters
@@ -28,6 +28,8 @@ def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray) -> str | No
         The tests of the offset and of the answer over their thresholds.
     fit, spread : shapes (2,) and (2, 2)
         By how much b and c have changed, and their covariance.
+    error : float
+        By how much b would have had to change to be seen by one deviation: large where the command stood still.
 
     Examples
     --------
@@ -43,7 +45,7 @@ def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray) -> str | No
     loss, late = fit
     of_loss, of_late = np.sqrt(np.maximum(np.diag(spread), 0.0))
     offset, answer = np.nan_to_num(ratios)
-    if of_loss > _KNOWN:
+    if max(of_loss, error) > _KNOWN:
         return None
     if answer <= 1.0:
         return "bias" if offset > 1.0 and abs(loss) < _SMALL else None

@@ -4,7 +4,8 @@ Wind shakes everything, damage changes several effects at once, and a sensor's f
 surface is named only where no other's deviation comes near, no sensor of the flow would explain the same
 (`flow_sensors.py`), what no surface explains is small beside it, and kinematics hold. Otherwise it is said what may be,
 and that nobody can tell. Who was named stays named while the aircraft is thrown about, which no linear answer explains,
-unless another surface or a sensor comes up.
+unless another surface or a sensor comes up. Then drag isn't what it was, either, so a throttle that comes up after a
+surface was named changes nothing.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.values.record import FloatArray
 
 _DECISIVE = 3.0  # nats by which a sensor of the flow has to explain it worse: 20 times less likely
+_DECISIVE_OF_THROTTLE = 5.0  # it is looked at up to five times, and wind is no white noise
 _NEAR = 0.4  # of the greatest: as much of another surface's, if that is above its threshold, too
 _LEFT = 0.5  # of the greatest: as much of what no surface explains
 _LEFT_AT_LEAST = 0.5  # of its threshold
@@ -68,6 +71,8 @@ def judged(seen: Seen, time_s: float) -> Judgement:
     "can't tell: a sensor, for kinematics don't hold (q)"
     """
     own = np.nan_to_num(seen.peaks[: len(seen.surfaces)], nan=0.0)
+    if seen.named not in (None, THROTTLE) and THROTTLE in seen.surfaces:
+        own[seen.surfaces.index(THROTTLE)] = 0.0
     left = float(np.max(np.nan_to_num(seen.peaks[len(seen.surfaces) :], nan=0.0), initial=0.0))
     ranked = np.argsort(-own, kind="stable")
     greatest = float(own[ranked[0]])
@@ -78,9 +83,11 @@ def judged(seen: Seen, time_s: float) -> Judgement:
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
     names = " or ".join(alike)
     certain = Judgement(time_s=time_s, sensor=alike[0], candidates=alike, kind=seen.kind)
-    if alike[0] == seen.named:  # what it does to the motion since proves no more
+    margin = float(seen.margins[ranked[0]])
+    if alike[0] == seen.named and (alike[0] != THROTTLE or margin > 0.0):  # its motion since proves no more
         return certain
-    if left > max(_LEFT * greatest, _LEFT_AT_LEAST) or (len(alike) == 1 and seen.margins[ranked[0]] < _DECISIVE):
+    decisive = _DECISIVE_OF_THROTTLE if alike[0] == THROTTLE else _DECISIVE
+    if left > max(_LEFT * greatest, _LEFT_AT_LEAST) or (len(alike) == 1 and margin < decisive):
         why = f"surface, wind, or a sensor of the flow: {names}"
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=why)
     if len(alike) > 1:

@@ -12,12 +12,14 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import ChunkStream, Said, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.surfaces.answer import Answer
+from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
-from gtmbench.detectors.surfaces.flow_sensors import margins, ratios
+from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
 from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
 from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
@@ -25,6 +27,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _SETTLES_S = 5.0
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
+_LAST_LOOK_S = 60.0  # of a throttle that no airspeed has told from nx by then
 _KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
 _AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a consequence
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
@@ -73,12 +76,18 @@ class _Tested(NamedTuple):
         As `flow_sensors.margins` makes them.
     fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
         What has changed, and its covariance.
+    error : shape (blocks, tests, any)
+        What one deviation amounts to.
+    pushed : shape (blocks, any)
+        As `ThrottleHistory` takes them.
     """
 
     ratios: FloatArray
     margins: FloatArray
     fit: FloatArray
     spread: FloatArray
+    error: FloatArray
+    pushed: FloatArray
 
     def at(self, block: int) -> _Tested:
         """Return those of a block."""
@@ -94,7 +103,12 @@ class _Tested(NamedTuple):
     def kind(self, surface: int) -> str | None:
         """Return the kind of a surface's fault, as far as it shows; of one block."""
         offset, answer = KIND_TESTS
-        return kind_of(self.ratios[[offset, answer], surface], self.fit[answer, surface], self.spread[answer, surface])
+        return kind_of(
+            self.ratios[[offset, answer], surface],
+            self.fit[answer, surface],
+            self.spread[answer, surface],
+            float(self.error[answer, surface]),
+        )
 
 
 @dataclass(kw_only=True)
@@ -129,6 +143,7 @@ class SurfaceStream(ChunkStream):
         self._clock: ChunkClock | None = None
         self._waiting = np.zeros((0, len(_read(monitor))))  # samples of a block that isn't whole
         self._comparing = Comparing(monitor.normal.white, len(monitor.suspects), self._block_s)
+        self._throttle = _history(monitor.answer, self._block_s)
         self._count = 0  # of whole blocks
         surfaces = len(monitor.suspects)
         self._last = np.full(surfaces, np.nan)  # what holds until the next block is whole
@@ -176,15 +191,32 @@ class SurfaceStream(ChunkStream):
         surfaces, tests = len(self._monitor.suspects), len(LABELS)
         if not len(values):
             nothing = np.zeros((0, tests, surfaces))
-            return _Tested(np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing)
+            return _Tested(
+                np.zeros((0, tests, self._limits.shape[1])), nothing, nothing, nothing, nothing, np.zeros((0, 2))
+            )
         there = np.asarray(np.isfinite(values).all(axis=1))
-        new = blocks_of(self._answering.push(values), there, self._period_s)
+        made = self._answering.push(values)
+        new = blocks_of(made, there, self._period_s)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
         normal = self._monitor.normal
         return _Tested(
-            normal.nats(found, surfaces) / self._limits, margins(found, normal, self._rho), found.fit, found.spread
+            normal.nats(found, surfaces) / self._limits,
+            margins(found, normal, self._rho),
+            found.fit,
+            found.spread,
+            found.error,
+            self._pushed(made),
         )
+
+    def _pushed(self, made: Deviations) -> FloatArray:
+        """Return of every block by how much wind grew, by how much the throttle seems off, and what is left."""
+        if self._throttle is None:
+            return np.zeros((len(made.off) // self._rows, 0))
+        place = self._monitor.suspects.index(THROTTLE)
+        wind = made.wind.reshape(-1, self._rows).sum(axis=1)
+        rest = np.column_stack([made.off[:, place], made.left])
+        return np.column_stack([wind, rest.reshape(-1, self._rows, rest.shape[1]).mean(axis=1)])
 
     def _armed_by(self, scores: FloatArray) -> BoolArray:
         """Return where each surface could alarm: it has been known at or below its threshold."""
@@ -196,6 +228,8 @@ class SurfaceStream(ChunkStream):
 
     def _block(self, block: int, time_s: float, tested: _Tested, armed: BoolArray) -> None:
         """Raise the alarms of a block, and judge those that are due."""
+        if self._throttle is not None:
+            self._throttle.push(tested.pushed.tolist())
         surfaces = len(self._monitor.suspects)
         series = np.fmax.reduce(tested.ratios, axis=0)
         scores = series[:surfaces]
@@ -244,7 +278,7 @@ class SurfaceStream(ChunkStream):
             surfaces=self._monitor.suspects,
             peaks=looking.peaks,
             sensors=self._sensors(alarm, time_s),
-            margins=looking.margins,
+            margins=self._margins(looking, alarm),
             named=alarm.sensor,
             kind=tested.kind(int(np.nanargmax(np.nan_to_num(looking.peaks[: len(self._monitor.suspects)]))))
             if time_s - alarm.time_s >= _KIND_S
@@ -253,12 +287,22 @@ class SurfaceStream(ChunkStream):
         judgement = judged(seen, time_s)
         if judgement.sensor is not None and time_s - alarm.time_s >= _KIND_S:
             looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
+        elif not looking.looks and judgement.candidates == (THROTTLE,) and time_s - alarm.time_s < 0.9 * _LAST_LOOK_S:
+            looking.looks.append(looking.block + round(_LAST_LOOK_S / self._block_s))
         again_s = None
         if looking.looks:
             again_s = round(time_s + (looking.looks[0] - block) * self._block_s, 9)
         self._alarms[looking.number] = replace(alarm, judgements=(*alarm.judgements, judgement), looks_again_s=again_s)
         if not looking.looks:
             self._open = None
+
+    def _margins(self, looking: _Open, alarm: Alarm) -> FloatArray:
+        """Return the margins over all sensors; of the throttle by what happened since its fault began."""
+        margins = looking.margins.copy()
+        if self._throttle is not None:
+            onset = looking.block - round((alarm.time_s - alarm.onset_s) / self._block_s)
+            margins[self._monitor.suspects.index(THROTTLE)] = self._throttle.margin(onset)
+        return margins
 
     def _sensors(self, raised: Alarm, time_s: float) -> tuple[str, ...]:
         """Return the sensors that kinematics speak of by a time, as far as nothing healthy explains it.
@@ -297,6 +341,14 @@ class SurfaceStream(ChunkStream):
             {name: could[at, i] for i, name in enumerate(surfaces)},
             told,
         )
+
+
+def _history(answer: Answer, block_s: float) -> ThrottleHistory | None:
+    """Return what a throttle is told from sensors by; None where it isn't judged."""
+    if THROTTLE not in answer.surfaces:
+        return None
+    per_step = float(answer.theta["nx"][answer.surfaces.index(THROTTLE)])
+    return ThrottleHistory(block_s, per_step, throttle_ratios(answer))
 
 
 def _read(monitor: Watching) -> tuple[str, ...]:

@@ -21,11 +21,13 @@ from gtmbench.detectors.bank_detector import BankMonitor, restore_bank
 from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
-from gtmbench.detectors.surfaces.answer import FULL, Answer, Flow, answer_of
+from gtmbench.detectors.surfaces.answer import Answer, answer_of
 from gtmbench.detectors.surfaces.blocks import BLOCK_S, Blocks, blocks_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
+from gtmbench.detectors.surfaces.equations import FULL, Flow
 from gtmbench.detectors.surfaces.identification import identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
+from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal, normal_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
@@ -74,7 +76,8 @@ class SurfaceDetector:
         """What it is, in a line."""
         by = "vanes" if self.flow.vanes else "accelerometers"
         air = "" if self.flow.airspeed else ", at one airspeed"
-        return f"the aircraft's answer to its commands, the flow by {by}{air}, beside kinematics"
+        blind = "" if self.flow.forward else ", blind to the throttle"
+        return f"the aircraft's answer to its commands, the flow by {by}{air}, beside kinematics{blind}"
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -151,6 +154,7 @@ SURFACE_DETECTORS = {
     detector.name: detector
     for detector in (
         SurfaceDetector(),
+        SurfaceDetector(name="surfaces-no-nx", flow=Flow()),
         SurfaceDetector(name="surfaces-no-vanes", flow=Flow(vanes=False)),
         SurfaceDetector(name="surfaces-no-air", flow=Flow(vanes=False, airspeed=False)),
     )
@@ -216,8 +220,8 @@ class SurfaceSizes:
 
     Attributes
     ----------
-    offset_deg : float
-        A constant deflection beside the command.
+    offset : float
+        A constant deflection beside the command: in degrees, of the throttle in percent.
     loss : float
         The share of effectiveness that is lost: 0.3 leaves 70 % of the command.
     lost_seen : float
@@ -226,11 +230,11 @@ class SurfaceSizes:
     Examples
     --------
     >>> import gtmbench as gb
-    >>> gb.SurfaceSizes(offset_deg=0.4, loss=0.3)
-    SurfaceSizes(offset_deg=0.4, loss=0.3, lost_seen=1.0)
+    >>> gb.SurfaceSizes(offset=0.4, loss=0.3)
+    SurfaceSizes(offset=0.4, loss=0.3, lost_seen=1.0)
     """
 
-    offset_deg: float
+    offset: float
     loss: float
     lost_seen: float = 1.0
 
@@ -258,8 +262,10 @@ class SurfaceMonitor:
     >>> monitor = gb.SurfaceDetector().calibrate(healthy)
     >>> monitor.suspects, isinstance(monitor, gb.SurfaceMonitor)
     (('elevator', 'aileron', 'rudder'), True)
+    >>> monitor.unwatched  # flown open loop
+    {'throttle': 'its command never moved in the healthy flights'}
     >>> sizes = monitor.sizes(healthy[2])  # from which size on a fault alarms, as this record is excited
-    >>> all(0.0 < least.offset_deg < 5.0 for least in sizes.values())
+    >>> all(0.0 < least.offset < 5.0 for least in sizes.values())
     True
     """
 
@@ -283,6 +289,13 @@ class SurfaceMonitor:
     def suspects(self) -> tuple[str, ...]:
         """The surfaces that moved in the healthy flights."""
         return self.answer.surfaces
+
+    @property
+    def unwatched(self) -> dict[str, str]:
+        """Why commands are not judged, by command."""
+        lacking = [name for name in FULL.channels if name not in self.answer.flow.channels]
+        why = {name: "its command never moved in the healthy flights" for name in COMMANDS if name not in self.suspects}
+        return why | ({THROTTLE: f"{', '.join(lacking)} would have to be read"} if lacking else {})
 
     def stream(self) -> SurfaceStream:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
@@ -320,7 +333,7 @@ class SurfaceMonitor:
         >>> flown = [gb.fly("gtm", "multisine+turbulence", 150.0, seed) for seed in (1, 2, 3)]
         >>> healthy = [gb.measure(flight, noise="t2", seed=1, commands=True) for flight in flown]
         >>> sizes = gb.SurfaceDetector().calibrate(healthy).sizes(healthy[2])
-        >>> 0.1 < sizes["rudder"].offset_deg < sizes["aileron"].offset_deg, sizes["rudder"].loss < 1.0
+        >>> 0.1 < sizes["rudder"].offset < sizes["aileron"].offset, sizes["rudder"].loss < 1.0
         (True, True)
         """
         kept = record.select(self.channels)
@@ -330,10 +343,10 @@ class SurfaceMonitor:
         least = self.normal.smallest(found, limits_of(self))
         by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
         sizes = {}
-        for i, surface in enumerate(self.suspects):
+        for i, (surface, step) in enumerate(zip(self.suspects, self.answer.frame.steps, strict=True)):
             offsets, losses = (_judged(least[:, tests, i]) for tests in by_kind.values())
             sizes[surface] = SurfaceSizes(
-                offset_deg=float(np.quantile(offsets, _MOSTLY, axis=0).min()),
+                offset=float(step * np.quantile(offsets, _MOSTLY, axis=0).min()),
                 loss=float(np.quantile(losses, _MOSTLY, axis=0).min()),
                 lost_seen=float(np.mean(losses <= 1.0, axis=0).max()),
             )

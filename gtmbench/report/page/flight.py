@@ -101,7 +101,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         treatment=[(state, f"{seconds:.1f}") for state, seconds in lengths_s.items() if seconds >= SHORT_S],
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
-        certificate_notes=[*certificate_notes(watched.certificate.rows), *witness_lines(watched.witnesses)],
+        certificate_notes=[*certificate_notes(watched.certificate), *witness_lines(watched.witnesses)],
         details="\n".join(detail_lines(watched)),
         facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
         command=command,

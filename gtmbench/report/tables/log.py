@@ -95,6 +95,7 @@ def _certificate(certificate: Certificate) -> Mapping[str, Any]:
         "share_of_time": SHARE,
         "watched_s": certificate.watched_s,
         "missing": certificate.missing,
+        "unwatched": list(certificate.unwatched),
         "is_named": certificate.is_named,
         "rows": [asdict(row) | {"unit": unit_text(row)} for row in certificate.rows],
     }

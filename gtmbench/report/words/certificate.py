@@ -55,10 +55,11 @@ def certificate_table(certificate: Certificate) -> list[list[str]]:
 
 def certificate_lines(certificate: Certificate) -> list[str]:
     """Return the table of all sensors and kinds, with its meaning; nothing where there is none."""
-    rows, table = certificate.rows, certificate_table(certificate)
+    table = certificate_table(certificate)
     if not table:
         return []
-    return [f"{certificate_title(certificate)}:", *_aligned(table), *(f"  {note}" for note in certificate_notes(rows))]
+    notes = [f"  {note}" for note in certificate_notes(certificate)]
+    return [f"{certificate_title(certificate)}:", *_aligned(table), *notes]
 
 
 def certificate_title(certificate: Certificate) -> str:
@@ -88,9 +89,9 @@ def witness_lines(witnesses: Sequence[FieldWitness]) -> list[str]:
     return [f"asked where r or psi is left open, over {BOUND_S:g} s: {', '.join(told)}"]
 
 
-def certificate_notes(rows: Sequence[Smallest]) -> list[str]:
-    """Return what the table's cells mean that aren't sizes, and what it rests on."""
-    notes = []
+def certificate_notes(certificate: Certificate) -> list[str]:
+    """Return what the table's cells mean that aren't sizes, what it rests on, and what has no row."""
+    rows, notes = certificate.rows, []
     if any(row.size is None for row in rows):
         notes.append("in ... %: even the largest fault tried would have been detected this rarely")
     dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
@@ -101,7 +102,7 @@ def certificate_notes(rows: Sequence[Smallest]) -> list[str]:
             f"The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "
             "the worse is told."
         )
-    return notes
+    return [*notes, *certificate.unwatched]
 
 
 def size_text(row: Smallest, size: float | None) -> str:

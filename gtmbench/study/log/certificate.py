@@ -133,12 +133,15 @@ class Certificate:
         Whether it was asked what would have been named.
     missing : str
         Why there is none, where there are no rows.
+    unwatched : tuple of str
+        What has no row although it may fail, and why, each in a line.
     """
 
     rows: tuple[Smallest, ...] = field(default=(), repr=False)
     watched_s: float = 0.0
     is_named: bool = False
     missing: str = ""
+    unwatched: tuple[str, ...] = ()
 
     def of(self, sensor: str, kind: str) -> Smallest | None:
         """Return the row of a sensor and a kind; None where there is none."""
@@ -279,7 +282,7 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
     within_s, rows = max(WINDOWS_S), []
     for surface in monitor.suspects if sizes else ():
         least = [of[surface] for of in sizes]
-        offset, loss = max(each.offset_deg for each in least), max(each.loss for each in least)
+        offset, loss = max(each.offset for each in least), max(each.loss for each in least)
         seen = SHARE if loss <= 1.0 else min(each.lost_seen for each in least)
         rows += [
             Smallest(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
@@ -291,7 +294,11 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
                 within_s=within_s,
             ),
         ]
-    return Certificate(rows=tuple(rows), watched_s=sum(3600.0 * watch.armed_hours for watch in watches))
+    return Certificate(
+        rows=tuple(rows),
+        watched_s=sum(3600.0 * watch.armed_hours for watch in watches),
+        unwatched=tuple(f"{name} is not watched: {why}" for name, why in monitor.unwatched.items()),
+    )
 
 
 def _or_slow(row: Smallest, means: SlowMeans | None) -> Smallest:

@@ -144,7 +144,7 @@ def test_a_logs_certificate_has_a_row_for_every_surface_and_kind():
     sizes = monitor().sizes(healthy)
     for surface in monitor().suspects:
         bias, loss = certificate.of(surface, "bias"), certificate.of(surface, "scale_factor")
-        assert bias.size == sizes[surface].offset_deg
+        assert bias.size == sizes[surface].offset
         assert loss.size is None or loss.size == sizes[surface].loss
     short = monitor().watch(sensed(False, 817, duration_s=20.0))
     assert certificate_of(monitor(), [short]).missing.startswith("nothing of this record can be judged")

@@ -1,0 +1,283 @@
+"""The equations of the aircraft's answer: which causes explain what, by which channels, and both sides of samples.
+
+Every rotational acceleration, and every specific force, is linear in the flow, the body rates, the inertial products,
+thrust and the deflections, by the dynamic pressure of the moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gtmbench.detectors.surfaces.throttle_sensors import speeding
+from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
+from gtmbench.values.channels import COMMANDS, GYROS
+from gtmbench.values.record import FloatArray
+
+_LAMBDA_RAD_S = 2.0
+_SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
+_SLOW_ENGINE_S = 1.5  # and a slow engine
+_AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
+_SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
+OWN_SURFACES = {
+    "lateral": ("aileron", "rudder"),
+    "longitudinal": ("elevator", THROTTLE),
+    "forward": ("elevator", THROTTLE),
+}
+_AXES = {"p": "lateral", "q": "longitudinal", "r": "lateral"}
+_FORWARD = {"nx": "forward"}
+_RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flow:
+    """The channels by which the flow is known.
+
+    Attributes
+    ----------
+    vanes : bool
+        Whether alpha and beta are read; else the accelerometers stand for them.
+    airspeed : bool
+        Whether the airspeed is; else one dynamic pressure is taken for all.
+    forward : bool
+        Whether nx and the attitude are, beside vanes and airspeed, so that the throttle can be judged.
+    """
+
+    vanes: bool = True
+    airspeed: bool = True
+    forward: bool = False
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is read beside gyros and commands."""
+        air = ("tas", "altitude") if self.airspeed else ()
+        along = ("nx", "phi", "theta") if self.forward else ()
+        return (*(("alpha", "beta") if self.vanes else ()), "ny", "nz", *air, *along)
+
+    def equations(self, surfaces: Sequence[str]) -> dict[str, str]:
+        """Return, by the channel that is explained, which causes explain it."""
+        accelerometers = {"ny": "lateral", "nz": "longitudinal"} if self.vanes else {}
+        return _AXES | accelerometers | (_FORWARD if THROTTLE in surfaces else {})
+
+
+def causes_beside(axis: str, surfaces: Sequence[str]) -> int:
+    """Return how many causes beside the surfaces stand in an equation; thrust is one where the throttle is none."""
+    return {"lateral": 11, "longitudinal": 8 + (THROTTLE not in surfaces), "forward": 6}[axis]
+
+
+FULL = Flow(forward=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What the equations are written in.
+
+    Attributes
+    ----------
+    flow : Flow
+    surfaces : tuple of str
+        Those that moved in the healthy flights, so that their effect is known.
+    servo_s : float
+        The servos' lag.
+    engine : Engine
+    reference : float
+        The airspeed in kt at which Q is 1.
+    alpha : float
+        The usual angle of attack in deg, where sensors of the flow are compared with surfaces.
+    """
+
+    flow: Flow
+    surfaces: tuple[str, ...]
+    servo_s: float
+    engine: Engine
+    reference: float
+    alpha: float = 0.0
+
+    @property
+    def equations(self) -> dict[str, str]:
+        """By the channel that is explained, which causes explain it."""
+        return self.flow.equations(self.surfaces)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Those whose fault could look like a surface's, and leave something beside it; nx leaves nothing here."""
+        return ("alpha", "beta", "ny", "nz") if self.flow.vanes else ()
+
+    @property
+    def steps(self) -> FloatArray:
+        """The unit of each surface: a degree, or some percent of the throttle."""
+        return np.array([STEP_PERCENT if name == THROTTLE else 1.0 for name in self.surfaces])
+
+
+class _Regressed(NamedTuple):
+    explained: dict[str, FloatArray]
+    regressors: dict[str, FloatArray]
+    commanded: FloatArray
+    slew: FloatArray
+    pressure: FloatArray
+    wind: FloatArray
+
+
+class _Sides(NamedTuple):
+    explained: dict[str, FloatArray]
+    causes: dict[str, FloatArray]
+    driven: FloatArray
+    pressure: FloatArray
+    wind: FloatArray
+
+
+class Regressing:
+    """The equations' both sides, as samples come in."""
+
+    def __init__(self, frame: Frame, period_s: float) -> None:
+        self._frame = frame
+        self._columns = {name: i for i, name in enumerate((*GYROS, *frame.flow.channels, *COMMANDS))}
+        self._moving = [name for name in frame.surfaces if name != THROTTLE]
+        self._servos = _Lags([np.exp(-period_s / frame.servo_s)])
+        self._engine = [_Lags([np.exp(-period_s / frame.engine.lag_s)]) for _ in range(frame.engine.lags)]
+        self._air = _Lags([np.exp(-period_s / _AIR_LAG_S)])
+        self._smooth = _Lags([np.exp(-period_s * _LAMBDA_RAD_S)])
+        slow_s = [_SLOW_ENGINE_S if name == THROTTLE else _SLOW_S for name in frame.surfaces]
+        self._slow = _Lags(
+            [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
+        )
+        self._held: FloatArray | None = None
+        self._period_s = period_s
+        self._speed: float | None = None
+
+    def sides(self, values: FloatArray) -> _Sides:
+        """Return both sides of the equations for the next rows, as they are."""
+        values = self._without_holes(values)
+        read = {name: values[:, column] for name, column in self._columns.items()}
+        pressure = self._air.push(self._pressure(read)[:, np.newaxis])[:, 0]
+        driven = self._servos.push(np.column_stack([read[name] for name in self._moving]))
+        thrust = read[THROTTLE][:, np.newaxis]
+        for lag in self._engine:
+            thrust = lag.push(thrust)
+        thrust = self._frame.engine.thrust(thrust[:, 0])
+        if THROTTLE in self._frame.surfaces:
+            thrust = thrust / STEP_PERCENT
+            driven = np.column_stack([driven, thrust])
+        return _Sides(
+            explained={name: read[name] for name in self._frame.equations},
+            causes=self._causes(read, pressure, driven, thrust),
+            driven=driven,
+            pressure=pressure,
+            wind=self._wind(read),
+        )
+
+    def push(self, values: FloatArray) -> _Regressed:
+        """Return both sides of the equations for the next rows, behind the lag."""
+        made = self.sides(values)
+        causes, sides = made.causes, list(made.explained.values())
+        joined = np.column_stack([*sides, made.driven, made.pressure, *causes.values()])
+        smooth = self._smooth.push(joined)
+        after = len(sides) + len(self._frame.surfaces)
+        explained = {
+            name: _LAMBDA_RAD_S * (side - smooth[:, i]) if name in GYROS else smooth[:, i]
+            for i, (name, side) in enumerate(made.explained.items())
+        }
+        by_axis, first = {}, after + 1
+        for axis, of_axis in causes.items():
+            by_axis[axis] = smooth[:, first : first + of_axis.shape[1]]
+            first += of_axis.shape[1]
+        commanded = smooth[:, len(sides) : after]
+        return _Regressed(
+            explained=explained,
+            regressors={name: by_axis[axis] for name, axis in self._frame.equations.items()},
+            commanded=commanded,
+            slew=(commanded - self._slow.push(commanded)) / _SLOW_S,
+            pressure=np.maximum(smooth[:, after], 1e-3),
+            wind=made.wind,
+        )
+
+    def _without_holes(self, values: FloatArray) -> FloatArray:
+        """Return rows in which a missing value is the last one that was there."""
+        before = np.zeros((1, values.shape[1])) if self._held is None else self._held[np.newaxis]
+        joined = np.concatenate([before, values])
+        rows = np.where(np.isfinite(joined), np.arange(len(joined))[:, np.newaxis], 0)
+        filled = np.take_along_axis(joined, np.maximum.accumulate(rows, axis=0), axis=0)
+        self._held = filled[-1]
+        return np.asarray(filled[1:])
+
+    def _pressure(self, read: Mapping[str, FloatArray]) -> FloatArray:
+        """Return the dynamic pressure over the reference's."""
+        if not self._frame.flow.airspeed:
+            return np.ones(len(read["p"]))
+        speed = read["tas"] / self._frame.reference
+        return np.asarray(speed * np.abs(speed) * np.exp(-read["altitude"] / _SCALE_HEIGHT_FT))
+
+    def _wind(self, read: Mapping[str, FloatArray]) -> FloatArray:
+        """Return by how much the airspeed grew beside what accelerometers tell."""
+        if THROTTLE not in self._frame.surfaces or not len(read["p"]):
+            return np.zeros(len(read["p"]))
+        speed = read["tas"]
+        before = speed[0] if self._speed is None else self._speed
+        self._speed = float(speed[-1])
+        return np.asarray(np.diff(speed, prepend=before) - self._period_s * speeding(read))
+
+    def _causes(
+        self, read: Mapping[str, FloatArray], q: FloatArray, driven: FloatArray, thrust: FloatArray
+    ) -> dict[str, FloatArray]:
+        """Return what lateral and longitudinal motion are linear in: the surfaces first."""
+        p, r, pitch = read["p"], read["r"], read["q"]
+        damping = np.sqrt(np.maximum(q, 0.0))
+        ones = np.ones(len(q))
+        if self._frame.flow.vanes:
+            alpha, beta = read["alpha"], read["beta"]
+            lift, side, lifts = q * alpha, q * beta, q * alpha**2
+            slip = beta
+        else:  # the specific force is the flow's, by the dynamic pressure
+            lift, side = read["nz"], read["ny"]
+            dense = np.maximum(q, 1e-3)
+            lifts, alpha, slip = lift**2 / dense, lift / dense, side / dense
+        by_air = [driven[:, i] * q for i in range(len(self._moving))]
+        judged = THROTTLE in self._frame.surfaces
+        pushed = [thrust] if judged else []
+        lateral = [
+            side,
+            np.abs(slip) * side,
+            alpha * side,
+            damping * p,
+            damping * r,
+            damping * alpha * p,
+            damping * alpha * r,
+        ]
+        lateral += [q, pitch * r * _RATES, p * pitch * _RATES, ones]
+        longitudinal = [lift, lifts, slip * side, damping * pitch, q]
+        forward = [*longitudinal, ones]
+        longitudinal += [] if judged else [thrust]
+        longitudinal += [p * r * _RATES, (p**2 - r**2) * _RATES, ones]
+        by_axis = {"lateral": lateral, "longitudinal": longitudinal}
+        if judged:
+            by_axis["forward"] = forward
+        return {axis: np.column_stack([*by_air, *pushed, *causes]) for axis, causes in by_axis.items()}
+
+
+class _Lags:
+    """First-order lags of unit gain, a pole a column or one for all, at rest in the first row."""
+
+    def __init__(self, poles: Sequence[float]) -> None:
+        self._poles = [float(pole) for pole in poles]
+        self._rest: FloatArray | None = None
+        self._carried: list[FloatArray] = []
+
+    def push(self, values: FloatArray) -> FloatArray:
+        from scipy.signal import lfilter
+
+        if self._rest is None and len(values):
+            self._rest = values[0].copy()
+            self._carried = [np.zeros((1, values.shape[1] if len(self._poles) == 1 else 1)) for _ in self._poles]
+        if self._rest is None:
+            return values
+        moved = np.empty_like(values)
+        wide = len(self._poles) == 1
+        for i, pole in enumerate(self._poles):
+            part = slice(None) if wide else slice(i, i + 1)
+            moved[:, part], self._carried[i] = lfilter(
+                [1.0 - pole], [1.0, -pole], values[:, part] - self._rest[part], axis=0, zi=self._carried[i]
+            )
+        return np.asarray(moved + self._rest)

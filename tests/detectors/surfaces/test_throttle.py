@@ -1,0 +1,126 @@
+"""The throttle: named where it fails, never where a sensor does that looks like one, and not watched without nx."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.detectors.surfaces.throttle_sensors import KT_S_PER_G, ThrottleHistory, speeding
+from gtmbench.detectors.surfaces.thrust import Engine
+from gtmbench.study.log.certificate import certificate_of
+from gtmbench.values.channels import ACCELEROMETERS
+from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed
+
+BLOCK_S = 0.1
+
+
+@pytest.mark.parametrize(
+    ("loop", "kind"),
+    [
+        (True, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
+        (True, lambda **at: gb.ScaleFactor(**at, factor=0.5)),
+        (False, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
+    ],
+    ids=["engine out", "half", "engine out, open loop"],
+)
+def test_a_throttle_that_fails_is_named_and_nobody_else(loop, kind):
+    record = sensed(loop, 830, kind(channel="throttle", onset_s=ONSET_S), duration_s=130.0)
+    alarms = said(record)
+    assert alarms[0].time_s >= ONSET_S
+    assert {alarm.sensor for alarm in alarms} - {None} == {"throttle"}
+    bank = monitor().kinematics.watch(record)
+    assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
+
+
+@pytest.mark.parametrize("loop", [True, False], ids=["closed", "open"])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        gb.Bias(channel="nx", onset_s=ONSET_S, size=0.08),
+        gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.005),
+        gb.Bias(channel="alpha", onset_s=ONSET_S, size=-1.5),
+        gb.ScaleFactor(channel="tas", onset_s=ONSET_S, factor=0.85),
+    ],
+    ids=lambda fault: f"{fault.kind} of {fault.channel}",
+)
+def test_a_sensor_that_looks_like_a_throttle_makes_none_fail(loop, fault):
+    assert {alarm.sensor for alarm in said(sensed(loop, 831, fault, duration_s=120.0))} <= {None}
+
+
+def test_a_throttle_that_stands_still_cannot_be_seen_to_be_stuck():
+    still = sensed(False, 832, gb.Jam(channel="throttle", onset_s=ONSET_S), duration_s=120.0)
+    assert said(still) == []
+    assert monitor().sizes(still)["throttle"].loss > 1.0
+
+
+def test_thrust_is_identified_with_its_lag_and_its_bend():
+    """The GTM's engine follows after 2.0 s in the mean; a percent is worth more thrust the more there is."""
+    engine = monitor().answer.frame.engine
+    assert engine.lags * engine.lag_s == pytest.approx(2.0, rel=0.35)
+    assert 0.5 < engine.bend < 4.0
+    assert Engine(lag_s=1.0).thrust(np.array([20.0, 40.0])).tolist() == [20.0, 40.0]
+
+
+def test_the_airspeed_changes_as_accelerometers_and_vanes_tell():
+    """Where the air is calm, integrated kinematics are the airspeed, whatever elevator and throttle do."""
+    throttle = gb.ScaleFactor(channel="throttle", onset_s=5.0, factor=0.0)
+    truth = gb.fly("gtm", "multisine", 25.0, 3, faults=throttle)
+    told = speeding({name: truth[name] for name in ("alpha", "beta", "phi", "theta", *ACCELEROMETERS)})
+    grown = np.cumsum(0.5 * (told[1:] + told[:-1])) * truth.sample_period_s
+    assert np.ptp(truth["tas"]) > 5.0
+    np.testing.assert_allclose(grown, truth["tas"][1:] - truth["tas"][0], atol=0.15)
+
+
+def remembered(*, nx_g=0.0, throttle_steps=0.0, left_by_step=0.0, seed=1):
+    """Return a history of wind and noise, in which something fails after a minute."""
+    draw = np.random.default_rng(seed)
+    history = ThrottleHistory(BLOCK_S, 0.05, np.array([[16.0, 0.0]]))
+    wind = 0.0
+    for block in range(1000):
+        before, wind = wind, 0.975 * wind + 0.5 * draw.standard_normal()
+        off = nx_g / 0.05 + throttle_steps if block >= 600 else 0.0
+        grown = wind - before - KT_S_PER_G * BLOCK_S * nx_g * (block >= 600)
+        left = [left_by_step * off + draw.standard_normal(), draw.standard_normal()]
+        history.push([grown, off + 0.05 * draw.standard_normal(), *left])
+    return history.margin(600)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_evidence_is_for_the_throttle_against_nx_and_against_a_vane(seed):
+    assert remembered(throttle_steps=-1.5, seed=seed) > 5.0
+    assert remembered(nx_g=-0.075, seed=seed) < 0.0
+    assert remembered(throttle_steps=-1.5, left_by_step=16.0, seed=seed) < 0.0
+    assert remembered(seed=seed) == pytest.approx(0.0, abs=2.0)  # nothing has failed
+
+
+def test_evidence_needs_something_to_compare_with():
+    history = ThrottleHistory(BLOCK_S, 0.05, np.zeros((0, 2)))
+    for _ in range(200):
+        history.push([0.0, 1.0, 0.0, 0.0])
+    assert history.margin(100) == 0.0
+
+
+@cache
+def without_nx():
+    flights = [sensed(True, 760 + i, duration_s=130.0, excitation="multisine+turbulence") for i in range(3)]
+    return gb.find_detector("surfaces-no-nx").calibrate(flights)
+
+
+def test_without_nx_the_throttle_is_not_watched_and_the_certificate_says_so():
+    assert "nx" not in without_nx().channels
+    assert without_nx().suspects == ("elevator", "aileron", "rudder")
+    healthy = sensed(True, 833, duration_s=110.0)
+    (note,) = certificate_of(without_nx(), [without_nx().watch(healthy)]).unwatched
+    assert note == "throttle is not watched: nx, phi, theta would have to be read"
+    assert certificate_of(monitor(), [monitor().watch(healthy)]).unwatched == ()
+
+
+def test_a_throttles_sizes_are_in_percent(tmp_path):
+    healthy = sensed(True, 834, duration_s=120.0)
+    certificate = certificate_of(monitor(), [monitor().watch(healthy)])
+    assert 1.0 < certificate.of("throttle", "bias").size < 40.0
+    gb.save_monitor(monitor(), tmp_path / "monitor.json")
+    again = gb.load_monitor(tmp_path / "monitor.json")
+    assert [alarm.verdict for alarm in again.watch(healthy).alarms] == []
+    assert again.sizes(healthy) == monitor().sizes(healthy)
