@@ -239,7 +239,7 @@ def _tell(verdict: str, events: Sequence[LoopEvent], *, steered: bool) -> None:
     for event in events:
         echo(f"{event.time_s:g} s: {loop_text(event)}")
     if steered:
-        echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read", err=True)
+        echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read")
 
 
 def _in_loop(*how: Any, **settings: Any) -> tuple[LoopFlight, ControllerError | None]:
