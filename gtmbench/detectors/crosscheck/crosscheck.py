@@ -310,7 +310,7 @@ def _field_of(motions: Sequence[Motion]) -> FloatArray | None:
             return None
         raw = motion.record.matrix(MAGNETOMETER)
         read = np.isfinite(raw).all(axis=1) & (motion.known > 0.0)
-        turned.append(np.einsum("kij,kj->ki", motion.turned[read], raw[read]))
+        turned.append(np.einsum("ijk,kj->ki", motion.turned[:, :, read], raw[read]))
     told = np.concatenate(turned)
     mean = told.mean(axis=0) if len(told) else np.zeros(3)
     return mean if np.linalg.norm(mean) > 0.0 else None

@@ -59,30 +59,28 @@ class Learnt:
     def errors(self, relation: Relation) -> FloatArray:
         """Return e in the axes in which it is judged, shape (blocks, axes)."""
         left = relation.y - relation.design @ self.constants
-        judged = np.einsum("bij,bj->bi", relation.frame, left)
+        judged = (relation.frame @ left[:, :, np.newaxis])[:, :, 0]
         if relation.is_length:
             judged[:, 0] = np.hypot(1.0 + judged[:, 0], np.hypot(judged[:, 1], judged[:, 2])) - 1.0
         return np.asarray(judged)
 
     def widening(self, relation: Relation) -> FloatArray:
         """Return by how much less is known of e for what isn't known of the constants, shape (blocks, axes)."""
-        seen = np.einsum("bij,bjk->bik", relation.frame, relation.design)
-        doubt = np.einsum("bik,kl,bil->bi", seen, self.covariance, seen)
+        seen = relation.frame @ relation.design
+        doubt = np.sum((seen @ self.covariance) * seen, axis=2)
         return np.asarray(np.sqrt(1.0 + doubt / self.noise**2))
-
-    def ratios(self, relation: Relation) -> FloatArray:
-        """Return how large each axis' means are, beside their bounds: the largest of windows; NaN where unknown."""
-        return self.beside_bounds(self.errors(relation) / self.widening(relation))
 
     def bounds_over(self, blocks: int) -> FloatArray:
         """Return what healthy means over so many blocks don't exceed, by axis."""
         return np.asarray(self.bounds[max(place for place, window in enumerate(WINDOWS) if window <= blocks)])
 
     def beside_bounds(self, errors: FloatArray) -> FloatArray:
-        """Return how large the means of some errors are beside the bounds, shape (blocks, axes)."""
-        ratios = np.array([np.abs(moving_mean(errors, each)) for each in WINDOWS]) / self.bounds[:, np.newaxis, :]
-        known = np.isfinite(ratios).any(axis=0)
-        return np.where(known, np.max(np.nan_to_num(ratios, posinf=0.0), axis=0), np.nan)
+        """Return how large means of some errors are beside their bounds, the largest of windows; NaN where unknown."""
+        sums = running(errors)
+        ratios = np.full(errors.shape, np.nan)
+        for window, bounds in zip(WINDOWS, self.bounds, strict=True):
+            np.fmax(ratios, np.abs(mean_of(sums, window)) / bounds, out=ratios)
+        return ratios
 
     @property
     def table(self) -> dict[str, list[Any]]:
@@ -102,13 +100,23 @@ class Learnt:
 
 def moving_mean(values: FloatArray, window: int) -> FloatArray:
     """Return means over the last blocks, NaN where more than 40 % of them are missing, shape (blocks, axes)."""
+    return mean_of(running(values), window)
+
+
+def running(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how many values there are before each block and after the last, and their sums; (blocks + 1, axes)."""
     there = np.isfinite(values)
-    counts, sums = (
-        np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(each, axis=0)])
-        for each in (there, np.where(there, values, 0.0))
-    )
-    means = np.full_like(values, np.nan)
-    if len(values) >= window:
+    counts, sums = np.zeros((2, len(values) + 1, values.shape[1]))
+    np.cumsum(there, axis=0, out=counts[1:])
+    np.cumsum(np.where(there, values, 0.0), axis=0, out=sums[1:])
+    return counts, sums
+
+
+def mean_of(running_sums: tuple[FloatArray, FloatArray], window: int) -> FloatArray:
+    """Return means over the last blocks of what `running` gave."""
+    counts, sums = running_sums
+    means = np.full((len(sums) - 1, sums.shape[1]), np.nan)
+    if len(means) >= window:
         known = counts[window:] - counts[:-window]
         means[window - 1 :] = (sums[window:] - sums[:-window]) / np.maximum(known, 1.0)
         means[window - 1 :][known < _PRESENT * window] = np.nan
