@@ -52,6 +52,10 @@ class CrossCheck:
     name : str
     channels : tuple of str
         Those that a record must hold.
+    by_itself : bool
+        Whether a sensor may be found by what it shows itself: that it repeats one reading, falls silent or becomes
+        noisy. Of a recorded flight that proves nothing: motors shake its sensors, at 10 Hz a turn changes readings as
+        noise does, and an aircraft may hover so still that readings repeat.
 
     Examples
     --------
@@ -66,6 +70,7 @@ class CrossCheck:
 
     name: str = "cross-check"
     channels: tuple[str, ...] = (*GYROS, *ATTITUDE)
+    by_itself: bool = True
 
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
@@ -107,6 +112,7 @@ class CrossCheck:
             own={name: OwnNoise.of(healthy, name) for name in own_names},
             entered={axis: tuple(sorted(sensors)) for name in learnt for axis, sensors in parts[name][0].axes},
             suspects=_suspects(used),
+            by_itself=self.by_itself,
         )
 
     def restore(
@@ -114,7 +120,9 @@ class CrossCheck:
     ) -> CrossCheckMonitor:
         """Return the monitor of some figures."""
         table = keys(
-            "figures", figures, ("sample_period_s", "channels", "delay_s", "field_ned", "learnt", "own", "entered")
+            "figures",
+            figures,
+            ("sample_period_s", "channels", "delay_s", "field_ned", "learnt", "own", "entered", "by_itself"),
         )
         return CrossCheckMonitor(
             name=self.name,
@@ -129,6 +137,7 @@ class CrossCheck:
             },
             entered={axis: tuple(sensors) for axis, sensors in table["entered"].items()},
             suspects=_suspects(table["channels"]),
+            by_itself=bool(table["by_itself"]),
             provenance=dict(provenance),
         )
 
@@ -149,6 +158,8 @@ class CrossCheckMonitor(BaseMonitor):
         Which sensors enter each relation, beside the attitude and the wind: what it can isolate, and what it can't.
     suspects : tuple of str
         The sensors that it may name.
+    by_itself : bool
+        Whether a sensor may be found by what it shows itself.
 
     Examples
     --------
@@ -168,6 +179,7 @@ class CrossCheckMonitor(BaseMonitor):
     own: Mapping[str, OwnNoise] = field(repr=False)
     entered: Mapping[str, tuple[str, ...]] = field(repr=False)
     suspects: tuple[str, ...] = ()
+    by_itself: bool = True
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def watch(self, record: Record) -> Watch:
@@ -190,7 +202,7 @@ class CrossCheckMonitor(BaseMonitor):
             for relation in relations(motion, self.delay_s, self.field_ned)
             if relation.name in self.learnt
         ]
-        own = own_ratios(record_of_own, self.own, motion.blocks)
+        own = own_ratios(record_of_own, self.own, motion.blocks) if self.by_itself else {}
         ratios = {axis: each.ratios[:, place] for each in seen for place, (axis, _) in enumerate(each.relation.axes)}
         ratios |= {f"{sensor} by itself": each for sensor, each in own.items()}
         ends = slice(motion.rows - 1, motion.blocks * motion.rows, motion.rows)
@@ -206,6 +218,7 @@ class CrossCheckMonitor(BaseMonitor):
         return {
             "sample_period_s": self.sample_period_s,
             "channels": list(self.channels),
+            "by_itself": self.by_itself,
             "delay_s": self.delay_s,
             "field_ned": None if self.field_ned is None else exact(self.field_ned),
             "learnt": {name: own.table for name, own in self.learnt.items()},

@@ -253,6 +253,8 @@ def _explains_little(by_name: Mapping[str, Seen], part: slice) -> bool:
         if not now:
             continue
         target = np.concatenate([each.errors for each in now])
+        if len(target) < 3:  # axes whose bounds are known: three unknowns explain fewer
+            continue
 
         def left(turn: FloatArray, now: Sequence[_Now] = now) -> FloatArray:
             rotation = _by(turn)

@@ -15,6 +15,7 @@ Where all sensors are right each of them is linear in a few unknown constants: b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -241,7 +242,7 @@ class Late:
         weights = read[self.rows] * motion.known[self.rows]
         within = self.rows < motion.blocks * motion.rows
         block = self.rows[within] // motion.rows
-        flat = (values * weights)[..., within].reshape(-1, len(block))
+        flat = (values * weights)[..., within].reshape(math.prod(values.shape[:-1]), len(block))
         sums = np.array([np.bincount(block, each, minlength=motion.blocks) for each in flat])
         counts = np.bincount(block, weights[within], minlength=motion.blocks).astype(np.float64)
         return _means(sums.reshape(*values.shape[:-1], motion.blocks), counts)
@@ -255,8 +256,11 @@ def gps_delay_s(motion: Motion) -> float:
     left = []
     for delay_s in _DELAYS_S:
         late = Late.of(motion, float(delay_s))
-        apart = late.mean(motion, late.velocity - motion.path[:, late.at], motion.known)
-        left.append(np.nanmean(np.nanvar(_changes(apart), axis=0)))
+        changes = _changes(late.mean(motion, late.velocity - motion.path[:, late.at], motion.known))
+        changes = changes[np.isfinite(changes).all(axis=1)]
+        if len(changes) < 2:  # no fix yet
+            return _USUAL_DELAY_S
+        left.append(np.mean(np.var(changes, axis=0)))
     return float(_DELAYS_S[int(np.argmin(left))])
 
 

@@ -22,6 +22,7 @@ from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.report.words.other_sensors import sensor_table
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
@@ -51,6 +52,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
         "witnesses": [_witness(each) for each in watched.witnesses],
+        "sensors": [sensor_table(each) for each in watched.sensors],
         "installation": None if watched.installation is None else watched.installation.table(),
         "attitude": None if watched.attitude is None else asdict(watched.attitude),
         "log": _log(watched.log),
