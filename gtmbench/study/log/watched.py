@@ -204,7 +204,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         means=said.means,
         witnesses=said.witnesses,
-        sensors=_sensors(said),
+        sensors=sensors_of(said),
         standing=said.standing,
         installation=said.installation,
         attitude=learnt.opened.attitude,
@@ -213,7 +213,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
     )
 
 
-def _sensors(said: Said) -> tuple[WatchedSensor, ...]:
+def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
     """Return what the sensors of a log that no gyro enters say of each other, learnt where its monitor was."""
     learnt = said.learnt
     motion = learnt.opened.own.motion
