@@ -190,7 +190,7 @@ def report(rows: pd.DataFrame) -> list[str]:
     wrong = [f"- {row.log}, {row.fault} of {row.kind}: {row.told}" for row in put[put["said"] == "wrong"].itertuples()]
     costs = known.drop_duplicates("log")
     return [
-        f"{rows['log'].nunique()} logs, {int((clean['said'] == 'refused').sum())} refused; of {len(put)} faults {total}.",
+        f"{rows['log'].nunique()} logs, {(clean['said'] == 'refused').sum()} refused; of {len(put)} faults {total}.",
         f"Log seconds {costs['log_s'].sum():.1f}, sensors seconds {costs['sensors_s'].sum():.1f}.",
         markdown(pd.DataFrame(sums)),
         "\n".join(accused),

@@ -56,6 +56,9 @@ class CrossCheck:
         Whether a sensor may be found by what it shows itself: that it repeats one reading, falls silent or becomes
         noisy. Of a recorded flight that proves nothing: motors shake its sensors, at 10 Hz a turn changes readings as
         noise does, and an aircraft may hover so still that readings repeat.
+    margin : float
+        By how much bounds exceed those that the healthy noise tells. Flight after a short healthy part is often
+        rougher than that was.
 
     Examples
     --------
@@ -71,6 +74,7 @@ class CrossCheck:
     name: str = "cross-check"
     channels: tuple[str, ...] = (*GYROS, *ATTITUDE)
     by_itself: bool = True
+    margin: float = 1.0
 
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
@@ -98,7 +102,9 @@ class CrossCheck:
         for motion in motions:
             for relation in relations(motion, delay_s, field_ned):
                 parts.setdefault(relation.name, []).append(relation)
-        learnt = {name: each for name, own in parts.items() if (each := Learnt.of(own)) is not None}
+        learnt = {
+            name: each.with_margin(self.margin) for name, own in parts.items() if (each := Learnt.of(own)) is not None
+        }
         if not learnt:
             raise InputError(_nothing(used))
         own_names = [name for name in used if name not in ATTITUDE]

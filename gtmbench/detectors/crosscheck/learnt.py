@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,15 @@ class Learnt:
         Standard deviation of a healthy block.
     bounds : shape (windows, axes)
         What the mean of a healthy window doesn't exceed, where the constants are known; inf where that isn't known.
+    least : shape (axes,)
+        What of it is usual beside the noise.
     """
 
     constants: FloatArray = field(repr=False)
     covariance: FloatArray = field(repr=False)
     noise: FloatArray
     bounds: FloatArray
+    least: FloatArray
 
     @classmethod
     def of(cls, parts: Sequence[Relation]) -> Learnt | None:
@@ -49,12 +52,19 @@ class Learnt:
             return None
         first = parts[0]
         constants, covariance = _fitted(y[known], design[known], first.usual, first.spread)
-        raw = cls(constants=constants, covariance=covariance, noise=np.ones(y.shape[1]), bounds=np.zeros(0))
+        least = np.array(first.least)
+        raw = cls(
+            constants=constants, covariance=covariance, noise=np.ones(y.shape[1]), bounds=np.zeros(0), least=least
+        )
         errors = [raw.errors(part) for part in parts]
         noise = np.nanstd(np.concatenate(errors), axis=0)
         bounds = np.array([_bound(errors, window, first.least) for window in WINDOWS])
         bounds = np.minimum.accumulate(bounds, axis=0)  # a mean exceeds none that no part of it exceeds
-        return cls(constants=constants, covariance=covariance, noise=noise, bounds=bounds)
+        return cls(constants=constants, covariance=covariance, noise=noise, bounds=bounds, least=least)
+
+    def with_margin(self, margin: float) -> Learnt:
+        """Return the same with bounds so many times as large."""
+        return self if margin == 1.0 else replace(self, bounds=margin * self.bounds, least=margin * self.least)
 
     def errors(self, relation: Relation) -> FloatArray:
         """Return e in the axes in which it is judged, shape (blocks, axes)."""
@@ -74,19 +84,24 @@ class Learnt:
         """Return what healthy means over so many blocks don't exceed, by axis."""
         return np.asarray(self.bounds[max(place for place, window in enumerate(WINDOWS) if window <= blocks)])
 
-    def beside_bounds(self, errors: FloatArray) -> FloatArray:
-        """Return how large means of some errors are beside their bounds, the largest of windows; NaN where unknown."""
+    def allowed(self, blocks: int, widening: FloatArray) -> FloatArray:
+        """Return what means over so many blocks don't exceed: the noise's part of the bound, widened, and the rest."""
+        return np.asarray(self.least + (self.bounds_over(blocks) - self.least) * widening)
+
+    def beside_bounds(self, errors: FloatArray, widening: FloatArray) -> FloatArray:
+        """Return how large means of errors are beside what is allowed, the largest of windows; NaN where unknown."""
         sums = running(errors)
         ratios = np.full(errors.shape, np.nan)
-        for window, bounds in zip(WINDOWS, self.bounds, strict=True):
-            np.fmax(ratios, np.abs(mean_of(sums, window)) / bounds, out=ratios)
+        for window in WINDOWS:
+            allowed = np.nan_to_num(self.allowed(window, widening), nan=np.inf)
+            np.fmax(ratios, np.abs(mean_of(sums, window)) / allowed, out=ratios)
         return ratios
 
     @property
     def table(self) -> dict[str, list[Any]]:
         """As plain values; bounds that aren't known are None."""
         table: dict[str, list[Any]] = {
-            name: getattr(self, name).tolist() for name in ("constants", "covariance", "noise")
+            name: getattr(self, name).tolist() for name in ("constants", "covariance", "noise", "least")
         }
         bounds = [[each if np.isfinite(each) else None for each in row] for row in self.bounds.tolist()]
         return {**table, "bounds": bounds}

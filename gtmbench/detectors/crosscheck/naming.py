@@ -94,7 +94,7 @@ class Seen:
     def of(cls, relation: Relation, learnt: Learnt) -> Seen:
         """Return what is seen of a relation."""
         errors, widening = learnt.errors(relation), learnt.widening(relation)
-        ratios = learnt.beside_bounds(errors / widening)
+        ratios = learnt.beside_bounds(errors, widening)
         return cls(relation=relation, learnt=learnt, errors=errors, widening=widening, ratios=ratios)
 
 
@@ -197,12 +197,12 @@ def _carried(told: FloatArray, frames: FloatArray, violated: Seen, other: Seen, 
     widening = np.nan_to_num(violated.widening[part], nan=np.inf)
     steps = np.arange(1, count + 1)[:, np.newaxis]
     if becomes_speed and not is_speed:
-        allowed = np.array([learnt.bounds_over(n) for n in range(1, count + 1)]) * widening * steps * BLOCK_S
+        allowed = _growing(learnt, widening) * steps * BLOCK_S
         gone = np.cumsum(np.einsum("bji,bj->bi", _in_space(frames), told), axis=0) * BLOCK_S  # summed in space
         into = _in_space(np.nan_to_num(other.relation.frame[part]))
         return _most(np.einsum("bij,bj->bi", into, gone), turned, allowed, other, part, 1)
     if becomes_speed:
-        return _most(np.einsum("bij,bj->bi", turned, told), turned, learnt.bounds_over(1) * widening, other, part, 1)
+        return _most(np.einsum("bij,bj->bi", turned, told), turned, learnt.allowed(1, widening), other, part, 1)
     shown = np.einsum("bij,bj->bi", turned, told)
     largest = np.zeros(other.errors.shape[1])
     for window in WINDOWS:
@@ -210,14 +210,18 @@ def _carried(told: FloatArray, frames: FloatArray, violated: Seen, other: Seen, 
             mean = np.nan_to_num(moving_mean(shown, window))
             change = np.zeros_like(mean)
             change[2 * window :] = (mean[2 * window :] - mean[window:-window]) / (window * BLOCK_S)
-            allowed = np.sqrt(2.0) * learnt.bounds_over(window) * widening / (window * BLOCK_S)
+            allowed = np.sqrt(2.0) * learnt.allowed(window, widening) / (window * BLOCK_S)
             largest = np.maximum(largest, _most(change, turned, allowed, other, part, window))
         elif not is_speed and window <= count:
             mean = np.nan_to_num(moving_mean(shown, window))
-            largest = np.maximum(
-                largest, _most(mean, turned, learnt.bounds_over(window) * widening, other, part, window)
-            )
+            largest = np.maximum(largest, _most(mean, turned, learnt.allowed(window, widening), other, part, window))
     return largest
+
+
+def _growing(learnt: Learnt, widening: FloatArray) -> FloatArray:
+    """Return what the mean over the first blocks doesn't exceed, of as many as there are up to each."""
+    counts = range(1, len(widening) + 1)
+    return np.array([learnt.allowed(count, row) for count, row in zip(counts, widening, strict=True)])
 
 
 def _turned(frames: FloatArray, others: FloatArray) -> FloatArray:
@@ -235,7 +239,7 @@ def _most(
 ) -> FloatArray:
     """Return the largest of an error in a relation's axes, less what noise is allowed, beside the bounds there."""
     noise = np.sqrt(np.einsum("bij,bj->bi", turned**2, np.nan_to_num(allowed, posinf=1e9) ** 2))
-    bounds = other.learnt.bounds_over(window) * other.widening[part]
+    bounds = other.learnt.allowed(window, other.widening[part])
     beyond = np.maximum(np.abs(shown) - noise, 0.0) / bounds
     return np.asarray(np.max(np.nan_to_num(beyond), axis=0, initial=0.0))
 
@@ -297,7 +301,7 @@ def _now(seen: Seen | None, part: slice, window: int) -> _Now | None:
         return None
     name, last = seen.relation.name, slice(part.stop - window, part.stop)
     errors = np.nan_to_num(seen.errors[last]).mean(axis=0)
-    bounds = seen.learnt.bounds_over(window) * np.nan_to_num(seen.widening[last], nan=np.inf).max(axis=0)
+    bounds = seen.learnt.allowed(window, np.nan_to_num(seen.widening[last], nan=np.inf).max(axis=0))
     frame = np.nan_to_num(seen.relation.frame[last]).mean(axis=0)
     own = np.isfinite(bounds)
     own[0] &= name != FIELD  # the length of the field is as it is in any attitude

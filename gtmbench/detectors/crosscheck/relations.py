@@ -52,6 +52,17 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
 }
 
 
+POSSIBLE: Mapping[str, tuple[str, ...]] = {  # relations, and what enters them; the attitude and the wind always may
+    "gps, accelerometers": (GPS, ACCEL, ATT),
+    "gps, altitude": (GPS, ALTITUDE),
+    "gps, air": (GPS, TAS, ATT, WIND),
+    "air, accelerometers": (TAS, ACCEL, ATT, WIND),
+    "altitude, accelerometers": (ALTITUDE, ACCEL, ATT),
+    "field strength": (MAG,),
+    "field direction": (MAG, ATT),
+}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relation:
     """A relation on a record: y = X theta + e, block by block, and in which axes e is judged.

@@ -8,8 +8,9 @@ from typing import Any
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALPHA, ALTITUDE, ATT, BETA, GPS, MAG, TAS, WIND
+from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.report.words.units import capitalised
-from gtmbench.study.log.other_sensors import Limit, WatchedSensor
+from gtmbench.study.log.other_sensors import Limit, WatchedSensor, kind_of, not_told_apart, possible
 
 NAMES = {
     MAG: "magnetometer",
@@ -66,6 +67,29 @@ def sensor_lines(sensors: Sequence[WatchedSensor]) -> list[str]:
         if len(each.alarms) > _MOST:
             lines.append(f"    {len(each.alarms) - _MOST} alarms more, the last at {each.alarms[-1].time_s:.1f} s")
     return lines
+
+
+def possible_lines(sensors: Sequence[SensorReadings]) -> list[str]:
+    """Say what of some sensors can be compared, and what by that can't be told apart; nothing without any."""
+    if not sensors:
+        return []
+    kinds = dict.fromkeys(map(kind_of, sensors))
+    relations = possible(kinds)
+    lines = []
+    for each in sensors:
+        kind = kind_of(each)
+        against = dict.fromkeys(
+            other for own in relations.values() if kind in own for other in own if other not in (kind, WIND)
+        )
+        alike = [NAMES[other] for other in not_told_apart(relations, kind)]
+        if not any(kind in own for own in relations.values()):
+            said = "not watched: the log has nothing to compare it with"
+        else:
+            itself = ["its own strength"] * (kind == MAG)
+            said = f"against {listed([*itself, *(NAMES[other] for other in against)], 'and')}"
+        hardly = f"; hardly told from {listed(alike, 'or')}" if alike else ""
+        lines.append(f"  {NAMES[kind]} ({each.name}): {said}{hardly}")
+    return ["sensors that no gyro enters, and what each can be compared with:", *lines]
 
 
 def sensor_table(sensor: WatchedSensor) -> Mapping[str, Any]:

@@ -7,7 +7,7 @@ a gyro rests on this.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
-from gtmbench.detectors.crosscheck.relations import ATT, CHANNELS, MAG, TAS
+from gtmbench.detectors.crosscheck.relations import ATT, BLOCK_S, CHANNELS, MAG, POSSIBLE, TAS, WIND
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -24,14 +24,16 @@ from gtmbench.study.log.records import LIVELY_DEG_S, outside, turning_by_second
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 
-_LASTS_S, _LARGE, _HUGE = 5.0, 2.0, 6.0  # an error that lasts, and times its bound; one that is told by its jump
+_MARGIN = 1.5  # by which bounds exceed the healthy part's noise: a flight is rougher than its beginning
+_LASTS_S = 5.0  # evidence that lasts: a glitch of a sample is no failure
+_LARGE = 2.0  # times the bound of another magnetometer, which would show an error of the attitude
 _SLOWEST_HZ = 9.0  # of gyros and attitude: slower ones don't tell how sensors turn within a block
 _HOVERS_KT = 15.0  # an airspeed below is no wing's
 _ABOUT_S = 2.0  # before an excursion, and before the last motion: it may have begun already
 _SHORTEST_S = 1.0  # that is watched
 _LEARNT_AT = 2  # the window of `WINDOWS` whose bounds are told: 2 s
 _SILENT = 10.0  # times its usual step, and five seconds: it reads nothing
-_MOST = {"m/s²": 10.0, "m/s": 20.0, "%": 50.0, "deg": 45.0}  # larger errors aren't worth a comparison
+_MOST = {"m/s²": 15.0, "m/s": 30.0, "%": 50.0, "deg": 45.0}  # larger errors aren't worth a comparison
 _NO_MOTION = "no gyros and attitude to turn its readings with"
 _DIRECTIONS = ("field direction", "field direction, across")
 UNITS = {
@@ -151,6 +153,16 @@ def kind_of(sensor: SensorReadings) -> str:
     return next(kind for kind, channels in CHANNELS.items() if set(channels) == set(sensor.channels))
 
 
+def possible(kinds: Collection[str]) -> dict[str, tuple[str, ...]]:
+    """Return which relations some kinds of sensors allow, with what enters each.
+
+    >>> possible(["gps", "altitude"])
+    {'gps, altitude': ('gps', 'altitude')}
+    """
+    there = {*kinds, ATT, WIND}
+    return {name: sensors for name, sensors in POSSIBLE.items() if set(sensors) <= there}
+
+
 def not_told_apart(entered: Mapping[str, Sequence[str]], kind: str) -> tuple[str, ...]:
     """Return the sensors from whose errors a sensor's own can't be told: those that enter the same relations.
 
@@ -195,7 +207,7 @@ def _told(
     """Return what the cross-check of some sensors says of a log; None where nothing can be learnt."""
     taught = [_beside(record, sensors) for record in healthy]
     try:
-        monitor = CrossCheck(by_itself=False).calibrate(taught)
+        monitor = CrossCheck(by_itself=False, margin=_MARGIN).calibrate(taught)
     except InputError:
         return None
     left = [part for part in outside(moving, learnt_s) if part.start_s > min(record.start_s for record in healthy)]
@@ -225,12 +237,12 @@ def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Tol
     if not limits:
         return _unwatched(sensor, "the healthy part is too short or too restless for a bound")
     others = [other for other in all_told if other is not told] if kind == MAG else []
-    alarms = [
-        _doubted(_alone(alarm, watch.record.end_s, told, others), watch, flown)
-        for watch in told.watches
-        for alarm in watch.alarms
-        if _is_about(alarm, kind)
+    settled = [
+        (_alone(alarm, watch.record.end_s, told, others), watch) for watch in told.watches for alarm in watch.alarms
     ]
+    open_s = [alarm.time_s for alarm, _ in settled if alarm.sensor != kind and not _out_of_ordinary(alarm, flown)]
+    first_s = min(open_s, default=np.inf)
+    alarms = [_doubted(alarm, watch, flown, first_s) for alarm, watch in settled if _is_about(alarm, kind)]
     known = {axis: monitor.entered[axis] for axis in monitor.entered if np.isfinite(_bound(monitor, axis))}
     return WatchedSensor(
         kind=kind,
@@ -318,11 +330,15 @@ def _largest(told: _Told, axis: str, span: Span) -> float:
     return float(known.max()) if len(known) else np.inf
 
 
-def _doubted(alarm: Alarm, watch: Watch, flown: _Flown) -> Alarm:
-    """Return an alarm with why it may be no fault: its evidence is small or short, or it begins out of the ordinary."""
+def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
+    """Return an alarm with why it may be no fault: it is short, begins out of the ordinary, or isn't the first.
+
+    Where sensors contradicted each other before, at `open_s`, and that named nobody or another one, the flight isn't
+    what was learnt.
+    """
     if alarm.sensor is None:
         return alarm
-    why = _why_doubted(alarm, watch, flown)
+    why = _out_of_ordinary(alarm, flown) or _why_doubted(alarm, watch, open_s)
     if not why:
         return alarm
     last = alarm.last
@@ -330,16 +346,19 @@ def _doubted(alarm: Alarm, watch: Watch, flown: _Flown) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, replace(last, doubt=why)))
 
 
-def _why_doubted(alarm: Alarm, watch: Watch, flown: _Flown) -> str:
+def _out_of_ordinary(alarm: Alarm, flown: _Flown) -> str:
+    """Return where an alarm begins that may be the flight's own; "" where it begins in ordinary flight."""
     for each in flown.excursions:
         if each.start_s - _ABOUT_S <= alarm.time_s <= each.end_s + _ABOUT_S:
             return each.reason
-    if alarm.time_s > flown.last_s:
-        return "it begins as the motion ends"
-    record = watch.record
-    end_s = record.end_s if alarm.ended_s is None else alarm.ended_s
-    rows = (record.time_s >= alarm.time_s) & (record.time_s <= end_s)
-    largest = max(float(np.nanmax(np.nan_to_num(score.values[rows]), initial=0.0)) for score in watch.scores.values())
-    if largest >= _HUGE or (largest >= _LARGE and end_s - alarm.time_s >= _LASTS_S):
-        return ""
-    return f"it is {largest:.1f} times the bound for {end_s - alarm.time_s:.1f} s: too little for a name"
+    return "it begins as the motion ends" if alarm.time_s > flown.last_s else ""
+
+
+def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:
+    if alarm.time_s > open_s:
+        return f"sensors contradicted each other before, from {open_s:.1f} s on, and nobody was named for that"
+    end_s = np.inf if alarm.ended_s is None else alarm.ended_s
+    rows = (watch.record.time_s >= alarm.time_s) & (watch.record.time_s <= end_s)
+    loud = np.any([np.nan_to_num(score.values[rows]) > 1.0 for score in watch.scores.values()], axis=0)
+    lasts_s = BLOCK_S * np.count_nonzero(loud)
+    return "" if lasts_s >= _LASTS_S else f"it lasts {lasts_s:.1f} s in all: too short for a name"
