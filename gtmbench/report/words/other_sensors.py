@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALPHA, ALTITUDE, ATT, BETA, GPS, MAG, TAS, WIND
+from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.report.words.units import capitalised
 from gtmbench.study.log.other_sensors import Limit, WatchedSensor, kind_of, not_told_apart, possible
@@ -90,6 +93,30 @@ def possible_lines(sensors: Sequence[SensorReadings]) -> list[str]:
         hardly = f"; hardly told from {listed(alike, 'or')}" if alike else ""
         lines.append(f"  {NAMES[kind]} ({each.name}): {said}{hardly}")
     return ["sensors that no gyro enters, and what each can be compared with:", *lines]
+
+
+def estimator_lines(words: Sequence[EstimatorWord]) -> list[str]:
+    """Say what a log's estimator thinks of gyros and sensors, in two lines; nothing without any.
+
+    >>> time_s = np.array([0.0, 1.0, 2.0])
+    >>> ratios = EstimatorWord(
+    ...     quantity=RATIO, of="magnetometer", columns=(), time_s=time_s, values=np.array([0.2, 1.5, 0.4])
+    ... )
+    >>> estimator_lines([ratios])
+    ["the estimator's tests, which reject above 1: magnetometer 1.5 at most, above 1 from 1.0 s"]
+    """
+    biases = [
+        f"{each.of} {each.values.min():.2f} to {each.values.max():.2f}" for each in words if each.quantity == BIAS
+    ]
+    ratios = [f"{each.of} {_ratio_text(each)}" for each in words if each.quantity == RATIO]
+    lines = [f"gyro biases by the estimator: {', '.join(biases)} deg/s"] if biases else []
+    return [*lines, *([f"the estimator's tests, which reject above 1: {', '.join(ratios)}"] if ratios else [])]
+
+
+def _ratio_text(word: EstimatorWord) -> str:
+    rejected = np.flatnonzero(word.values > 1.0)
+    since = f", above 1 from {word.time_s[rejected[0]]:.1f} s" if len(rejected) else ""
+    return f"{word.values.max():.2g} at most{since}"
 
 
 def sensor_table(sensor: WatchedSensor) -> Mapping[str, Any]:

@@ -16,6 +16,7 @@ from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
 from gtmbench.intake.magnetometers import FieldReadings, magnetometers_of
@@ -80,6 +81,8 @@ class Opened:
         Those of the log that may tell r from psi; none where the log has no heading, or nothing rests on motion.
     sensors : tuple of SensorReadings
         Those of the log that no gyro enters; none likewise.
+    estimator : tuple of EstimatorWord
+        What the log's estimator says of gyros and sensors; it is reported and never used.
     attitude : Origin or None
         Whether the gyros drive the attitude; None where nothing rests on that.
     findings : tuple of str
@@ -98,6 +101,7 @@ class Opened:
     imus: FlightLog | None = field(repr=False)
     magnetometers: tuple[FieldReadings, ...] = field(repr=False)
     sensors: tuple[SensorReadings, ...] = field(repr=False)
+    estimator: tuple[EstimatorWord, ...] = field(repr=False)
     attitude: Origin | None
     findings: tuple[str, ...]
     bends: bool
@@ -144,6 +148,7 @@ def opened(asked: Asked) -> Opened:
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         magnetometers=magnetometers_of(read, asked.mapping) if has_heading else (),
         sensors=other_sensors_of(read, asked.mapping) if has_heading else (),
+        estimator=estimator_words_of(read),
         attitude=attitude,
         findings=findings,
         bends=bends,

@@ -10,6 +10,7 @@ from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
@@ -76,6 +77,8 @@ class WatchedLog:
     sensors : tuple of WatchedSensor
         The sensors that no gyro enters: what each is compared with, and which failed; none where the log has no
         heading.
+    estimator : tuple of EstimatorWord
+        The gyro biases of the log's estimator and its test ratios: reported, never used.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands, by its accelerometers.
     installation : Installation or None
@@ -116,6 +119,7 @@ class WatchedLog:
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
+    estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
@@ -205,6 +209,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         means=said.means,
         witnesses=said.witnesses,
         sensors=sensors_of(said),
+        estimator=learnt.opened.estimator,
         standing=said.standing,
         installation=said.installation,
         attitude=learnt.opened.attitude,

@@ -125,7 +125,7 @@ def test_a_gyro_that_drives_the_attitude_is_laid_on_no_sensor(truth, fault):
 def test_of_two_magnetometers_the_one_that_turns_is_named_by_the_other(flight):
     *others, field = sensors_of(flight)
     since_s = np.clip(field.time_s - ONSET_S, 0.0, None)
-    angle = np.deg2rad(np.minimum(5.0 * since_s, 60.0))
+    angle = np.deg2rad(np.minimum(8.0 * since_s, 150.0))
     x, y, z = field.values.T
     turned = np.column_stack([np.cos(angle) * x - np.sin(angle) * y, np.sin(angle) * x + np.cos(angle) * y, z])
     bent = replace(field, name="MAG2", values=turned)
@@ -142,10 +142,10 @@ def test_what_begins_in_an_excursion_or_is_small_is_no_failure(flight):
     sensors = watched(broken, excursions=[landing])
     assert failed(sensors) == {}
     assert sensors[-1].alarms[0].doubt == "impact or touchdown"
-    brief = gb.inject(flight, gb.Bias(channel="mag_z", onset_s=ONSET_S, size=7.0, duration_s=2.0))
+    brief = gb.inject(flight, gb.Bias(channel="mag_z", onset_s=ONSET_S, size=10.0, duration_s=1.0))
     (alarm,) = watched(brief)[-1].alarms
     assert alarm.sensor == "magnetometer"
-    assert "too little for a name" in alarm.doubt
+    assert "too short for a name" in alarm.doubt
 
 
 def test_why_a_sensor_is_not_watched(flight):
