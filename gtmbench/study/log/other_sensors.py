@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
-from gtmbench.detectors.crosscheck.relations import ATT, BLOCK_S, CHANNELS, MAG, POSSIBLE, TAS, WIND
+from gtmbench.detectors.crosscheck.relations import ALTITUDE, ATT, BLOCK_S, CHANNELS, MAG, POSSIBLE, TAS, WIND
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -26,6 +26,8 @@ from gtmbench.values.record import Record, Span
 
 _MARGIN = 1.5  # by which bounds exceed the healthy part's noise: a flight is rougher than its beginning
 _LASTS_S = 5.0  # evidence that lasts: a glitch of a sample is no failure
+_LEVEL, _DOWN = ("accelerometers: north", "accelerometers: east"), "accelerometers: down"
+_WITNESSES = 2  # comparisons that have to show an error of a sensor that is named; a magnetometer has its strength
 _LARGE = 2.0  # times the bound of another magnetometer, which would show an error of the attitude
 _SLOWEST_HZ = 9.0  # of gyros and attitude: slower ones don't tell how sensors turn within a block
 _HOVERS_KT = 15.0  # an airspeed below is no wing's
@@ -240,9 +242,14 @@ def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Tol
     settled = [
         (_alone(alarm, watch.record.end_s, told, others), watch) for watch in told.watches for alarm in watch.alarms
     ]
-    open_s = [alarm.time_s for alarm, _ in settled if alarm.sensor != kind and not _out_of_ordinary(alarm, flown)]
-    first_s = min(open_s, default=np.inf)
-    alarms = [_doubted(alarm, watch, flown, first_s) for alarm, watch in settled if _is_about(alarm, kind)]
+    alarms: list[Alarm] = []
+    open_s = np.inf
+    for alarm, watch in settled:
+        judged = _doubted(alarm, watch, flown, open_s)
+        if (judged.sensor != kind or judged.doubt) and not _out_of_ordinary(alarm, flown):
+            open_s = min(open_s, alarm.time_s)
+        if _is_about(judged, kind):
+            alarms.append(judged)
     known = {axis: monitor.entered[axis] for axis in monitor.entered if np.isfinite(_bound(monitor, axis))}
     return WatchedSensor(
         kind=kind,
@@ -333,8 +340,8 @@ def _largest(told: _Told, axis: str, span: Span) -> float:
 def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
     """Return an alarm with why it may be no fault: it is short, begins out of the ordinary, or isn't the first.
 
-    Where sensors contradicted each other before, at `open_s`, and that named nobody or another one, the flight isn't
-    what was learnt.
+    Where sensors contradicted each other before, at `open_s`, and nothing came of that, the flight isn't what was
+    learnt.
     """
     if alarm.sensor is None:
         return alarm
@@ -356,9 +363,16 @@ def _out_of_ordinary(alarm: Alarm, flown: _Flown) -> str:
 
 def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:
     if alarm.time_s > open_s:
-        return f"sensors contradicted each other before, from {open_s:.1f} s on, and nobody was named for that"
+        return f"sensors contradicted each other before, from {open_s:.1f} s on, and nothing came of that"
     end_s = np.inf if alarm.ended_s is None else alarm.ended_s
     rows = (watch.record.time_s >= alarm.time_s) & (watch.record.time_s <= end_s)
-    loud = np.any([np.nan_to_num(score.values[rows]) > 1.0 for score in watch.scores.values()], axis=0)
-    lasts_s = BLOCK_S * np.count_nonzero(loud)
-    return "" if lasts_s >= _LASTS_S else f"it lasts {lasts_s:.1f} s in all: too short for a name"
+    loud = {axis: np.nan_to_num(score.values[rows]) > 1.0 for axis, score in watch.scores.items()}
+    lasts_s = BLOCK_S * np.count_nonzero(np.any(list(loud.values()), axis=0))
+    if lasts_s < _LASTS_S:
+        return f"it lasts {lasts_s:.1f} s in all: too short for a name"
+    shown = [axis for axis, each in loud.items() if each.any()]
+    upright = {axis.split(":")[0] for axis in shown if not axis.endswith(_LEVEL)}
+    level = {axis.split(":")[0] for axis in shown if ALTITUDE not in axis and not axis.endswith(_DOWN)}
+    if alarm.sensor != MAG and max(len(upright), len(level)) < _WITNESSES:
+        return f"no two comparisons of one direction show it, only {' and '.join(shown)}"
+    return ""

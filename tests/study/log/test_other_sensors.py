@@ -95,7 +95,7 @@ def test_a_healthy_flight_accuses_nobody_and_says_what_each_is_compared_with(fli
     ("name", "fault"),
     [
         ("MAG", gb.Bias(channel="mag_z", onset_s=ONSET_S, size=15.0)),
-        ("GPS", gb.Bias(channel="gps_north", onset_s=ONSET_S, size=20.0)),
+        ("GPS", gb.Drift(channel="gps_north", onset_s=ONSET_S, slope=4.0)),
         ("GPS", gb.Drift(channel="gps_down", onset_s=ONSET_S, slope=3.0)),
         ("IMU", gb.Bias(channel="nz", onset_s=ONSET_S, size=-0.6)),
         ("ARSP", gb.Stuck(channel="tas", onset_s=ONSET_S, value=0.0)),
