@@ -22,7 +22,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.records import LIVELY_DEG_S, outside, turning_by_second
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record, Span
+from gtmbench.values.record import FloatArray, Record, Span
 
 _MARGIN = 1.5  # by which bounds exceed the healthy part's noise: a flight is rougher than its beginning
 _LASTS_S = 5.0  # evidence that lasts: a glitch of a sample is no failure
@@ -32,6 +32,7 @@ _LARGE = 2.0  # times the bound of another magnetometer, which would show an err
 _SLOWEST_HZ = 9.0  # of gyros and attitude: slower ones don't tell how sensors turn within a block
 _HOVERS_KT = 15.0  # an airspeed below is no wing's
 _ABOUT_S = 2.0  # before an excursion, and before the last motion: it may have begun already
+_MOVES_S, _FEWEST_LIVELY = 10.0, 3  # after an alarm; seconds in which the aircraft turns
 _SHORTEST_S = 1.0  # that is watched
 _LEARNT_AT = 2  # the window of `WINDOWS` whose bounds are told: 2 s
 _SILENT = 10.0  # times its usual step, and five seconds: it reads nothing
@@ -96,10 +97,20 @@ class WatchedSensor:
 
 
 class _Flown(NamedTuple):
-    """Where a log's flight isn't ordinary, and when its last motion ends."""
+    """Where a log's flight isn't ordinary, and the seconds in which it moves."""
 
     excursions: tuple[Excursion, ...]
-    last_s: float
+    lively_s: FloatArray
+
+    @property
+    def last_s(self) -> float:
+        """When the last motion ends: what begins about then is a landing."""
+        return float(self.lively_s[-1]) - _ABOUT_S if len(self.lively_s) else -np.inf
+
+    def moves_about(self, time_s: float) -> bool:
+        """Tell whether the aircraft moves about a time."""
+        about = (self.lively_s >= time_s - _ABOUT_S) & (self.lively_s <= time_s + _MOVES_S)
+        return bool(np.count_nonzero(about) >= _FEWEST_LIVELY)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +152,7 @@ def watched_sensors(
     plain, fields = ([each for each in used if (kind_of(each) == MAG) == is_mag] for is_mag in (False, True))
     told = [_told([*plain, *beside], moving, healthy, learnt_s) for beside in [[each] for each in fields] or [[]]]
     own = {id(each): told[place] for place, each in enumerate(fields)}
-    flown = _Flown(excursions=tuple(excursions), last_s=_flown_s(moving))
+    flown = _Flown(excursions=tuple(excursions), lively_s=_lively_s(moving))
     return tuple(
         _unwatched(each, hovers[id(each)])
         if id(each) in hovers
@@ -190,7 +201,11 @@ def _why_nothing(moving: Sequence[Record], healthy: Sequence[Record]) -> str:
     if not healthy:
         return "nothing of the log was learnt as healthy"
     hz = 1.0 / moving[0].sample_period_s
-    return "" if hz > _SLOWEST_HZ else f"gyros and attitude come at {hz:.3g} Hz; at least 10 are needed"
+    if hz < _SLOWEST_HZ:
+        return f"gyros and attitude come at {hz:.3g} Hz; at least 10 are needed"
+    if len(_lively_s(healthy)) < _FEWEST_LIVELY:  # with its motors off, perhaps, which turn the field
+        return "nothing moves where the log was learnt as healthy"
+    return ""
 
 
 def _hovers(sensor: SensorReadings, healthy: Sequence[Record]) -> str:
@@ -223,11 +238,10 @@ def _beside(record: Record, sensors: Sequence[SensorReadings]) -> Record:
     return record
 
 
-def _flown_s(moving: Sequence[Record]) -> float:
-    """Return when the last motion ends: what begins about then is a landing."""
+def _lively_s(moving: Sequence[Record]) -> FloatArray:
+    """Return the seconds in which gyros and attitude both turn."""
     seconds_s, turning = turning_by_second(moving)
-    lively = seconds_s[turning > LIVELY_DEG_S]
-    return float(lively[-1]) - _ABOUT_S if len(lively) else -np.inf
+    return seconds_s[turning > LIVELY_DEG_S]
 
 
 def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Told], flown: _Flown) -> WatchedSensor:
@@ -358,7 +372,9 @@ def _out_of_ordinary(alarm: Alarm, flown: _Flown) -> str:
     for each in flown.excursions:
         if each.start_s - _ABOUT_S <= alarm.time_s <= each.end_s + _ABOUT_S:
             return each.reason
-    return "it begins as the motion ends" if alarm.time_s > flown.last_s else ""
+    if alarm.time_s > flown.last_s:
+        return "it begins as the motion ends"
+    return "" if flown.moves_about(alarm.time_s) else "it begins while nothing moves"
 
 
 def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:

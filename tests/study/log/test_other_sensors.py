@@ -1,5 +1,6 @@
 """The sensors of a log that no gyro enters: named by evidence that is large and lasts, never for a fault of a gyro."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -156,6 +157,10 @@ def test_why_a_sensor_is_not_watched(flight):
     ]
     assert "no airspeed of a wing" in watched(flight, hovering)[2].why_not
     assert watched_sensors(sensors_of(flight), [motion_of(flight)], [], [], ())[0].why_not
+    still = motion_of(flight).between(0.0, LEARNT_S)
+    still = gb.Record(0.001 * still.values, channels=still.channels, sample_period_s=still.sample_period_s)
+    (standing, *_) = watched_sensors(sensors_of(flight), [still, motion_of(flight)], [still], [], ())
+    assert standing.why_not == "nothing moves where the log was learnt as healthy"
     (only,) = watched(flight, [sensors_of(flight)[3]])
     assert "have nothing beside them" in only.why_not
     assert "not watched" in sensor_lines([only])[1]
@@ -196,3 +201,23 @@ def test_what_can_be_compared_and_told_apart_by_structure(flight):
         "sensors that no gyro enters, and what each can be compared with:",
         "  pressure altitude (BARO): not watched: the log has nothing to compare it with",
     ]
+
+
+def test_a_log_is_watched_by_the_command_with_and_without_a_disturbed_magnetometer(flight, tmp_path, cli):
+    """The whole way, of a table at 25 Hz: the gyros' verdict is the same, and the magnetometer ends with code 1."""
+    codes, outcomes = {}, {}
+    for name, fault in (("healthy", None), ("broken", gb.Bias(channel="mag_z", onset_s=ONSET_S, size=15.0))):
+        record = flight if fault is None else gb.inject(flight, fault)
+        rows = {channel: record[channel][::4] for channel in record.channels}
+        table = gb.Record(np.column_stack(list(rows.values())), channels=list(rows), sample_period_s=0.04)
+        gb.write_log(table, tmp_path / f"{name}.csv")
+        codes[name], out, _ = cli("monitor", str(tmp_path / f"{name}.csv"), "--detector", "auto", "--json")
+        outcomes[name] = json.loads(out)
+    assert codes["broken"] == 1
+    assert codes["healthy"] != 1
+    assert [each["failed_s"] for each in outcomes["healthy"]["sensors"]] == [None] * 5
+    (told,) = (each for each in outcomes["broken"]["sensors"] if each["failed_s"] is not None)
+    assert told["sensor"] == "magnetometer"
+    assert told["failed_s"] == pytest.approx(ONSET_S, abs=3.0)
+    assert outcomes["broken"]["verdict"].startswith("The magnetometer (mag) is disturbed from 11")
+    assert outcomes["broken"]["findings"] == outcomes["healthy"]["findings"]
