@@ -368,12 +368,13 @@ def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
 
 
 def _out_of_ordinary(alarm: Alarm, flown: _Flown) -> str:
-    """Return where an alarm begins that may be the flight's own; "" where it begins in ordinary flight."""
+    """Return what the flight does where an alarm begins, or before it names a sensor, if that may be its cause."""
+    named_s = alarm.time_s if alarm.isolated_s is None else alarm.isolated_s
     for each in flown.excursions:
-        if each.start_s - _ABOUT_S <= alarm.time_s <= each.end_s + _ABOUT_S:
+        if each.start_s - _ABOUT_S <= named_s and alarm.time_s <= each.end_s + _ABOUT_S:
             return each.reason
-    if alarm.time_s > flown.last_s:
-        return "it begins as the motion ends"
+    if named_s > flown.last_s:
+        return "it begins, or is named, as the motion ends"
     return "" if flown.moves_about(alarm.time_s) else "it begins while nothing moves"
 
 
