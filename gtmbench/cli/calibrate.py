@@ -221,7 +221,7 @@ def bank_command(source: str | None, log: Path | None, as_json: bool, quiet: boo
     table = signatures(monitor if monitor is not None else bank)
     verdict = _bank_verdict(bank)
     if as_json:
-        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor)}
+        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor), "other_sensors": []}
         print_json(envelope("bank", verdict, own))
     elif not quiet:
         echo(verdict)
