@@ -183,12 +183,16 @@ def _print_monitor(monitor: BankMonitor) -> None:
 
 @click.command("bank")
 @click.argument("source", required=False, metavar="[NAME|FILE.toml|MONITOR.json]")
+@click.option(
+    "--of", "log", type=click.Path(path_type=Path), metavar="LOG", help="For bank auto: the log it is made of."
+)
 @common_options
-def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
+def bank_command(source: str | None, log: Path | None, as_json: bool, quiet: bool) -> None:
     """Show a bank: its residuals, which fault enters which, and its blind spots. Without a name, list the banks.
 
     For a monitor's file, also show its calibration and the faults that it can't detect. `surfaces`, which knows the
-    commands, has equations of the aircraft's answer instead of residuals.
+    commands, has equations of the aircraft's answer instead of residuals. `auto --of LOG` is the bank that a log's
+    channels allow; beside it stands what the log's other sensors are compared with.
     """
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank.composed import AUTO
@@ -197,16 +201,13 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
     from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS, SurfaceDetector, SurfaceMonitor
     from gtmbench.report.words.monitor import facts
-    from gtmbench.report.words.units import counted
 
+    if source == AUTO or log is not None:
+        _print_auto(source, log, as_json, quiet)
+        return
     if source is None:
         _list_banks(as_json, quiet)
         return
-    if source == AUTO:
-        raise InputError(
-            f"bank {AUTO} is made of a log's channels: `gtmbench monitor LOG` says which it would be, and `gtmbench "
-            "bank MONITOR.json` shows one that `gtmbench monitor --save` has written"
-        )
     if source in SURFACE_DETECTORS:
         _print_surfaces(SURFACE_DETECTORS[source], None, as_json, quiet)
         return
@@ -218,10 +219,9 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
     bank = monitor.bank if monitor is not None else load_bank(source)
     table = signatures(monitor if monitor is not None else bank)
-    residuals = counted(len(bank.residuals), "residual")
-    verdict = f"Bank {bank.name} has {residuals}, of {', '.join(spec.output for spec in bank.residuals)}."
+    verdict = _bank_verdict(bank)
     if as_json:
-        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor)}
+        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor), "other_sensors": []}
         print_json(envelope("bank", verdict, own))
     elif not quiet:
         echo(verdict)
@@ -230,6 +230,44 @@ def bank_command(source: str | None, as_json: bool, quiet: bool) -> None:
         else:
             _print_monitor(monitor)
         _print_signatures(table)
+
+
+def _bank_verdict(bank: Bank) -> str:
+    from gtmbench.report.words.units import counted
+
+    residuals = counted(len(bank.residuals), "residual")
+    return f"Bank {bank.name} has {residuals}, of {', '.join(spec.output for spec in bank.residuals)}."
+
+
+def _print_auto(source: str | None, log: Path | None, as_json: bool, quiet: bool) -> None:
+    from gtmbench.detectors.bank.composed import AUTO
+    from gtmbench.detectors.bank.detectability import signatures
+    from gtmbench.intake.other_sensors import other_sensors_of
+    from gtmbench.intake.read import read_log
+    from gtmbench.report.words.other_sensors import possible_lines
+    from gtmbench.study.log.auto_bank import bank_for_logs
+
+    if source != AUTO:
+        raise InputError(
+            f"--of {log} goes with bank {AUTO}, and {source or 'no bank'} is given: gtmbench bank {AUTO} --of LOG"
+        )
+    if log is None:
+        raise InputError(
+            f"bank {AUTO} is made of a log's channels: gtmbench bank {AUTO} --of LOG; `gtmbench bank MONITOR.json` "
+            "shows one that `gtmbench monitor --save` has written"
+        )
+    read = read_log(log)
+    bank = bank_for_logs([read], ())[0].bank
+    sensors = possible_lines(other_sensors_of(read))
+    if as_json:
+        own = {**_bank_json(signatures(bank)), "monitor": None, "other_sensors": [line.strip() for line in sensors[1:]]}
+        print_json(envelope("bank", _bank_verdict(bank), own))
+    elif not quiet:
+        echo(_bank_verdict(bank))
+        _print_residuals(bank)
+        _print_signatures(signatures(bank))
+        for line in sensors:
+            echo(line)
 
 
 def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, as_json: bool, quiet: bool) -> None:

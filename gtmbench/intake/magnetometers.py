@@ -134,15 +134,15 @@ def magnetometers_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[FieldRe
     raw = log.raw
     with contextlib.suppress(InputError):  # whoever opens the log says why its time isn't known
         raw = with_time(raw, mapped.get("time"))
-    found = (_readings(name, axes, signs, raw) for name, axes, signs in _triples(raw, mapped))
+    found = (_readings(name, axes, signs, raw) for name, axes, signs in magnetometer_columns(raw, mapped))
     return tuple(each for each in found if each is not None)[:_MOST]
 
 
 _Triple = tuple[str, Sequence[RawSeries], Sequence[float]]  # a name, columns along x, y, z, and their signs
 
 
-def _triples(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Triple]:
-    """Give the columns of each magnetometer."""
+def magnetometer_columns(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Triple]:
+    """Give the columns of each magnetometer along x, y and z, with their signs."""
     told = [name for name in MAGNETOMETER if name in mapped]
     if NONE in (mapped[name] for name in told):
         return
@@ -193,6 +193,20 @@ def _of_names(raw: RawLog) -> Iterator[_Triple]:
 
 def _readings(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -> FieldReadings | None:
     """Return what a magnetometer read, each reading once; None where it read nothing, or when isn't known."""
+    logged = field_rows(axes, signs, raw)
+    if logged is None:
+        return None
+    time_s, values = logged
+    is_fresh = np.ones(len(values), dtype=bool)
+    is_fresh[1:] = (np.diff(values, axis=0) != 0.0).any(axis=1) & (np.diff(time_s) > 0.0)
+    if np.count_nonzero(is_fresh) < _FEWEST:
+        return None
+    first, second, third = (series.name for series in axes)
+    return FieldReadings(name=name, columns=(first, second, third), time_s=time_s[is_fresh], field=values[is_fresh])
+
+
+def field_rows(axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -> tuple[FloatArray, FloatArray] | None:
+    """Return when a magnetometer was logged, and the field then, repeats among it; None where when isn't known."""
     clocks = {series.clock for series in axes}
     if len(clocks) != 1 or not clocks <= raw.clocks.keys():
         return None
@@ -206,10 +220,4 @@ def _readings(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw:
     own = cleared[clock]
     values = np.column_stack([series.values() * sign for series, sign in zip(axes, signs, strict=True)])[own.rows]
     known = np.isfinite(values).all(axis=1) & np.isfinite(own.time_s) & (np.abs(values).max(axis=1) > 0.0)
-    values, time_s = values[known], own.time_s[known]
-    is_fresh = np.ones(len(values), dtype=bool)
-    is_fresh[1:] = (np.diff(values, axis=0) != 0.0).any(axis=1) & (np.diff(time_s) > 0.0)
-    if np.count_nonzero(is_fresh) < _FEWEST:
-        return None
-    first, second, third = (series.name for series in axes)
-    return FieldReadings(name=name, columns=(first, second, third), time_s=time_s[is_fresh], field=values[is_fresh])
+    return own.time_s[known], values[known]

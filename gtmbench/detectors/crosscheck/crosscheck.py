@@ -52,6 +52,13 @@ class CrossCheck:
     name : str
     channels : tuple of str
         Those that a record must hold.
+    by_itself : bool
+        Whether a sensor may be found by what it shows itself: that it repeats one reading, falls silent or becomes
+        noisy. Of a recorded flight that proves nothing: motors shake its sensors, at 10 Hz a turn changes readings as
+        noise does, and an aircraft may hover so still that readings repeat.
+    margin : float
+        By how much bounds exceed those that the healthy noise tells. Flight after a short healthy part is often
+        rougher than that was.
 
     Examples
     --------
@@ -66,6 +73,8 @@ class CrossCheck:
 
     name: str = "cross-check"
     channels: tuple[str, ...] = (*GYROS, *ATTITUDE)
+    by_itself: bool = True
+    margin: float = 1.0
 
     def calibrate(
         self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
@@ -93,7 +102,9 @@ class CrossCheck:
         for motion in motions:
             for relation in relations(motion, delay_s, field_ned):
                 parts.setdefault(relation.name, []).append(relation)
-        learnt = {name: each for name, own in parts.items() if (each := Learnt.of(own)) is not None}
+        learnt = {
+            name: each.with_margin(self.margin) for name, own in parts.items() if (each := Learnt.of(own)) is not None
+        }
         if not learnt:
             raise InputError(_nothing(used))
         own_names = [name for name in used if name not in ATTITUDE]
@@ -107,6 +118,7 @@ class CrossCheck:
             own={name: OwnNoise.of(healthy, name) for name in own_names},
             entered={axis: tuple(sorted(sensors)) for name in learnt for axis, sensors in parts[name][0].axes},
             suspects=_suspects(used),
+            by_itself=self.by_itself,
         )
 
     def restore(
@@ -114,7 +126,9 @@ class CrossCheck:
     ) -> CrossCheckMonitor:
         """Return the monitor of some figures."""
         table = keys(
-            "figures", figures, ("sample_period_s", "channels", "delay_s", "field_ned", "learnt", "own", "entered")
+            "figures",
+            figures,
+            ("sample_period_s", "channels", "delay_s", "field_ned", "learnt", "own", "entered", "by_itself"),
         )
         return CrossCheckMonitor(
             name=self.name,
@@ -129,6 +143,7 @@ class CrossCheck:
             },
             entered={axis: tuple(sensors) for axis, sensors in table["entered"].items()},
             suspects=_suspects(table["channels"]),
+            by_itself=bool(table["by_itself"]),
             provenance=dict(provenance),
         )
 
@@ -149,6 +164,8 @@ class CrossCheckMonitor(BaseMonitor):
         Which sensors enter each relation, beside the attitude and the wind: what it can isolate, and what it can't.
     suspects : tuple of str
         The sensors that it may name.
+    by_itself : bool
+        Whether a sensor may be found by what it shows itself.
 
     Examples
     --------
@@ -168,6 +185,7 @@ class CrossCheckMonitor(BaseMonitor):
     own: Mapping[str, OwnNoise] = field(repr=False)
     entered: Mapping[str, tuple[str, ...]] = field(repr=False)
     suspects: tuple[str, ...] = ()
+    by_itself: bool = True
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def watch(self, record: Record) -> Watch:
@@ -190,7 +208,7 @@ class CrossCheckMonitor(BaseMonitor):
             for relation in relations(motion, self.delay_s, self.field_ned)
             if relation.name in self.learnt
         ]
-        own = own_ratios(record_of_own, self.own, motion.blocks)
+        own = own_ratios(record_of_own, self.own, motion.blocks) if self.by_itself else {}
         ratios = {axis: each.ratios[:, place] for each in seen for place, (axis, _) in enumerate(each.relation.axes)}
         ratios |= {f"{sensor} by itself": each for sensor, each in own.items()}
         ends = slice(motion.rows - 1, motion.blocks * motion.rows, motion.rows)
@@ -206,6 +224,7 @@ class CrossCheckMonitor(BaseMonitor):
         return {
             "sample_period_s": self.sample_period_s,
             "channels": list(self.channels),
+            "by_itself": self.by_itself,
             "delay_s": self.delay_s,
             "field_ned": None if self.field_ned is None else exact(self.field_ned),
             "learnt": {name: own.table for name, own in self.learnt.items()},
@@ -310,7 +329,7 @@ def _field_of(motions: Sequence[Motion]) -> FloatArray | None:
             return None
         raw = motion.record.matrix(MAGNETOMETER)
         read = np.isfinite(raw).all(axis=1) & (motion.known > 0.0)
-        turned.append(np.einsum("kij,kj->ki", motion.turned[read], raw[read]))
+        turned.append(np.einsum("ijk,kj->ki", motion.turned[:, :, read], raw[read]))
     told = np.concatenate(turned)
     mean = told.mean(axis=0) if len(told) else np.zeros(3)
     return mean if np.linalg.norm(mean) > 0.0 else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -32,12 +32,15 @@ class Learnt:
         Standard deviation of a healthy block.
     bounds : shape (windows, axes)
         What the mean of a healthy window doesn't exceed, where the constants are known; inf where that isn't known.
+    least : shape (axes,)
+        What of it is usual beside the noise.
     """
 
     constants: FloatArray = field(repr=False)
     covariance: FloatArray = field(repr=False)
     noise: FloatArray
     bounds: FloatArray
+    least: FloatArray
 
     @classmethod
     def of(cls, parts: Sequence[Relation]) -> Learnt | None:
@@ -49,46 +52,56 @@ class Learnt:
             return None
         first = parts[0]
         constants, covariance = _fitted(y[known], design[known], first.usual, first.spread)
-        raw = cls(constants=constants, covariance=covariance, noise=np.ones(y.shape[1]), bounds=np.zeros(0))
+        least = np.array(first.least)
+        raw = cls(
+            constants=constants, covariance=covariance, noise=np.ones(y.shape[1]), bounds=np.zeros(0), least=least
+        )
         errors = [raw.errors(part) for part in parts]
         noise = np.nanstd(np.concatenate(errors), axis=0)
         bounds = np.array([_bound(errors, window, first.least) for window in WINDOWS])
         bounds = np.minimum.accumulate(bounds, axis=0)  # a mean exceeds none that no part of it exceeds
-        return cls(constants=constants, covariance=covariance, noise=noise, bounds=bounds)
+        return cls(constants=constants, covariance=covariance, noise=noise, bounds=bounds, least=least)
+
+    def with_margin(self, margin: float) -> Learnt:
+        """Return the same with bounds so many times as large."""
+        return self if margin == 1.0 else replace(self, bounds=margin * self.bounds, least=margin * self.least)
 
     def errors(self, relation: Relation) -> FloatArray:
         """Return e in the axes in which it is judged, shape (blocks, axes)."""
         left = relation.y - relation.design @ self.constants
-        judged = np.einsum("bij,bj->bi", relation.frame, left)
+        judged = (relation.frame @ left[:, :, np.newaxis])[:, :, 0]
         if relation.is_length:
             judged[:, 0] = np.hypot(1.0 + judged[:, 0], np.hypot(judged[:, 1], judged[:, 2])) - 1.0
         return np.asarray(judged)
 
     def widening(self, relation: Relation) -> FloatArray:
         """Return by how much less is known of e for what isn't known of the constants, shape (blocks, axes)."""
-        seen = np.einsum("bij,bjk->bik", relation.frame, relation.design)
-        doubt = np.einsum("bik,kl,bil->bi", seen, self.covariance, seen)
+        seen = relation.frame @ relation.design
+        doubt = np.sum((seen @ self.covariance) * seen, axis=2)
         return np.asarray(np.sqrt(1.0 + doubt / self.noise**2))
-
-    def ratios(self, relation: Relation) -> FloatArray:
-        """Return how large each axis' means are, beside their bounds: the largest of windows; NaN where unknown."""
-        return self.beside_bounds(self.errors(relation) / self.widening(relation))
 
     def bounds_over(self, blocks: int) -> FloatArray:
         """Return what healthy means over so many blocks don't exceed, by axis."""
         return np.asarray(self.bounds[max(place for place, window in enumerate(WINDOWS) if window <= blocks)])
 
-    def beside_bounds(self, errors: FloatArray) -> FloatArray:
-        """Return how large the means of some errors are beside the bounds, shape (blocks, axes)."""
-        ratios = np.array([np.abs(moving_mean(errors, each)) for each in WINDOWS]) / self.bounds[:, np.newaxis, :]
-        known = np.isfinite(ratios).any(axis=0)
-        return np.where(known, np.max(np.nan_to_num(ratios, posinf=0.0), axis=0), np.nan)
+    def allowed(self, blocks: int, widening: FloatArray) -> FloatArray:
+        """Return what means over so many blocks don't exceed: the noise's part of the bound, widened, and the rest."""
+        return np.asarray(self.least + (self.bounds_over(blocks) - self.least) * widening)
+
+    def beside_bounds(self, errors: FloatArray, widening: FloatArray) -> FloatArray:
+        """Return how large means of errors are beside what is allowed, the largest of windows; NaN where unknown."""
+        sums = running(errors)
+        ratios = np.full(errors.shape, np.nan)
+        for window in WINDOWS:
+            allowed = np.nan_to_num(self.allowed(window, widening), nan=np.inf)
+            np.fmax(ratios, np.abs(mean_of(sums, window)) / allowed, out=ratios)
+        return ratios
 
     @property
     def table(self) -> dict[str, list[Any]]:
         """As plain values; bounds that aren't known are None."""
         table: dict[str, list[Any]] = {
-            name: getattr(self, name).tolist() for name in ("constants", "covariance", "noise")
+            name: getattr(self, name).tolist() for name in ("constants", "covariance", "noise", "least")
         }
         bounds = [[each if np.isfinite(each) else None for each in row] for row in self.bounds.tolist()]
         return {**table, "bounds": bounds}
@@ -102,13 +115,23 @@ class Learnt:
 
 def moving_mean(values: FloatArray, window: int) -> FloatArray:
     """Return means over the last blocks, NaN where more than 40 % of them are missing, shape (blocks, axes)."""
+    return mean_of(running(values), window)
+
+
+def running(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return how many values there are before each block and after the last, and their sums; (blocks + 1, axes)."""
     there = np.isfinite(values)
-    counts, sums = (
-        np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(each, axis=0)])
-        for each in (there, np.where(there, values, 0.0))
-    )
-    means = np.full_like(values, np.nan)
-    if len(values) >= window:
+    counts, sums = np.zeros((2, len(values) + 1, values.shape[1]))
+    np.cumsum(there, axis=0, out=counts[1:])
+    np.cumsum(np.where(there, values, 0.0), axis=0, out=sums[1:])
+    return counts, sums
+
+
+def mean_of(running_sums: tuple[FloatArray, FloatArray], window: int) -> FloatArray:
+    """Return means over the last blocks of what `running` gave."""
+    counts, sums = running_sums
+    means = np.full((len(sums) - 1, sums.shape[1]), np.nan)
+    if len(means) >= window:
         known = counts[window:] - counts[:-window]
         means[window - 1 :] = (sums[window:] - sums[:-window]) / np.maximum(known, 1.0)
         means[window - 1 :][known < _PRESENT * window] = np.nan

@@ -8,6 +8,7 @@ its error, as a violated one tells it, would have been twice beyond the bound.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -77,6 +78,8 @@ class Seen:
     learnt : Learnt
     errors : shape (blocks, axes)
         In the axes in which they are judged.
+    widening : shape (blocks, axes)
+        By how much less is known of them for what isn't known of the constants.
     ratios : shape (blocks, axes)
         How large they are beside their bounds.
     """
@@ -84,13 +87,15 @@ class Seen:
     relation: Relation
     learnt: Learnt
     errors: FloatArray = field(repr=False)
+    widening: FloatArray = field(repr=False)
     ratios: FloatArray = field(repr=False)
 
     @classmethod
     def of(cls, relation: Relation, learnt: Learnt) -> Seen:
         """Return what is seen of a relation."""
-        errors = learnt.errors(relation)
-        return cls(relation=relation, learnt=learnt, errors=errors, ratios=learnt.ratios(relation))
+        errors, widening = learnt.errors(relation), learnt.widening(relation)
+        ratios = learnt.beside_bounds(errors, widening)
+        return cls(relation=relation, learnt=learnt, errors=errors, widening=widening, ratios=ratios)
 
 
 def candidates(seen: Sequence[Seen], own: Mapping[str, float], blocks: range, turns_rad: FloatArray) -> tuple[str, ...]:
@@ -189,15 +194,15 @@ def _carried(told: FloatArray, frames: FloatArray, violated: Seen, other: Seen, 
     is_speed = _PAIRS[violated.relation.name].is_speed
     becomes_speed = _PAIRS[other.relation.name].is_speed
     turned = _turned(frames, np.nan_to_num(other.relation.frame[part]))
-    widening = np.nan_to_num(learnt.widening(violated.relation)[part], nan=np.inf)
+    widening = np.nan_to_num(violated.widening[part], nan=np.inf)
     steps = np.arange(1, count + 1)[:, np.newaxis]
     if becomes_speed and not is_speed:
-        allowed = np.array([learnt.bounds_over(n) for n in range(1, count + 1)]) * widening * steps * BLOCK_S
+        allowed = _growing(learnt, widening) * steps * BLOCK_S
         gone = np.cumsum(np.einsum("bji,bj->bi", _in_space(frames), told), axis=0) * BLOCK_S  # summed in space
         into = _in_space(np.nan_to_num(other.relation.frame[part]))
         return _most(np.einsum("bij,bj->bi", into, gone), turned, allowed, other, part, 1)
     if becomes_speed:
-        return _most(np.einsum("bij,bj->bi", turned, told), turned, learnt.bounds_over(1) * widening, other, part, 1)
+        return _most(np.einsum("bij,bj->bi", turned, told), turned, learnt.allowed(1, widening), other, part, 1)
     shown = np.einsum("bij,bj->bi", turned, told)
     largest = np.zeros(other.errors.shape[1])
     for window in WINDOWS:
@@ -205,14 +210,18 @@ def _carried(told: FloatArray, frames: FloatArray, violated: Seen, other: Seen, 
             mean = np.nan_to_num(moving_mean(shown, window))
             change = np.zeros_like(mean)
             change[2 * window :] = (mean[2 * window :] - mean[window:-window]) / (window * BLOCK_S)
-            allowed = np.sqrt(2.0) * learnt.bounds_over(window) * widening / (window * BLOCK_S)
+            allowed = np.sqrt(2.0) * learnt.allowed(window, widening) / (window * BLOCK_S)
             largest = np.maximum(largest, _most(change, turned, allowed, other, part, window))
         elif not is_speed and window <= count:
             mean = np.nan_to_num(moving_mean(shown, window))
-            largest = np.maximum(
-                largest, _most(mean, turned, learnt.bounds_over(window) * widening, other, part, window)
-            )
+            largest = np.maximum(largest, _most(mean, turned, learnt.allowed(window, widening), other, part, window))
     return largest
+
+
+def _growing(learnt: Learnt, widening: FloatArray) -> FloatArray:
+    """Return what the mean over the first blocks doesn't exceed, of as many as there are up to each."""
+    counts = range(1, len(widening) + 1)
+    return np.array([learnt.allowed(count, row) for count, row in zip(counts, widening, strict=True)])
 
 
 def _turned(frames: FloatArray, others: FloatArray) -> FloatArray:
@@ -230,7 +239,7 @@ def _most(
 ) -> FloatArray:
     """Return the largest of an error in a relation's axes, less what noise is allowed, beside the bounds there."""
     noise = np.sqrt(np.einsum("bij,bj->bi", turned**2, np.nan_to_num(allowed, posinf=1e9) ** 2))
-    bounds = other.learnt.bounds_over(window) * other.learnt.widening(other.relation)[part]
+    bounds = other.learnt.allowed(window, other.widening[part])
     beyond = np.maximum(np.abs(shown) - noise, 0.0) / bounds
     return np.asarray(np.max(np.nan_to_num(beyond), axis=0, initial=0.0))
 
@@ -248,9 +257,12 @@ def _explains_little(by_name: Mapping[str, Seen], part: slice) -> bool:
         if not now:
             continue
         target = np.concatenate([each.errors for each in now])
+        if len(target) < 3:  # axes whose bounds are known: three unknowns explain fewer
+            continue
 
         def left(turn: FloatArray, now: Sequence[_Now] = now) -> FloatArray:
-            return np.concatenate([each.errors - each.shown(turn) for each in now])
+            rotation = _by(turn)
+            return np.concatenate([each.errors - each.shown(rotation) for each in now])
 
         found = least_squares(left, np.zeros(3), method="lm", max_nfev=60)
         if np.abs(found.fun).max() > max(_CLEAR, _UNEXPLAINED * float(np.abs(target).max())):
@@ -268,13 +280,19 @@ class _Now:
     sign: float  # of what it shows: sign (R - I) turned, or (R' - I) turned
     is_inverse: bool
 
-    def shown(self, turn: FloatArray) -> FloatArray:
-        """Return what a turn (a rotation vector, in rad) shows, in units of bounds."""
-        from scipy.spatial.transform import Rotation  # takes longer to import than all of ours
+    def shown(self, rotation: FloatArray) -> FloatArray:
+        """Return what a turn of the attitude shows, in units of bounds."""
+        by = rotation.T if self.is_inverse else rotation
+        return np.asarray(self.scaled @ (self.sign * (by @ self.turned - self.turned)))
 
-        rotation = Rotation.from_rotvec(turn)
-        by = rotation.inv() if self.is_inverse else rotation
-        return np.asarray(self.scaled @ (self.sign * (by.apply(self.turned) - self.turned)))
+
+def _by(turn: FloatArray) -> FloatArray:
+    """Return the rotation of a rotation vector in rad, by Rodrigues' formula."""
+    x, y, z = turn.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    once, twice = (math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle**2) if angle > 1e-8 else (1.0, 0.5)
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + once * across + twice * (across @ across))
 
 
 def _now(seen: Seen | None, part: slice, window: int) -> _Now | None:
@@ -283,9 +301,7 @@ def _now(seen: Seen | None, part: slice, window: int) -> _Now | None:
         return None
     name, last = seen.relation.name, slice(part.stop - window, part.stop)
     errors = np.nan_to_num(seen.errors[last]).mean(axis=0)
-    bounds = seen.learnt.bounds_over(window) * np.nan_to_num(seen.learnt.widening(seen.relation)[last], nan=np.inf).max(
-        axis=0
-    )
+    bounds = seen.learnt.allowed(window, np.nan_to_num(seen.widening[last], nan=np.inf).max(axis=0))
     frame = np.nan_to_num(seen.relation.frame[last]).mean(axis=0)
     own = np.isfinite(bounds)
     own[0] &= name != FIELD  # the length of the field is as it is in any attitude

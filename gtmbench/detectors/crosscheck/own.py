@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.detectors.crosscheck.relations import BLOCK_S, CHANNELS
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
 
+IntArray = NDArray[np.int64]
 _STUCK_S, _OF_USUAL = 2.0, 3.0  # seconds of one reading or of none, and times the longest healthy ones
 _STUCK_READINGS = 5
 _WINDOW = 10  # blocks over which noise is measured
@@ -43,9 +45,10 @@ class OwnNoise:
     @classmethod
     def of(cls, records: Sequence[Record], name: str) -> OwnNoise:
         """Return what healthy records teach of a channel."""
-        held = max((float(np.nanmax(_held_s(record, name), initial=0.0)) for record in records), default=0.0)
-        silent = max((float(_silent_s(record, name).max(initial=0.0)) for record in records), default=0.0)
-        powers = [_powers(record, name) for record in records]
+        read = [_Readings.of(record, name) for record in records]
+        held = max((float(each.held_s(np.arange(each.count)).max(initial=0.0)) for each in read), default=0.0)
+        silent = max((float(each.silent_s(np.arange(each.count)).max(initial=0.0)) for each in read), default=0.0)
+        powers = [each.powers() for each in read]
         known = np.concatenate([each[np.isfinite(each)] for each in powers])
         if len(known) < _FEWEST:
             return cls(held_s=held, silent_s=silent, power=0.0, bound=np.inf)
@@ -54,16 +57,14 @@ class OwnNoise:
             held_s=held, silent_s=silent, power=mean, bound=np.log(_LOUDER) + _BEYOND * (float(known.max()) - mean)
         )
 
-    def stuck(self, record: Record, name: str, blocks: int) -> FloatArray:
+    def stuck(self, read: _Readings) -> FloatArray:
         """Return for how long a channel has repeated one reading, or had none, beside what is too long; (blocks,)."""
-        held = _held_s(record, name) / max(_STUCK_S, _OF_USUAL * self.held_s)
-        return _at_ends(
-            np.maximum(held, _silent_s(record, name) / max(_STUCK_S, _OF_USUAL * self.silent_s)), record, blocks
-        )
+        held = read.held_s(read.ends) / max(_STUCK_S, _OF_USUAL * self.held_s)
+        return np.maximum(held, read.silent_s(read.ends) / max(_STUCK_S, _OF_USUAL * self.silent_s))
 
-    def louder(self, record: Record, name: str) -> FloatArray:
+    def louder(self, read: _Readings) -> FloatArray:
         """Return by how much its noise has grown, beside the bound, shape (blocks,)."""
-        return (_powers(record, name) - self.power) / self.bound
+        return (read.powers() - self.power) / self.bound
 
 
 def own_ratios(record: Record, usual: Mapping[str, OwnNoise], blocks: int) -> dict[str, FloatArray]:
@@ -71,8 +72,9 @@ def own_ratios(record: Record, usual: Mapping[str, OwnNoise], blocks: int) -> di
 
     Noise of a sensor counts only while no other one's grows: gusts and vibration shake several, which is no fault.
     """
+    read = {name: _Readings.of(record, name) for name in usual}
     louder = {
-        sensor: _largest([usual[name].louder(record, name) for name in channels if name in usual], blocks)
+        sensor: _largest([usual[name].louder(read[name]) for name in channels if name in usual], blocks)
         for sensor, channels in {**CHANNELS, _GYROS: GYROS}.items()
     }
     found = {}
@@ -80,7 +82,7 @@ def own_ratios(record: Record, usual: Mapping[str, OwnNoise], blocks: int) -> di
         own = [name for name in channels if name in usual]
         if own:
             others = _largest([ratio for other, ratio in louder.items() if other != sensor], blocks)
-            stuck = _largest([usual[name].stuck(record, name, blocks) for name in own], blocks)
+            stuck = _largest([usual[name].stuck(read[name]) for name in own], blocks)
             found[sensor] = np.maximum(stuck, np.where(others < _SHAKEN, louder[sensor], 0.0))
     return found
 
@@ -90,49 +92,58 @@ def _largest(ratios: Sequence[FloatArray], blocks: int) -> FloatArray:
     return np.asarray(np.max([np.zeros(blocks), *map(np.nan_to_num, ratios)], axis=0))
 
 
-def _held_s(record: Record, name: str) -> FloatArray:
-    """Return at each row for how long a channel has read the same, of its last readings; zero before there are five."""
-    values = record[name]
-    rows = np.flatnonzero(np.isfinite(values))
-    held = np.zeros(len(values))
-    if len(rows) < 2:
-        return held
-    read = values[rows]
-    changed = np.concatenate([[True], read[1:] != read[:-1]])
-    since = np.maximum.accumulate(np.where(changed, np.arange(len(rows)), 0))
-    long_enough = np.arange(len(rows)) - since >= _STUCK_READINGS - 1
-    held[rows] = np.where(long_enough, (rows - rows[since]) * record.sample_period_s, 0.0)
-    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
-    return held[last]
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Readings:
+    """What a channel of a record reads, and in which of its rows; so many rows are a block."""
 
+    rows: IntArray
+    values: FloatArray
+    count: int
+    block: int
+    period_s: float
 
-def _silent_s(record: Record, name: str) -> FloatArray:
-    """Return at each row how long ago a channel was read; zero before its first reading."""
-    rows = np.arange(len(record))
-    last = np.maximum.accumulate(np.where(np.isfinite(record[name]), rows, -1))
-    return np.where(last < 0, 0.0, (rows - last) * record.sample_period_s)
+    @classmethod
+    def of(cls, record: Record, name: str) -> _Readings:
+        values = record[name]
+        rows = np.flatnonzero(np.isfinite(values))
+        own = max(round(BLOCK_S / record.sample_period_s), 1)
+        return cls(rows=rows, values=values[rows], count=len(record), block=own, period_s=record.sample_period_s)
 
+    @property
+    def ends(self) -> IntArray:
+        """The last rows of the blocks."""
+        return np.arange(self.block, self.count + 1, self.block) - 1
 
-def _powers(record: Record, name: str) -> FloatArray:
-    """Return the logarithm of the power of second differences over the last blocks, shape (blocks,)."""
-    rows = max(round(BLOCK_S / record.sample_period_s), 1)
-    blocks = len(record) // rows
-    values = record[name]
-    at = np.flatnonzero(np.isfinite(values))
-    squares = np.full(len(values), np.nan)
-    squares[at[2:]] = np.diff(values[at], 2) ** 2
-    shaped = squares[: blocks * rows].reshape(blocks, rows)
-    counts = np.isfinite(shaped).sum(axis=1)
-    means = np.where(counts > 0, np.nansum(shaped, axis=1) / np.maximum(counts, 1), np.nan)
-    power = np.full(blocks, np.nan)
-    if blocks >= _WINDOW:  # medians: a bump is no noise
-        windows = np.lib.stride_tricks.sliding_window_view(means, _WINDOW)
-        known = np.isfinite(windows).sum(axis=1) > _WINDOW // 2
-        power[_WINDOW - 1 :][known] = np.nanmedian(windows[known], axis=1)
-    return np.log(np.where(power > 0.0, power, np.nan))
+    def held_s(self, at: IntArray) -> FloatArray:
+        """Return for how long it has read the same at some rows, of the last readings; zero before there are five."""
+        if not len(self.rows):
+            return np.zeros(len(at))
+        starts = np.concatenate([[0], 1 + np.flatnonzero(self.values[1:] != self.values[:-1])])  # of one reading
+        last = np.searchsorted(self.rows, at, side="right") - 1
+        first = starts[np.searchsorted(starts, np.maximum(last, 0), side="right") - 1]
+        held_s = (self.rows[last] - self.rows[first]) * self.period_s
+        return np.where((last >= 0) & (last - first >= _STUCK_READINGS - 1), held_s, 0.0)
 
+    def silent_s(self, at: IntArray) -> FloatArray:
+        """Return how long before some rows it was read; zero before its first reading."""
+        if not len(self.rows):
+            return np.zeros(len(at))
+        last = np.searchsorted(self.rows, at, side="right") - 1
+        return np.where(last < 0, 0.0, (at - self.rows[last]) * self.period_s)
 
-def _at_ends(values: FloatArray, record: Record, blocks: int) -> FloatArray:
-    """Return values of the blocks' last rows."""
-    rows = max(round(BLOCK_S / record.sample_period_s), 1)
-    return values[rows - 1 : blocks * rows : rows]
+    def powers(self) -> FloatArray:
+        """Return the logarithm of the power of second differences over the last blocks, shape (blocks,)."""
+        blocks = self.count // self.block
+        block = self.rows[2:] // self.block
+        squares = np.square(np.diff(self.values, 2))
+        counts = np.bincount(block, minlength=blocks)[:blocks]
+        sums = np.bincount(block, squares, minlength=blocks)[:blocks]
+        means = np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+        power = np.full(blocks, np.nan)
+        if blocks >= _WINDOW:  # medians: a bump is no noise
+            windows = np.sort(np.lib.stride_tricks.sliding_window_view(means, _WINDOW), axis=1)  # what is missing, last
+            known = np.isfinite(windows).sum(axis=1)
+            row = np.arange(len(windows))
+            medians = (windows[row, np.maximum(known - 1, 0) // 2] + windows[row, known // 2]) / 2.0
+            power[_WINDOW - 1 :] = np.where(known > _WINDOW // 2, medians, np.nan)
+        return np.log(np.where(power > 0.0, power, np.nan))

@@ -15,7 +15,8 @@ Where all sensors are right each of them is linear in a few unknown constants: b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -48,6 +49,17 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
     ALPHA: ("alpha",),
     BETA: ("beta",),
     ALTITUDE: ("altitude",),
+}
+
+
+POSSIBLE: Mapping[str, tuple[str, ...]] = {  # relations, and what enters them; the attitude and the wind always may
+    "gps, accelerometers": (GPS, ACCEL, ATT),
+    "gps, altitude": (GPS, ALTITUDE),
+    "gps, air": (GPS, TAS, ATT, WIND),
+    "air, accelerometers": (TAS, ACCEL, ATT, WIND),
+    "altitude, accelerometers": (ALTITUDE, ACCEL, ATT),
+    "field strength": (MAG,),
+    "field direction": (MAG, ATT),
 }
 
 
@@ -87,7 +99,7 @@ class Relation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """A record's rows as all relations need them.
+    """A record's rows as all relations need them; rows come last, so that each component lies in one piece.
 
     Attributes
     ----------
@@ -96,7 +108,7 @@ class Motion:
         Of `BLOCK_S`.
     rows : int
         In a block.
-    turned : shape (rows, 3, 3)
+    turned : shape (3, 3, rows)
         C; the last known attitude where one is missing.
     known : shape (rows,)
         Where the attitude is there.
@@ -111,67 +123,70 @@ class Motion:
     @classmethod
     def of(cls, record: Record) -> Motion:
         """Return the motion of a record."""
-        from scipy.spatial.transform import Rotation  # takes longer to import than all of ours
-
         rows = max(round(BLOCK_S / record.sample_period_s), 1)
-        attitude = record.matrix(ATTITUDE)
-        known = np.isfinite(attitude).all(axis=1)
-        told = _held(attitude)
-        turned = Rotation.from_euler("ZYX", told[:, ::-1], degrees=True).as_matrix()
+        attitude = _rows_last(record, ATTITUDE)
+        known = np.isfinite(attitude).all(axis=0)
+        turned = _rotation(np.deg2rad(_held(attitude)))
         return cls(record=record, blocks=len(record) // rows, rows=rows, turned=turned, known=known.astype(float))
 
     def mean(self, values: FloatArray, read: FloatArray | None = None) -> FloatArray:
-        """Return means over blocks of values of shape (rows, ...); NaN where none of them is read."""
-        weight = np.ones(len(values)) if read is None else read
+        """Return means over blocks of values of shape (..., rows); blocks come first, NaN where none is read."""
         whole = self.blocks * self.rows
-        shaped = values[:whole].reshape(self.blocks, self.rows, *values.shape[1:])
-        weights = weight[:whole].reshape(self.blocks, self.rows)
-        counts = weights.sum(axis=1)
-        sums = np.einsum("br...,br->b...", shaped, weights)
-        means = sums / np.maximum(counts, 1.0).reshape(-1, *[1] * (values.ndim - 1))
-        means[counts == 0.0] = np.nan
-        return np.asarray(means)
+        shaped = values[..., :whole].reshape(*values.shape[:-1], self.blocks, self.rows)
+        if read is None or read.all():
+            return np.moveaxis(shaped.sum(axis=-1) / self.rows, -1, 0)
+        weights = read[:whole].reshape(self.blocks, self.rows)
+        return _means((shaped * weights).sum(axis=-1), weights.sum(axis=1))
 
     @cached_property
     def path(self) -> FloatArray:
-        """The integral of a from the record's start, shape (rows, 3)."""
-        pulled = np.einsum("kij,kj->ki", self.turned, self.force) + np.array([0.0, 0.0, G_M_S2])
-        return np.asarray(np.cumsum(pulled, axis=0) * self.record.sample_period_s)
+        """The integral of a from the record's start, shape (3, rows)."""
+        pulled = _turned(self.turned, self.force) + np.array([[0.0], [0.0], [G_M_S2]])
+        return np.asarray(np.cumsum(pulled, axis=1) * self.record.sample_period_s)
 
     @cached_property
     def turning(self) -> FloatArray:
-        """The integral of C from the record's start, shape (rows, 3, 3)."""
-        return np.asarray(np.cumsum(self.turned, axis=0) * self.record.sample_period_s)
+        """The integral of C from the record's start, shape (3, 3, rows)."""
+        return np.asarray(np.cumsum(self.turned, axis=2) * self.record.sample_period_s)
+
+    @cached_property
+    def air_axes(self) -> FloatArray:
+        """The axes of the air along north, east and down: along the way, across and normal to it; (3, 3, rows)."""
+        (ca, sa), (cb, sb) = ((np.cos(each), np.sin(each)) for each in (self.flow(ALPHA), self.flow(BETA)))
+        zero = np.zeros_like(ca)
+        to_body = ([ca * cb, sb, sa * cb], [-ca * sb, cb, -sa * sb], [-sa, zero, ca])
+        return np.array([_turned(self.turned, np.array(axis)) for axis in to_body])
+
+    @cached_property
+    def air_frame(self) -> FloatArray:
+        """The rotation from north, east and down to the axes of the air, of each block's mean; (blocks, 3, 3)."""
+        return self.mean(self.air_axes)
 
     @cached_property
     def through(self) -> FloatArray:
-        """The velocity through the air along north, east and down, shape (rows, 3)."""
-        return np.asarray(np.einsum("kij,kj->ki", self.turned, self.air))
+        """The velocity through the air along north, east and down, shape (3, rows)."""
+        return np.asarray(self.air_axes[0] * (_column(self.record, TAS) * _M_S_PER_KT))
 
     @cached_property
     def turns_rad(self) -> FloatArray:
         """By how much the attitude turned since the block before, shape (blocks,)."""
-        ends = self.turned[self.rows - 1 : self.blocks * self.rows : self.rows]
-        traces = np.einsum("bij,bij->b", ends[1:], ends[:-1])
+        ends = self.turned[:, :, self.rows - 1 : self.blocks * self.rows : self.rows]
+        traces = np.einsum("ijb,ijb->b", ends[:, :, 1:], ends[:, :, :-1])
         return np.concatenate([np.zeros(1), np.arccos(np.clip((traces - 1.0) / 2.0, -1.0, 1.0))])
 
     @property
     def force(self) -> FloatArray:
-        """The specific force along body axes forward, right and down in m/s2, shape (rows, 3)."""
-        return _held(self.record.matrix(ACCELEROMETERS)) * [G_M_S2, G_M_S2, -G_M_S2]
+        """The specific force along body axes forward, right and down in m/s2, shape (3, rows)."""
+        return _held(_rows_last(self.record, ACCELEROMETERS)) * [[G_M_S2], [G_M_S2], [-G_M_S2]]
 
-    @property
-    def air(self) -> FloatArray:
-        """The velocity through the air along body axes in m/s, shape (rows, 3)."""
-        alpha, beta = (np.deg2rad(_column(self.record, name)) for name in (ALPHA, BETA))
-        speed = _column(self.record, TAS) * _M_S_PER_KT
-        along = [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)]
-        return np.column_stack([speed * share for share in along])
+    def flow(self, vane: str) -> FloatArray:
+        """Return a vane's angle in rad; zeros where there is none."""
+        return np.asarray(np.deg2rad(_column(self.record, vane)))
 
     def there(self, *sensors: str) -> FloatArray:
         """Tell in which rows sensors and the attitude are read, as 1 and 0."""
         names = [name for sensor in sensors for name in CHANNELS[sensor] if name in self.record]
-        return np.asarray(np.isfinite(self.record.matrix(names)).all(axis=1) * self.known)
+        return np.asarray(np.logical_and.reduce([np.isfinite(self.record[name]) for name in names]) * self.known)
 
 
 def relations(motion: Motion, delay_s: float, field_ned: FloatArray | None) -> Iterator[Relation]:
@@ -210,7 +225,7 @@ class Late:
     Attributes
     ----------
     rows, at : shape (readings,)
-    velocity : shape (readings, 3)
+    velocity : shape (3, readings)
     """
 
     rows: NDArray[np.int64] = field(repr=False)
@@ -220,18 +235,28 @@ class Late:
     @classmethod
     def of(cls, motion: Motion, delay_s: float) -> Late:
         """Return the readings of a motion's GPS."""
-        velocity = motion.record.matrix(GPS_VELOCITY)
-        rows = np.flatnonzero(np.isfinite(velocity).all(axis=1))
+        velocity = _rows_last(motion.record, GPS_VELOCITY)
+        rows = np.flatnonzero(np.isfinite(velocity).all(axis=0))
         at = np.maximum(rows - round(delay_s / motion.record.sample_period_s), 0)
-        return cls(rows=rows, at=at, velocity=velocity[rows])
+        return cls(rows=rows, at=at, velocity=velocity[:, rows])
 
-    def spread(self, motion: Motion, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return values of readings in their rows, zeros elsewhere, and which rows those are."""
-        laid = np.zeros((len(motion.record), *values.shape[1:]))
-        laid[self.rows] = values
-        read = np.zeros(len(motion.record))
-        read[self.rows] = motion.known[self.rows]
-        return laid, read
+    def mean(self, motion: Motion, values: FloatArray, read: FloatArray) -> FloatArray:
+        """Return means over blocks of values of shape (..., readings); NaN where none of a block is read.
+
+        Parameters
+        ----------
+        motion : Motion
+        values : FloatArray
+        read : shape (rows,)
+            What has to be there in the row of a reading.
+        """
+        weights = read[self.rows] * motion.known[self.rows]
+        within = self.rows < motion.blocks * motion.rows
+        block = self.rows[within] // motion.rows
+        flat = (values * weights)[..., within].reshape(math.prod(values.shape[:-1]), len(block))
+        sums = np.array([np.bincount(block, each, minlength=motion.blocks) for each in flat])
+        counts = np.bincount(block, weights[within], minlength=motion.blocks).astype(np.float64)
+        return _means(sums.reshape(*values.shape[:-1], motion.blocks), counts)
 
 
 def gps_delay_s(motion: Motion) -> float:
@@ -242,8 +267,11 @@ def gps_delay_s(motion: Motion) -> float:
     left = []
     for delay_s in _DELAYS_S:
         late = Late.of(motion, float(delay_s))
-        laid, read = late.spread(motion, late.velocity - motion.path[late.at])
-        left.append(np.nanmean(np.nanvar(_changes(motion.mean(laid, read)), axis=0)))
+        changes = _changes(late.mean(motion, late.velocity - motion.path[:, late.at], motion.known))
+        changes = changes[np.isfinite(changes).all(axis=1)]
+        if len(changes) < 2:  # no fix yet
+            return _USUAL_DELAY_S
+        left.append(np.mean(np.var(changes, axis=0)))
     return float(_DELAYS_S[int(np.argmin(left))])
 
 
@@ -252,12 +280,9 @@ _DELAYS_S = np.arange(0.0, 0.5, 0.02)
 
 
 def _gps_and_force(motion: Motion, late: Late) -> Relation:
-    path, turning = motion.path, motion.turning
-    laid, read = late.spread(motion, late.velocity - path[late.at])
-    read = read * motion.there(ACCEL)
-    turned, _ = late.spread(motion, turning[late.at])
-    y = _changes(motion.mean(laid, read))
-    biases = _changes(motion.mean(turned, read))
+    read = motion.there(ACCEL)
+    y = _changes(late.mean(motion, late.velocity - motion.path[:, late.at], read))
+    biases = _changes(late.mean(motion, motion.turning[:, :, late.at], read))
     return Relation(
         name="gps, accelerometers",
         axes=tuple((f"gps, accelerometers: {axis}", frozenset({GPS, ACCEL, ATT})) for axis in _NED),
@@ -272,16 +297,15 @@ def _gps_and_force(motion: Motion, late: Late) -> Relation:
 
 def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
     period_s = motion.record.sample_period_s
-    down = late.velocity[:, 2]
+    down = late.velocity[2]
     at_s = late.rows * period_s
     sunk = np.concatenate([[0.0], np.cumsum(np.diff(at_s) * (down[1:] + down[:-1]) / 2.0)])
     rows = np.arange(len(motion.record))
-    last = np.clip(np.searchsorted(late.rows, rows, side="right") - 1, 0, len(late.rows) - 1)
+    last = np.clip(np.cumsum(np.bincount(late.rows, minlength=len(rows))) - 1, 0, None)
     carried = sunk[last] + (rows - late.rows[last]) * period_s * down[last]  # on, by the last reading
     behind = np.maximum(rows - (late.rows[0] - late.at[0] if late.at[0] else 0), 0)
     height = _column(motion.record, ALTITUDE)[behind] * _M_PER_FT
-    _, read = late.spread(motion, late.velocity)
-    seen = motion.mean(np.zeros(len(rows)), read)
+    seen = late.mean(motion, np.zeros(len(late.rows)), np.ones(len(rows)))
     y = _changes(motion.mean(height + carried, motion.there(ALTITUDE)))[:, np.newaxis] + seen[:, np.newaxis]
     return Relation(
         name="gps, altitude",
@@ -296,32 +320,28 @@ def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
 
 
 def _gps_and_air(motion: Motion, late: Late) -> Relation:
-    through = motion.through
-    laid, read = late.spread(motion, late.velocity - through[late.at])
-    read = read * motion.there(TAS, *_vanes(motion))
-    y = motion.mean(laid, read)
-    air, _ = late.spread(motion, through[late.at])
-    turned, _ = late.spread(motion, motion.turned[late.at])
-    scale = motion.mean(air, read)[:, :, np.newaxis]
+    read = motion.there(TAS, *_vanes(motion))
+    air = motion.through[:, late.at]
+    y = late.mean(motion, late.velocity - air, read)
+    scale = late.mean(motion, air, read)[:, :, np.newaxis]
+    turned = late.mean(motion, motion.turned[:, :, late.at], read)
     return Relation(
         name="gps, air",
         axes=tuple((f"gps, air: {axis}", frozenset({GPS, sensor, ATT, WIND})) for axis, sensor in _air_axes(motion)),
         y=y,
-        design=np.concatenate([_eyes(y), scale, motion.mean(turned, read)], axis=2),
+        design=np.concatenate([_eyes(y), scale, turned], axis=2),
         usual=np.zeros(7),
         spread=np.array([15.0, 15.0, 1.0, 0.05, 1.0, 1.0, 1.0]),
-        frame=_air_frame(motion),
+        frame=motion.air_frame,
         least=(1.0, _SLIPPED, _SLIPPED),
     )
 
 
 def _air_and_force(motion: Motion) -> Relation:
-    path, turning = motion.path, motion.turning
-    through = motion.through
     read = motion.there(ACCEL, TAS, *_vanes(motion))
-    y = _changes(motion.mean(through - path, read))
-    biases = _changes(motion.mean(turning, read))
-    scale = _changes(motion.mean(through, read))[:, :, np.newaxis]
+    y = _changes(motion.mean(motion.through - motion.path, read))
+    biases = _changes(motion.mean(motion.turning, read))
+    scale = _changes(motion.mean(motion.through, read))[:, :, np.newaxis]
     return Relation(
         name="air, accelerometers",
         axes=tuple(  # an error of the airspeed shows in all of them, where the aircraft turns
@@ -332,19 +352,18 @@ def _air_and_force(motion: Motion) -> Relation:
         design=np.concatenate([-biases, -_eyes(y), scale], axis=2),
         usual=np.zeros(7),
         spread=np.array([_BIAS] * 3 + [_COARSE] * 3 + [0.05]),
-        frame=_air_frame(motion),
+        frame=motion.air_frame,
         least=(_TILTED, _TILTED, _TILTED),
     )
 
 
 def _altitude_and_force(motion: Motion) -> Relation:
     period_s = motion.record.sample_period_s
-    path, turning = motion.path, motion.turning
-    fallen = np.cumsum(path[:, 2]) * period_s
+    fallen = np.cumsum(motion.path[2]) * period_s
     height = _column(motion.record, ALTITUDE) * _M_PER_FT
     read = motion.there(ACCEL, ALTITUDE)
     y = _changes(_changes(motion.mean(height + fallen, read)))[:, np.newaxis]
-    biases = _changes(_changes(motion.mean(np.cumsum(turning[:, 2], axis=0) * period_s, read)))
+    biases = _changes(_changes(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read)))
     return Relation(
         name="altitude, accelerometers",
         axes=(("altitude, accelerometers", frozenset({ALTITUDE, ACCEL, ATT})),),
@@ -361,8 +380,8 @@ def _field(motion: Motion, field_ned: FloatArray) -> Relation:
     """Return how the field is read, as a share of its strength; iron makes of it anything linear in C."""
     strength = float(np.linalg.norm(field_ned))
     told = field_ned / strength
-    raw = motion.record.matrix(MAGNETOMETER)
-    read = np.isfinite(raw).all(axis=1) * motion.known
+    raw = _rows_last(motion.record, MAGNETOMETER)
+    read = np.isfinite(raw).all(axis=0) * motion.known
     y = motion.mean(np.nan_to_num(raw) / strength, read)
     turned = motion.mean(motion.turned, read)
     elements = np.concatenate([turned.reshape(-1, 9), np.ones((motion.blocks, 1))], axis=1)
@@ -385,7 +404,7 @@ def _field(motion: Motion, field_ned: FloatArray) -> Relation:
         design=design,
         usual=usual,
         spread=np.tile([0.1] * 9 + [0.2], 3),
-        frame=np.einsum("an,bnj->baj", basis, turned),
+        frame=basis @ turned,
         least=(0.04, _OFF_RAD, _OFF_RAD),
         is_length=True,
     )
@@ -411,16 +430,6 @@ def _air_axes(motion: Motion) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _air_frame(motion: Motion) -> FloatArray:
-    """Return the rotation from north, east, down to the axes of the air, of each block's mean."""
-    alpha, beta = (np.deg2rad(_column(motion.record, name)) for name in (ALPHA, BETA))
-    zero, one = np.zeros_like(alpha), np.ones_like(alpha)
-    pitch = np.array([[np.cos(alpha), zero, -np.sin(alpha)], [zero, one, zero], [np.sin(alpha), zero, np.cos(alpha)]])
-    yaw = np.array([[np.cos(beta), -np.sin(beta), zero], [np.sin(beta), np.cos(beta), zero], [zero, zero, one]])
-    to_body = np.einsum("ijk,jlk->kil", pitch, yaw)
-    return motion.mean(np.einsum("kij,kjl->kil", motion.turned, to_body)).transpose(0, 2, 1)
-
-
 def _changes(levels: FloatArray) -> FloatArray:
     """Return rates of change from block to block; none before the first."""
     changes = np.full_like(levels, np.nan)
@@ -432,16 +441,44 @@ def _eyes(y: FloatArray) -> FloatArray:
     return np.tile(np.eye(y.shape[1]), (len(y), 1, 1))
 
 
+def _means(sums: FloatArray, counts: FloatArray) -> FloatArray:
+    """Return sums of shape (..., blocks) over counts, blocks first; NaN where nothing was counted."""
+    means = sums / np.maximum(counts, 1.0)
+    means[..., counts == 0.0] = np.nan
+    return np.moveaxis(means, -1, 0)
+
+
+def _rotation(angles: FloatArray) -> FloatArray:
+    """Return C of roll, pitch and yaw in rad, shape (3, 3, rows)."""
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
+    return np.array(
+        [
+            [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+            [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+            [-sp, sr * cp, cr * cp],
+        ]
+    )
+
+
+def _turned(rotation: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return vectors (3, rows) turned by rotations (3, 3, rows)."""
+    return np.array([each[0] * vector[0] + each[1] * vector[1] + each[2] * vector[2] for each in rotation])
+
+
+def _rows_last(record: Record, channels: Sequence[str]) -> FloatArray:
+    return np.array([record[name] for name in channels])
+
+
 def _column(record: Record, name: str) -> FloatArray:
     """Return a channel, its last value where it is missing; zeros where it isn't there."""
-    return _held(record[name][:, np.newaxis])[:, 0] if name in record else np.zeros(len(record))
+    return _held(record[name][np.newaxis])[0] if name in record else np.zeros(len(record))
 
 
 def _held(values: FloatArray) -> FloatArray:
-    """Return columns with their last value where a sample is missing, and the first one before that."""
+    """Return channels of shape (channels, rows) with their last value where one is missing, before it the first."""
     there = np.isfinite(values)
     if there.all():
         return values
-    last = np.maximum.accumulate(np.where(there, np.arange(len(values))[:, np.newaxis], -1), axis=0)
-    first = np.argmax(there, axis=0)
-    return np.nan_to_num(np.take_along_axis(values, np.where(last < 0, first, last), axis=0))
+    last = np.maximum.accumulate(np.where(there, np.arange(values.shape[1]), -1), axis=1)
+    first = np.argmax(there, axis=1)[:, np.newaxis]
+    return np.nan_to_num(np.take_along_axis(values, np.where(last < 0, first, last), axis=1))

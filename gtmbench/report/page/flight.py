@@ -36,6 +36,7 @@ from gtmbench.report.words.certificate import (
 )
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
+from gtmbench.report.words.other_sensors import sensor_lines
 from gtmbench.report.words.units import capitalised, duration_text
 from gtmbench.report.words.verdict import SHORT_S, labelled, sensor_text, verdict_text
 from gtmbench.study.log.watched import WatchedLog
@@ -101,7 +102,11 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         treatment=[(state, f"{seconds:.1f}") for state, seconds in lengths_s.items() if seconds >= SHORT_S],
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
-        certificate_notes=[*certificate_notes(watched.certificate), *witness_lines(watched.witnesses)],
+        certificate_notes=[
+            *certificate_notes(watched.certificate),
+            *witness_lines(watched.witnesses),
+            *sensor_lines(watched.sensors),
+        ],
         details="\n".join(detail_lines(watched)),
         facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
         command=command,

@@ -12,6 +12,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
+from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
 from gtmbench.report.score_units import level
@@ -22,6 +23,7 @@ from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
+from gtmbench.report.words.other_sensors import sensor_table
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
@@ -51,6 +53,8 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
         "witnesses": [_witness(each) for each in watched.witnesses],
+        "sensors": [sensor_table(each) for each in watched.sensors],
+        "estimator": [_estimator(each) for each in watched.estimator],
         "installation": None if watched.installation is None else watched.installation.table(),
         "attitude": None if watched.attitude is None else asdict(watched.attitude),
         "log": _log(watched.log),
@@ -155,6 +159,12 @@ def _comparison(watched: WatchedLog) -> Mapping[str, Any] | None:
         "watched": None if compared.watched is None else compared.watched.name,
         "alarms": [_finding(alarm, None) for alarm in compared.alarms],
     }
+
+
+def _estimator(word: EstimatorWord) -> Mapping[str, Any]:
+    """Return what an estimator says of a gyro, in deg/s, or of a sensor, as a ratio that it rejects above 1."""
+    of = {"quantity": word.quantity, "of": word.of, "columns": word.columns}
+    return of | {"smallest": float(word.values.min()), "largest": float(word.values.max())}
 
 
 def _witness(witness: FieldWitness) -> Mapping[str, Any]:

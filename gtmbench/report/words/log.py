@@ -29,6 +29,7 @@ from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
+from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
 from gtmbench.study.log.self_check.explained import Explained
@@ -66,6 +67,8 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
         *witness_lines(watched.witnesses),
+        *sensor_lines(watched.sensors),
+        *estimator_lines(watched.estimator),
         *_worth_lines(watched),
     ]
 

@@ -28,6 +28,7 @@ from gtmbench.report.log_findings import (
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.judgement import kind_text, source_text
 from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
 from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.contacts import CONTACTS, is_contact
 from gtmbench.study.log.watched import Outcome, WatchedLog
@@ -79,8 +80,18 @@ def verdict_text(watched: WatchedLog) -> str:
 
     The time is when the fault began, as far as its kind or the test tells.
     """
-    if watched.outcome is Outcome.UNKNOWN:
-        return _until_text(watched) or f"Cannot tell: {'; '.join(causes(watched))}."
+    failed = failed_sensors_text(watched.failed_sensors)
+    if failed:
+        return f"{failed} {_gyros_text(watched, ' of a gyro')}"
+    return _gyros_text(watched)
+
+
+def _gyros_text(watched: WatchedLog, of: str = "") -> str:
+    """Say the same of gyros and attitude alone."""
+    if watched.gyros_outcome is Outcome.UNKNOWN:
+        return (
+            _until_text(watched) or f"Cannot tell{f' whether a fault{of}' if of else ''}: {'; '.join(causes(watched))}."
+        )
     faults = [same for same in faults_of(watched).values() if not same[0].doubt]
     if faults:
         told = [_fault_text(same) for same in faults[:_MOST]]
@@ -91,7 +102,7 @@ def verdict_text(watched: WatchedLog) -> str:
     watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
     blind = _unheard(watched)
     but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
-    return f"No fault found in {watched_of}{but}.{alarms}{_contacts_text(watched)}"
+    return f"No fault{of} found in {watched_of}{but}.{alarms}{_contacts_text(watched)}"
 
 
 def _until_text(watched: WatchedLog) -> str:
@@ -195,6 +206,7 @@ def _why(watched: WatchedLog) -> list[str]:
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
     lines += [f"{capitalised(alarm.last.reason)}." for alarm in watched.standing if alarm.last is not None]
+    lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
     return lines + [
         f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]

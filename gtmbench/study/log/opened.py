@@ -16,11 +16,13 @@ from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
+from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
 from gtmbench.intake.magnetometers import FieldReadings, magnetometers_of
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
+from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.asked import Asked
@@ -77,6 +79,10 @@ class Opened:
         The log with the gyros of all its IMUs side by side; None where it has one.
     magnetometers : tuple of FieldReadings
         Those of the log that may tell r from psi; none where the log has no heading, or nothing rests on motion.
+    sensors : tuple of SensorReadings
+        Those of the log that no gyro enters; none likewise.
+    estimator : tuple of EstimatorWord
+        What the log's estimator says of gyros and sensors; it is reported and never used.
     attitude : Origin or None
         Whether the gyros drive the attitude; None where nothing rests on that.
     findings : tuple of str
@@ -94,6 +100,8 @@ class Opened:
     others: tuple[OpenedLog, ...]
     imus: FlightLog | None = field(repr=False)
     magnetometers: tuple[FieldReadings, ...] = field(repr=False)
+    sensors: tuple[SensorReadings, ...] = field(repr=False)
+    estimator: tuple[EstimatorWord, ...] = field(repr=False)
     attitude: Origin | None
     findings: tuple[str, ...]
     bends: bool
@@ -139,6 +147,8 @@ def opened(asked: Asked) -> Opened:
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         magnetometers=magnetometers_of(read, asked.mapping) if has_heading else (),
+        sensors=other_sensors_of(read, asked.mapping) if has_heading else (),
+        estimator=estimator_words_of(read),
         attitude=attitude,
         findings=findings,
         bends=bends,

@@ -180,14 +180,14 @@ def _means(said: Said) -> SlowMeans | None:
         return None
     return slow_means(
         motion.segments,
-        healthy=[(each.start_s, each.end_s) for each in _healthy(learnt, opened.log)],
+        healthy=[(each.start_s, each.end_s) for each in healthy_of(learnt, opened.log)],
         excursions=said.excursions,
         is_driven=opened.attitude is not None and opened.attitude.is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
     )
 
 
-def _healthy(learnt: Learnt, log: FlightLog) -> list[Record]:
+def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:
     """Return the stretches of a log that its monitor was learnt on."""
     left_out = [each.span for each in learnt.left_out if each.log == learnt.opened.log.path]
     return outside(within(log, learnt.identified_s), left_out)
@@ -199,7 +199,7 @@ def _settled(said: Said) -> Said:
     motion = learnt.opened.own.motion
     if means is None or motion is None:  # r and psi aren't compared
         return said
-    witnesses = field_witnesses(learnt.opened.magnetometers, motion.segments, _healthy(learnt, motion))
+    witnesses = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy_of(learnt, motion))
     watches = [
         replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
         for watch in said.watches

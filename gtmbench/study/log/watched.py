@@ -10,6 +10,7 @@ from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
@@ -17,7 +18,8 @@ from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_w
 from gtmbench.study.log.field_witnesses import FieldWitness
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
-from gtmbench.study.log.said import Said, first_alarms
+from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
+from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.values.notebook import card
@@ -72,6 +74,11 @@ class WatchedLog:
     witnesses : tuple of FieldWitness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
+    sensors : tuple of WatchedSensor
+        The sensors that no gyro enters: what each is compared with, and which failed; none where the log has no
+        heading.
+    estimator : tuple of EstimatorWord
+        The gyro biases of the log's estimator and its test ratios: reported, never used.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands, by its accelerometers.
     installation : Installation or None
@@ -111,6 +118,8 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
+    estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
@@ -148,7 +157,18 @@ class WatchedLog:
         return tuple(dict.fromkeys(score.name for score in scores))
 
     @property
+    def failed_sensors(self) -> tuple[WatchedSensor, ...]:
+        """The sensors that no gyro enters and that failed, in order of time."""
+        failed = [(each.failed.time_s, each) for each in self.sensors if each.failed is not None]
+        return tuple(each for _, each in sorted(failed, key=lambda told: told[0]))
+
+    @property
     def outcome(self) -> Outcome:
+        """Failed if a sensor that no gyro enters did; otherwise what gyros and attitude say (`gyros_outcome`)."""
+        return Outcome.FAILED if self.failed_sensors else self.gyros_outcome
+
+    @property
+    def gyros_outcome(self) -> Outcome:
         """Failed if an alarm is left to explain; unknown if nothing, or not every statistic, could have alarmed.
 
         It is also unknown if an alarm may be no fault's, or silence proves nothing by the self-check or the
@@ -188,9 +208,20 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         comparison=said.comparison,
         means=said.means,
         witnesses=said.witnesses,
+        sensors=sensors_of(said),
+        estimator=learnt.opened.estimator,
         standing=said.standing,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,
         is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
     )
+
+
+def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
+    """Return what the sensors of a log that no gyro enters say of each other, learnt where its monitor was."""
+    learnt = said.learnt
+    motion = learnt.opened.own.motion
+    moving = () if motion is None else motion.segments
+    healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
+    return watched_sensors(learnt.opened.sensors, moving, healthy, learnt.identified_s, said.excursions)

@@ -1,0 +1,322 @@
+"""The sensors of a log that no gyro enters, each with stamps of its own, beside any record of the log.
+
+Magnetometers, GPS velocity, accelerometers, airspeed and pressure altitude, as sensors read them: where an autopilot
+also logs what its estimator made of them (`vehicle_global_position`, ``POS``), that isn't taken. Readings are kept as
+they are, also those that repeat themselves because the sensor is stuck.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
+from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mapping
+from gtmbench.intake.read import ReadLog
+from gtmbench.intake.stamps import cleaned
+from gtmbench.intake.times import with_time
+from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.pieces import beside
+from gtmbench.values.record import BoolArray, FloatArray, Record
+
+_KT_PER_M_S, _FT_PER_M = 1.0 / (FT_S_PER_KT * 0.3048), 1.0 / 0.3048
+_FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
+_FEWEST = 20  # readings
+_MOST = 3  # magnetometers
+_INTERPOLATED = 2.5  # rows between readings, up to which they are interpolated; beyond, each stands in its nearest row
+_FASTER = 0.75  # of a row between readings: a row is the mean of its readings
+_STANDS = 1.5  # times the usual step: so long the same is read again
+_GAP = 5.0  # times the usual step: nothing is known in between
+_PX4_GPS = re.compile(r"(vehicle_gps_position|sensor_gps)(#0)?")
+_ARDUPILOT_GPS = re.compile(r"GPS(#0)?")
+_AIRSPEEDS = (("airspeed", "true_airspeed_m_s"), ("airspeed_validated", "true_airspeed_m_s"), ("ARSP", "Airspeed"))
+_PRESSURE = (("vehicle_air_data", "baro_alt_meter"), ("sensor_combined", "baro_alt_meter"), ("BARO", "Alt"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorReadings:
+    """What a sensor of a log read.
+
+    Attributes
+    ----------
+    name : str
+        The log's topic, ``GPS`` or ``vehicle_air_data``; of a table its columns.
+    channels : tuple of str
+        Which channels it is.
+    columns : tuple of str
+        The log's, one a channel, or those that they are worked out of.
+    time_s : FloatArray
+        On the log's clock, increasing, shape (readings,). Readings that only repeat the one before until the next one
+        comes are left out.
+    values : FloatArray
+        In the channels' units, shape (readings, channels).
+    is_late : bool
+        Whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    columns: tuple[str, ...]
+    time_s: FloatArray = field(repr=False)
+    values: FloatArray = field(repr=False)
+    is_late: bool = False
+
+    def beside(self, record: Record) -> Record:
+        """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
+
+        Of a sensor that is faster than the record each row is the mean of its readings, so that vibration doesn't pass
+        for motion.
+
+        Examples
+        --------
+        >>> time_s = np.arange(10) * 0.1
+        >>> readings = SensorReadings(
+        ...     name="BARO",
+        ...     channels=("altitude",),
+        ...     columns=("BARO.Alt",),
+        ...     time_s=time_s,
+        ...     values=time_s[:, np.newaxis],
+        ... )
+        >>> record = Record(np.zeros((2, 1)), channels=["p"], sample_period_s=0.4, start_s=0.2)
+        >>> readings.beside(record)["altitude"].round(6).tolist()
+        [0.2, 0.6]
+        """
+        laid = self._laid(record)
+        there = beside([record.there, np.isfinite(laid)]) if record.is_in_part_unknown else None
+        return Record(
+            beside([record.values, laid]),
+            channels=[*record.channels, *self.channels],
+            sample_period_s=record.sample_period_s,
+            start_s=record.start_s,
+            there=there,
+        )
+
+    def _laid(self, record: Record) -> FloatArray:
+        usual_s = float(np.median(np.diff(self.time_s)))
+        if usual_s < _FASTER * record.sample_period_s:
+            return self._means(record)
+        if self.is_late or usual_s > _INTERPOLATED * record.sample_period_s:
+            return self._nearest(record)
+        at_s = record.time_s
+        laid = np.column_stack([np.interp(at_s, self.time_s, each) for each in self.values.T])
+        behind = np.clip(np.searchsorted(self.time_s, at_s), 1, len(self.time_s) - 1)
+        is_gap = self.time_s[behind] - self.time_s[behind - 1] > _GAP * usual_s
+        laid[is_gap | (at_s < self.time_s[0]) | (at_s > self.time_s[-1])] = np.nan
+        return laid
+
+    def _rows(self, record: Record) -> tuple[BoolArray, NDArray[np.int64]]:
+        """Return which readings lie in a record, and their nearest rows."""
+        rows = np.rint((self.time_s - record.start_s) / record.sample_period_s)
+        within = (rows >= 0) & (rows < len(record))
+        return within, rows[within].astype(np.int64)
+
+    def _nearest(self, record: Record) -> FloatArray:
+        laid = np.full((len(record), len(self.channels)), np.nan)
+        within, rows = self._rows(record)
+        laid[rows] = self.values[within]
+        return laid
+
+    def _means(self, record: Record) -> FloatArray:
+        within, rows = self._rows(record)
+        counts = np.bincount(rows, minlength=len(record))
+        sums = [np.bincount(rows, each, minlength=len(record)) for each in self.values[within].T]
+        return np.where(counts > 0, np.array(sums) / np.maximum(counts, 1), np.nan).T
+
+
+def other_sensors_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[SensorReadings, ...]:
+    """Return the sensors of a log that read anything.
+
+    GPS velocity (of PX4 and ArduPilot with a 3-D fix only; of a table gps_north, gps_east and gps_down in m/s),
+    accelerometers, airspeed, pressure altitude, and up to three magnetometers.
+
+    Parameters
+    ----------
+    log : ReadLog
+    mapping : sequence of str
+        As `open_log` takes it: a mapped channel is taken as mapped, and one that is ``none`` isn't.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> from gtmbench.intake.read import read_log
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "log.csv")
+    ...     rows = (f"{0.1 * k:.1f},{k % 7},{k % 5},1.0,{100 + k}" for k in range(40))
+    ...     _ = path.write_text(chr(10).join(["time_s,gps_north,gps_east,gps_down,altitude_ft", *rows]))
+    ...     found = other_sensors_of(read_log(path))
+    >>> [each.channels for each in found]
+    [('gps_north', 'gps_east', 'gps_down'), ('altitude',)]
+    """
+    mapped = split_mapping(mapping)
+    of_time, raw = mapped.pop("time", None), log.raw
+    with contextlib.suppress(InputError):  # whoever opens the log says why its time isn't known
+        raw = with_time(raw, of_time)
+    with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
+        found = [_readings(each, raw) for each in _sensors(raw, mapped)]
+        fields = [_field(name, axes, signs, raw) for name, axes, signs in magnetometer_columns(raw, mapped)]
+        return tuple(each for each in (*found, *[each for each in fields if each][:_MOST]) if each is not None)
+
+
+class _Columns(NamedTuple):
+    """A sensor's channels, the columns on one clock that they are made of, and their values, a column a channel."""
+
+    channels: tuple[str, ...]
+    columns: tuple[str, ...]
+    clock: str
+    values: FloatArray
+    is_late: bool = False
+    stamps_s: FloatArray | None = None  # instead of the clock's
+
+
+def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
+    by_name = {series.name: series for series in raw.series}
+    gps = _gps(raw, by_name, mapped)
+    if gps is not None:
+        yield gps
+    for channels in (ACCELEROMETERS, ("tas",), ("altitude",)):
+        if NONE in (mapped.get(name) for name in channels):
+            continue
+        documented = None if set(channels) & set(mapped) else _documented(channels[0], by_name)
+        if documented is not None:
+            yield documented
+            continue
+        if channels == ("altitude",) and not raw.by_name and "altitude" not in mapped:
+            continue  # an autopilot's own altitude, which isn't a sensor's
+        chosen = choose_of(channels, raw, mapped)
+        if len(chosen) == len(channels) and len({each.series.clock for each in chosen}) == 1:
+            values = np.column_stack([each.values() for each in chosen])
+            yield _Columns(channels, tuple(each.series.name for each in chosen), chosen[0].series.clock, values)
+
+
+def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | None:
+    """Return the airspeed or the pressure altitude that an autopilot's sensor reads."""
+    layouts, factor = {"tas": (_AIRSPEEDS, _KT_PER_M_S), "altitude": (_PRESSURE, _FT_PER_M)}.get(channel, ((), 1.0))
+    for topic, name in layouts:
+        series = by_name.get(f"{topic}.{name}") or by_name.get(f"{topic}#0.{name}")
+        if series is not None:
+            return _Columns((channel,), (series.name,), series.clock, series.values()[:, np.newaxis] * factor)
+    return None
+
+
+def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str]) -> _Columns | None:
+    """Return the velocity over ground that the first GPS reads."""
+    told = [name for name in GPS_VELOCITY if name in mapped]
+    if NONE in (mapped[name] for name in told):
+        return None
+    if told:
+        if len(told) < len(GPS_VELOCITY):
+            lacking = next(name for name in GPS_VELOCITY if name not in mapped)
+            raise InputError(f"--map gives {', '.join(told)} and no {lacking}; a GPS velocity has three axes, in m/s")
+        pairs = [mapped_column(raw, name, mapped[name]) for name in GPS_VELOCITY]
+        return _of_columns([series for series, _ in pairs], [meaning.sign for _, meaning in pairs])
+    if set(GPS_VELOCITY) <= by_name.keys():
+        return _of_columns([by_name[name] for name in GPS_VELOCITY], [1.0, 1.0, 1.0])
+    for topic in sorted(raw.clocks, key=lambda name: (not name.startswith("vehicle"), name)):
+        own = {name: by_name[f"{topic}.{name}"] for name in _GPS_FIELDS if f"{topic}.{name}" in by_name}
+        if _PX4_GPS.fullmatch(topic) and set(_PX4_VELOCITY) <= own.keys():
+            read = [own[name].values() for name in _PX4_VELOCITY]
+            fix = own["fix_type"].values() >= _FIX_3D if "fix_type" in own else np.isfinite(read[0])
+            return _of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix)
+        # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
+        if _ARDUPILOT_GPS.fullmatch(topic) and {"Spd", "GCrs", "VZ", "Status"} <= own.keys():
+            speed, course = own["Spd"].values(), np.deg2rad(own["GCrs"].values())
+            read = [speed * np.cos(course), speed * np.sin(course), own["VZ"].values()]
+            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, own["Status"].values() >= _FIX_3D)
+            return gps._replace(stamps_s=0.001 * own["T"].values()) if "T" in own else gps
+    return None
+
+
+_PX4_VELOCITY = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
+_GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T")
+
+
+def _of_columns(series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
+    if len({each.clock for each in series}) != 1:
+        return None
+    values = np.column_stack([each.values() * sign for each, sign in zip(series, signs, strict=True)])
+    return _Columns(GPS_VELOCITY, tuple(each.name for each in series), series[0].clock, values, is_late=True)
+
+
+def _of_topic(
+    topic: str, names: Sequence[str], first: RawSeries, read: Sequence[FloatArray], fix: BoolArray
+) -> _Columns:
+    values = np.where(fix[:, np.newaxis], np.column_stack(read), np.nan)
+    return _Columns(GPS_VELOCITY, tuple(f"{topic}.{name}" for name in names), first.clock, values, is_late=True)
+
+
+def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
+    """Return what a sensor read, each reading once; None where it read nothing, or when isn't known."""
+    if told.clock not in raw.clocks:
+        return None
+    stamps_s = raw.clocks[told.clock] if told.stamps_s is None else told.stamps_s
+    try:
+        cleared, breaks_s, _ = cleaned({told.clock: stamps_s})
+    except InputError:
+        return None
+    if breaks_s:  # what follows is dated later than the log says
+        return None
+    own = cleared[told.clock]
+    values = told.values[own.rows]
+    known = np.isfinite(values).all(axis=1) & np.isfinite(own.time_s)
+    return _kept(told, own.time_s[known], values[known])
+
+
+def _field(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -> SensorReadings | None:
+    logged = field_rows(axes, signs, raw)
+    if logged is None:
+        return None
+    time_s, values = logged
+    told = _Columns(MAGNETOMETER, tuple(each.name for each in axes), axes[0].clock, values)
+    found = _kept(told, time_s, values)
+    return None if found is None else replace(found, name=name)
+
+
+def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadings | None:
+    """Return readings without those that only repeat the one before; None where there are hardly any."""
+    is_read = readings_at(time_s, values)
+    if np.count_nonzero(is_read) < _FEWEST:
+        return None
+    topics = {column.rpartition(".")[0] for column in told.columns}
+    return SensorReadings(
+        name=topics.pop() if len(topics) == 1 and "" not in topics else ", ".join(told.columns),
+        channels=told.channels,
+        columns=told.columns,
+        time_s=time_s[is_read],
+        values=values[is_read],
+        is_late=told.is_late,
+    )
+
+
+def readings_at(time_s: FloatArray, values: FloatArray) -> BoolArray:
+    """Tell which rows hold a reading: a new one, or the same for longer than readings usually stand.
+
+    A logger that is faster than a sensor repeats each reading until the next. A sensor that is stuck repeats one
+    for longer, and that is what it reads.
+
+    >>> time_s = np.arange(12.0)
+    >>> values = np.array([1.0, 1.0, 2.0, 2.0, 3.0, 3.0, 4.0, 4.0, 4.0, 4.0, 4.0, 4.0])[:, np.newaxis]
+    >>> np.flatnonzero(readings_at(time_s, values)).tolist()
+    [0, 2, 4, 6, 10]
+    """
+    steps = np.diff(time_s)
+    is_read = np.ones(len(values), dtype=bool)
+    is_read[1:] = (np.diff(values, axis=0) != 0.0).any(axis=1) & (steps > 0.0)
+    fresh = np.flatnonzero(is_read)
+    if len(fresh) < 3:
+        return is_read
+    usual_s = float(np.median(np.diff(time_s[fresh])))
+    for first, stop in zip(fresh, [*fresh[1:], len(time_s)], strict=True):
+        last_s = time_s[first]
+        for row in range(first + 1, stop) if time_s[stop - 1] - last_s > _STANDS * usual_s else ():
+            if time_s[row] - last_s > _STANDS * usual_s:
+                is_read[row], last_s = True, time_s[row]
+    return is_read
