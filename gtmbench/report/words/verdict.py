@@ -26,7 +26,7 @@ from gtmbench.report.log_findings import (
     stretches,
 )
 from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.judgement import kind_text, source_text
+from gtmbench.report.words.judgement import kind_text, slow_text, source_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.contacts import CONTACTS, is_contact
@@ -196,7 +196,7 @@ def _why(watched: WatchedLog) -> list[str]:
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
     lines += [f"{capitalised(alarm.last.reason)}." for alarm in watched.standing if alarm.last is not None]
     return lines + [
-        f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate{_by_witness(alarm)}."
+        f"Alarm at {alarm.time_s:.2f} s by {slow_text(alarm)}{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]
     ]
 

@@ -54,13 +54,15 @@ def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
     """Return what was said with every alarm changed."""
     watches = tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in said.watches)
     means = said.means and replace(said.means, alarms=tuple(map(change, said.means.alarms)))
-    return replace(said, watches=watches, means=means)
+    gains = said.gains and replace(said.gains, alarms=tuple(map(change, said.gains.alarms)))
+    return replace(said, watches=watches, means=means, gains=gains)
 
 
 def _accusing(said: Said) -> Iterator[Alarm]:
     """Give the alarms that must be a fault, by what was learnt."""
     yield from (alarm for watch in said.watches for alarm in watch.alarms if _accuses(alarm))
-    yield from (alarm for alarm in (said.means.alarms if said.means else ()) if _accuses(alarm))
+    for slow in (said.means, said.gains):
+        yield from (alarm for alarm in (slow.alarms if slow else ()) if _accuses(alarm))
 
 
 def _accuses(alarm: Alarm) -> bool:

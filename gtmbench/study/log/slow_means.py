@@ -133,41 +133,37 @@ def slow_means(
     return replace(compared, alarms=alarms)
 
 
-def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
-    """Return what means say beyond some alarms: what one of these names, or leaves open, already is left out.
+def beyond(alarms: Sequence[Alarm], told: Sequence[Alarm]) -> list[Alarm]:
+    """Return what slow tests tell beyond some alarms: what one of these names, or leaves open, already is left out.
 
     Parameters
     ----------
-    alarms : sequence of Alarm
-    means : SlowMeans or None
+    alarms, told : sequence of Alarm
     """
-    told = () if means is None else means.alarms
     sure = [alarm for alarm in alarms if alarm.accuses]
     return [each for each in told if not any(_is_told(each, alarm) for alarm in sure)]
 
 
-def but_beside(means: SlowMeans | None, alarms: Sequence[Alarm]) -> SlowMeans | None:
-    """Return means that name no gyro while the residual of another rose: a bent attitude shows in all of them.
+def but_beside(told: Sequence[Alarm], alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Return alarms of slow tests that name no gyro while another's residual rose: a bent attitude shows in all.
 
     Parameters
     ----------
-    means : SlowMeans or None
+    told : sequence of Alarm
     alarms : sequence of Alarm
         The monitor's own.
     """
-    if means is None:
-        return None
     left = [alarm for alarm in alarms if not alarm.has_passed]
 
     def doubted(slow: Alarm) -> Alarm:
         beside = next((each for each in left if each.source != slow.source and _overlap(slow, each)), None)
         if beside is None or slow.last is None or not slow.accuses:
             return slow
-        doubt = f"the means of {slow.source} differ from the attitude's, but {beside.source} rose, too: it may be bent"
+        doubt = f"{slow.source} differs from the attitude, but {beside.source} rose, too: it may be bent"
         judged = replace(slow.last, sensor=None, doubt=doubt, reason=f"{beside.source} rose at {beside.time_s:.1f} s")
         return replace(slow, judgements=(judged,))
 
-    return replace(means, alarms=tuple(map(doubted, means.alarms)))
+    return tuple(map(doubted, told))
 
 
 def _overlap(slow: Alarm, alarm: Alarm) -> bool:

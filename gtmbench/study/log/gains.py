@@ -1,0 +1,292 @@
+"""Gains: how much of every turn each gyro reads, against the attitude's rate, over twenty seconds.
+
+A gyro of a wrong scale is wrong by a part of the turn, so it hardly shows beside what manoeuvres leave of a residual,
+and not at all in a mean. It shows in the gain g of the gyro's slow motion y = g x + noise on the attitude's rate x. As
+both are noisy, no regression gives g, but the two of them hold it between them (Frisch's bracket):
+
+    cov(x, y) / var(x)  <=  g  <=  var(y) / cov(x, y)
+
+Noise of either, aliases and a delay widen the bracket and don't shift it past g. So a gyro is suspected only where the
+whole bracket has left the gain that it had where identified, by more than it ever did there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.method.regression.slow import HALF, interpolated, slow
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
+from gtmbench.study.log.self_check.motion import attitude_rates
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
+
+GAIN = "gain against the attitude"  # test of such alarms
+WINDOW, _SHORTER = 20, 10  # seconds; where what is healthy hardly holds such windows
+_KNOWN = 0.8  # of a window
+_TOLERANCE, _OF_HEALTHY, _DEVIATIONS = 0.12, 3.0, 5.0  # of the gain; of its largest change where identified; of its own
+_LIKE = 0.25  # share of the variance that gyro and attitude have in common: below, they tell of other things
+_GAUSSIAN = 3.0  # E(x^4) / E(x^2)^2 of motion that is as strong throughout
+_LASTS = 0.5  # of the bound: below, it has ended
+_STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
+_NAMED_S, _NAMED_LEAST = 10, 0.2  # so long, and so much of the turn missing
+_SCALES, _TURNS = 0.95, -0.5  # share in common of a gyro that reads multiples; gain of one with a turned sign
+_X, _Y, _XX, _YY, _XY, _X4 = range(6)  # moments of a second
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gains:
+    """Between what each gyro's gain lies, of what it is where identified, over 20 s up to each second.
+
+    Attributes
+    ----------
+    start_s : float
+    least, most : FloatArray
+        Shape (seconds, 3); NaN where gyro and attitude move too little together.
+    tolerance : FloatArray
+        By how much the bracket has to leave 1, shape (seconds, 3).
+    alike : FloatArray
+        The share of the variance that both have in common, shape (seconds, 3).
+    is_watched : BoolArray
+        Shape (seconds,): not where identified.
+    alarms : tuple of Alarm
+    """
+
+    start_s: float
+    least: FloatArray = field(repr=False)
+    most: FloatArray = field(repr=False)
+    tolerance: FloatArray = field(repr=False)
+    alike: FloatArray = field(repr=False)
+    is_watched: BoolArray = field(repr=False)
+    alarms: tuple[Alarm, ...] = ()
+
+    @property
+    def excess(self) -> FloatArray:
+        """By how many times the tolerance the whole bracket lies beside 1."""
+        return np.asarray(np.fmax(1.0 - self.most, self.least - 1.0) / self.tolerance)
+
+
+def gains(
+    records: Sequence[Record],
+    *,
+    healthy: Sequence[Span],
+    excursions: Sequence[Excursion] = (),
+    is_driven: bool,
+    names: bool = True,
+) -> Gains | None:
+    """Compare how far gyros and attitude turn; None where too little of it is healthy.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        In time, with p, q, r, phi, theta and psi.
+    healthy : sequence of (start, end)
+        What was identified on.
+    excursions : sequence of Excursion
+        Stretches in which nothing can be told; hard motion hides no gain.
+    is_driven : bool
+        Whether the gyros drive the attitude, so that it turns as they do.
+    names : bool
+        Whether a sensor is ever named: not where several IMUs are compared, for another one may drive the attitude.
+
+    Examples
+    --------
+    >>> phi = 30.0 * np.sin(np.linspace(0.0, 300.0, 2000))
+    >>> still = np.zeros((2000, 4))
+    >>> values = np.column_stack([np.gradient(phi, 0.1), phi, still])
+    >>> record = Record(values, channels=["p", "phi", "q", "r", "theta", "psi"], sample_period_s=0.1)
+    >>> broken = record.replace("p", record["p"] * np.where(record.time_s < 100.0, 1.0, 0.6))
+    >>> found = gains([broken], healthy=[(0.0, 60.0)], is_driven=True)
+    >>> [(alarm.verdict, round(alarm.last.parameters["factor"], 2)) for alarm in found.alarms]
+    [('p failed', 0.6)]
+    """
+    start_s = records[0].start_s
+    moments = _moments(records, start_s, excursions)
+    at_s = start_s + (np.arange(len(moments)) + 0.5) * SECOND_S
+    usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
+    learnt = _learnt(moments, usual)
+    if learnt is None:
+        return None
+    gain, change = learnt
+    least, most, alike, deviation = _brackets(moments, WINDOW, _rows_of_second(records))
+    compared = Gains(
+        start_s=start_s,
+        least=least / gain,
+        most=most / gain,
+        tolerance=np.fmax(np.fmax(_TOLERANCE, _OF_HEALTHY * change), _DEVIATIONS * deviation),
+        alike=alike,
+        is_watched=~usual,
+    )
+    squares = moments[:, _YY] - 2.0 * gain * moments[:, _XY] + np.square(gain) * moments[:, _XX]
+    alarms = [
+        _alarm(number, compared, axis, rise, squares[:, axis], is_driven=is_driven, names=names)
+        for number, (axis, rise) in enumerate((axis, rise) for axis in range(3) for rise in _rises(compared, axis))
+    ]
+    return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
+
+
+# ---- brackets ----
+
+
+def _moments(records: Sequence[Record], start_s: float, excursions: Sequence[Excursion]) -> FloatArray:
+    """Return means of every second of x, y, x^2, y^2, x y and x^4, of rates x and gyros y; shape (seconds, 6, 3)."""
+    count = int((records[-1].end_s - start_s) / SECOND_S) + 1
+    moments = np.full((count, 6, 3), np.nan)
+    for record in records:
+        seconds = of_seconds(record, start_s, _products)
+        moments[seconds.at] = seconds.means.reshape(-1, 6, 3)
+    for each in excursions:
+        if each.reason != MOTION and not each.is_judged:
+            first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
+            moments[max(first, 0) : max(last + 1, 0)] = np.nan
+    return moments
+
+
+def _products(record: Record) -> FloatArray:
+    rates, gyros = attitude_rates(record), record.matrix(GYROS)
+    there = np.isfinite(rates).all(axis=1) & np.isfinite(gyros).all(axis=1)
+    there &= np.abs(record["theta"]) < _STEEPEST_DEG
+    there[[0, -1]] = there[1:-1].any()  # ends have no slope
+    x, y = slow(interpolated(rates)), slow(interpolated(gyros))
+    x[~there], y[~there] = np.nan, np.nan
+    return np.concatenate([x, y, x * x, y * y, x * y, np.square(x * x)], axis=1)
+
+
+def _rows_of_second(records: Sequence[Record]) -> float:
+    """Return how many samples of slow motion a second has that aren't much alike: it holds a fifth of the band."""
+    return SECOND_S / records[0].sample_period_s / HALF
+
+
+def _brackets(
+    moments: FloatArray, window: int, rows_of_second: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the least and the largest gain, the share in common, and the gain's own deviation, relative to it."""
+    means = trailing_means(moments, window, _KNOWN)
+    x, y = means[:, _X], means[:, _Y]
+    xx, yy, xy = means[:, _XX] - x * x, means[:, _YY] - y * y, means[:, _XY] - x * y
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alike = np.square(xy) / (xx * yy)
+        rows = window * rows_of_second * np.minimum(_GAUSSIAN * np.square(means[:, _XX]) / means[:, _X4], 1.0)
+        deviation = np.sqrt((1.0 - alike) / alike / rows)
+        ends = np.sort([xy / xx, yy / xy], axis=0)
+    told = np.isfinite(ends).all(axis=0) & (alike > _LIKE)
+    least, most, alike, deviation = (np.where(told, each, np.nan) for each in (*ends, alike, deviation))
+    return least, most, alike, deviation
+
+
+def _learnt(moments: FloatArray, usual: BoolArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the gains where identified, and how far the brackets ever left them there; shorter windows stray more."""
+    for window in (WINDOW, _SHORTER):
+        within = trailing_means(usual.astype(np.float64), window) == 1.0
+        least, most, _, _ = _brackets(moments, window, 1.0)
+        known = within & np.isfinite(least).any(axis=1)
+        if np.count_nonzero(known) >= min(window, FEWEST):
+            least, most = least[known], most[known]
+            gain = np.full(3, np.nan)
+            for axis in range(3):
+                own = least[:, axis] > 0.0
+                if own.any():
+                    gain[axis] = np.median(np.sqrt(least[own, axis] * most[own, axis]))
+            change = np.fmax(1.0 - most / gain, least / gain - 1.0)
+            return gain, np.nanmax(np.fmax(change, 0.0), axis=0, initial=0.0)
+    return None
+
+
+# ---- faults ----
+
+
+def _rises(compared: Gains, axis: int) -> Iterator[tuple[int, int]]:
+    """Give when an excess is known, and when it has ended, in seconds."""
+    excess = np.nan_to_num(compared.excess[:, axis])
+    starts, ends = runs(np.asarray(excess > _LASTS))
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        risen = np.flatnonzero((excess[start:end] > 1.0) & compared.is_watched[start:end])
+        if len(risen):
+            yield start + int(risen[0]), end
+
+
+def _alarm(
+    number: int,
+    compared: Gains,
+    axis: int,
+    rise: tuple[int, int],
+    squares: FloatArray,
+    *,
+    is_driven: bool,
+    names: bool,
+) -> Alarm:
+    known, stop = rise
+    onset_s = compared.start_s + _onset(squares, known) * SECOND_S
+    judged = _doubted(compared, axis, rise)
+    decided = next((row for row in range(known, stop) if _is_sure(compared, axis, known, row)), None)
+    if names and decided is not None:
+        judged = _decided(compared, axis, decided, onset_s, is_driven=is_driven)
+    return Alarm(
+        number=number,
+        time_s=compared.start_s + (known + 1) * SECOND_S,
+        onset_s=onset_s,
+        source=GYROS[axis],
+        test=GAIN,
+        judgements=(judged,),
+        ended_s=None if stop >= len(compared.least) - 1 else compared.start_s + stop * SECOND_S,
+    )
+
+
+def _onset(squares: FloatArray, known: int) -> int:
+    """Return the second since which most is wrong of the window that rose."""
+    first = max(known - WINDOW + 1, 0)
+    own = np.nan_to_num(squares[first : known + 1])
+    return first + int(np.argmax(np.cumsum((own - 0.5 * own.mean())[::-1])[::-1]))
+
+
+def _is_sure(compared: Gains, axis: int, known: int, row: int) -> bool:
+    """Tell whether a gyro, and no other, has missed much of its turns for long enough, up to a second.
+
+    One that reads too much isn't: that may be an attitude which follows another gyro.
+    """
+    lately = slice(row - _NAMED_S + 1, row + 1)
+    if row < known + _NAMED_S - 1 or not (1.0 - compared.most[lately, axis] >= _NAMED_LEAST).all():
+        return False
+    excess = compared.excess
+    others = np.delete(excess[known : row + 1], axis, axis=1)
+    return bool((excess[lately, axis] > 1.0).all() and not (others > _LASTS).any())
+
+
+def _gain(compared: Gains, axis: int, row: int) -> float:
+    """Return the gain at a second, in the middle of its bracket."""
+    least, most = float(compared.least[row, axis]), float(compared.most[row, axis])
+    return float(np.sign(most) * np.sqrt(abs(least * most)))
+
+
+def _decided(compared: Gains, axis: int, row: int, onset_s: float, *, is_driven: bool) -> Judgement:
+    gyro, angle, factor = GYROS[axis], ATTITUDE[axis], _gain(compared, axis, row)
+    kind: str | None = None
+    parameters = {"onset_s": onset_s}
+    if compared.alike[row, axis] > _SCALES:  # else it reads no multiples, as of a deadzone
+        kind = "sign_flip" if factor < _TURNS else "scale_factor"
+        parameters |= {} if factor < _TURNS else {"factor": factor}
+    return Judgement(
+        time_s=compared.start_s + (row + 1) * SECOND_S,
+        sensor=gyro if is_driven else None,
+        candidates=(gyro,) if is_driven else (gyro, angle),
+        kind=kind,
+        parameters=parameters,
+        reason="" if is_driven else f"{angle} may turn too far as well",
+    )
+
+
+def _doubted(compared: Gains, axis: int, rise: tuple[int, int]) -> Judgement:
+    known, stop = rise
+    gyro, angle = GYROS[axis], ATTITUDE[axis]
+    row = known + int(np.nanargmax(compared.excess[known:stop, axis]))
+    return Judgement(
+        time_s=compared.start_s + (known + 1) * SECOND_S,
+        sensor=None,
+        candidates=(gyro, angle),
+        doubt=f"the gain of {gyro} against the attitude is {_gain(compared, axis, row):.2g} of what it was",
+        reason="too little to tell the gyro from the attitude",
+    )
