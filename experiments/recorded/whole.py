@@ -230,7 +230,7 @@ def _broken(log: Opened, fault: gb.Fault, attitude: str) -> Opened:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(said.watches, said.standing, said.comparison, (said.means, said.gains))
+    told = first_alarms(said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains))
     return [alarm for alarm in told if not alarm.has_passed]
 
 

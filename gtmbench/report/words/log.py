@@ -246,7 +246,7 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
 def _alarms_lines(watched: WatchedLog) -> list[str]:
     told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
-    lines += [f"{alarm.time_s:.2f} s  {alarm_text(alarm)}" for alarm in watched.standing]
+    lines += [f"{alarm.time_s:.2f} s  {alarm_text(alarm)}" for alarm in (*watched.standing, *watched.frozen)]
     lines += [line for alarm in watched.slow_alarms for line in _slow_lines(alarm)]
     return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
 

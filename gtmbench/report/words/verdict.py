@@ -194,7 +194,9 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
-    lines += [f"{capitalised(alarm.last.reason)}." for alarm in watched.standing if alarm.last is not None]
+    lines += [
+        f"{capitalised(alarm.last.reason)}." for alarm in (*watched.standing, *watched.frozen) if alarm.last is not None
+    ]
     return lines + [
         f"Alarm at {alarm.time_s:.2f} s by {slow_text(alarm)}{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]

@@ -7,7 +7,8 @@ both are noisy, no regression gives g, but the two of them hold it between them 
     cov(x, y) / var(x)  <=  g  <=  var(y) / cov(x, y)
 
 Noise of either, aliases and a delay widen the bracket and don't shift it past g. So a gyro is suspected only where the
-whole bracket has left the gain that it had where identified, by more than it ever did there.
+whole bracket has left both 1 and the gain that it had where identified, by more than it ever left that there: samples
+that come seldom, and filters, make a gain that isn't 1 and hangs a little on how fast the motion is.
 """
 
 from __future__ import annotations
@@ -40,15 +41,17 @@ _X, _Y, _XX, _YY, _XY, _X4 = range(6)  # moments of a second
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gains:
-    """Between what each gyro's gain lies, of what it is where identified, over 20 s up to each second.
+    """Between what each gyro's gain lies over 20 s up to each second.
 
     Attributes
     ----------
     start_s : float
+    usual : FloatArray
+        What it is where identified, shape (3,).
     least, most : FloatArray
         Shape (seconds, 3); NaN where gyro and attitude move too little together.
     tolerance : FloatArray
-        By how much the bracket has to leave 1, shape (seconds, 3).
+        By what share the bracket has to leave the usual gain and 1, shape (seconds, 3).
     alike : FloatArray
         The share of the variance that both have in common, shape (seconds, 3).
     is_watched : BoolArray
@@ -57,6 +60,7 @@ class Gains:
     """
 
     start_s: float
+    usual: FloatArray
     least: FloatArray = field(repr=False)
     most: FloatArray = field(repr=False)
     tolerance: FloatArray = field(repr=False)
@@ -66,8 +70,13 @@ class Gains:
 
     @property
     def excess(self) -> FloatArray:
-        """By how many times the tolerance the whole bracket lies beside 1."""
-        return np.asarray(np.fmax(1.0 - self.most, self.least - 1.0) / self.tolerance)
+        """By how many times the tolerance the whole bracket lies beside the usual gain and 1."""
+        return np.asarray(np.fmax(self.missing, self.least / np.maximum(self.usual, 1.0) - 1.0) / self.tolerance)
+
+    @property
+    def missing(self) -> FloatArray:
+        """Which share of its turns each gyro misses at least; negative where it may read all of them."""
+        return np.asarray(1.0 - self.most / np.minimum(self.usual, 1.0))
 
 
 def gains(
@@ -115,8 +124,9 @@ def gains(
     least, most, alike, deviation = _brackets(moments, WINDOW, _rows_of_second(records))
     compared = Gains(
         start_s=start_s,
-        least=least / gain,
-        most=most / gain,
+        usual=gain,
+        least=least,
+        most=most,
         tolerance=np.fmax(np.fmax(_TOLERANCE, _OF_HEALTHY * change), _DEVIATIONS * deviation),
         alike=alike,
         is_watched=~usual,
@@ -249,7 +259,7 @@ def _is_sure(compared: Gains, axis: int, known: int, row: int) -> bool:
     One that reads too much isn't: that may be an attitude which follows another gyro.
     """
     lately = slice(row - _NAMED_S + 1, row + 1)
-    if row < known + _NAMED_S - 1 or not (1.0 - compared.most[lately, axis] >= _NAMED_LEAST).all():
+    if row < known + _NAMED_S - 1 or not (compared.missing[lately, axis] >= _NAMED_LEAST).all():
         return False
     excess = compared.excess
     others = np.delete(excess[known : row + 1], axis, axis=1)
@@ -257,9 +267,9 @@ def _is_sure(compared: Gains, axis: int, known: int, row: int) -> bool:
 
 
 def _gain(compared: Gains, axis: int, row: int) -> float:
-    """Return the gain at a second, in the middle of its bracket."""
+    """Return the gain at a second, of the usual one, in the middle of its bracket."""
     least, most = float(compared.least[row, axis]), float(compared.most[row, axis])
-    return float(np.sign(most) * np.sqrt(abs(least * most)))
+    return float(np.sign(most) * np.sqrt(abs(least * most)) / compared.usual[axis])
 
 
 def _decided(compared: Gains, axis: int, row: int, onset_s: float, *, is_driven: bool) -> Judgement:

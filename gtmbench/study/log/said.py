@@ -25,6 +25,7 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
+from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
 from gtmbench.study.log.learnt import Learnt
@@ -68,6 +69,8 @@ class Said:
         The magnetometers that were asked where r or psi was left open.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands.
+    frozen : tuple of Alarm
+        Gyros that stand still while others move; none where nothing of the log was learnt from.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -82,6 +85,7 @@ class Said:
     gains: Gains | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
+    frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
 
 
@@ -89,11 +93,13 @@ def first_alarms(
     watches: Sequence[Watch],
     standing: Sequence[Alarm],
     comparison: Comparison | None,
+    frozen: Sequence[Alarm],
     slow: Sequence[SlowMeans | Gains | None],
 ) -> tuple[Alarm, ...]:
     """Return the first alarm of each fault that is said of a log, in order of time."""
     told = [alarm for watch in watches for alarm in watch.faults]
     told += [*standing, *further(told, comparison)]
+    told += beyond(told, frozen)
     for each in slow:
         told += beyond(told, () if each is None else each.alarms)
     return tuple(sorted(told, key=lambda alarm: alarm.time_s))
@@ -155,6 +161,7 @@ def doubted(said: Said, progress: Progress) -> Said:
             comparison=comparison,
             means=means and replace(means, alarms=told(means.alarms)),
             gains=turns and replace(turns, alarms=told(turns.alarms)),
+            frozen=frozen_gyros(log.segments, [(each.start_s, each.end_s) for each in _healthy(learnt, log)]),
             findings=findings,
         )
     )

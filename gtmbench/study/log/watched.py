@@ -77,6 +77,8 @@ class WatchedLog:
         monitor wasn't identified on it.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands, by its accelerometers.
+    frozen : tuple of Alarm
+        Gyros that stand still while others move.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -116,6 +118,7 @@ class WatchedLog:
     gains: Gains | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
+    frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -133,7 +136,7 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        return first_alarms(self.watches, self.standing, self.comparison, (self.means, self.gains))
+        return first_alarms(self.watches, self.standing, self.comparison, self.frozen, (self.means, self.gains))
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
@@ -194,6 +197,7 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         gains=said.gains,
         witnesses=said.witnesses,
         standing=said.standing,
+        frozen=said.frozen,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,
