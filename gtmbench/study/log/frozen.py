@@ -91,11 +91,12 @@ def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArr
                 f"{gyro} reads {record[gyro][start]:.3g} deg/s all the time for {lasts_s:.0f} s while another gyro "
                 f"moves; where identified it did so for {usual_s[axis]:.2g} s at most"
             )
+            lasts = end == len(record)
             judged = Judgement(
                 time_s=known_s,
                 sensor=gyro,
                 candidates=(gyro,),
-                kind="stuck",
+                kind="stuck" if lasts else None,  # a deadzone reads one value for a while, too
                 parameters={"value": float(record[gyro][start]), "onset_s": onset_s},
                 reason=reason,
             )
@@ -106,5 +107,5 @@ def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArr
                 source=gyro,
                 test=FROZEN,
                 judgements=(judged,),
-                ended_s=None if end == len(record) else float(record.time_s[end]),
+                ended_s=None if lasts else float(record.time_s[end]),
             )

@@ -71,12 +71,8 @@ class Gains:
     @property
     def excess(self) -> FloatArray:
         """By how many times the tolerance the whole bracket lies beside the usual gain and 1."""
-        return np.asarray(np.fmax(self.missing, self.least / np.maximum(self.usual, 1.0) - 1.0) / self.tolerance)
-
-    @property
-    def missing(self) -> FloatArray:
-        """Which share of its turns each gyro misses at least; negative where it may read all of them."""
-        return np.asarray(1.0 - self.most / np.minimum(self.usual, 1.0))
+        below, above = np.minimum(self.usual, 1.0), np.maximum(self.usual, 1.0)
+        return np.asarray(np.fmax(1.0 - self.most / below, self.least / above - 1.0) / self.tolerance)
 
 
 def gains(
@@ -259,7 +255,8 @@ def _is_sure(compared: Gains, axis: int, known: int, row: int) -> bool:
     One that reads too much isn't: that may be an attitude which follows another gyro.
     """
     lately = slice(row - _NAMED_S + 1, row + 1)
-    if row < known + _NAMED_S - 1 or not (compared.missing[lately, axis] >= _NAMED_LEAST).all():
+    missing = 1.0 - compared.most[lately, axis] / compared.usual[axis]
+    if row < known + _NAMED_S - 1 or not (missing >= _NAMED_LEAST).all():
         return False
     excess = compared.excess
     others = np.delete(excess[known : row + 1], axis, axis=1)

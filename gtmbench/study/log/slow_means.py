@@ -32,6 +32,7 @@ WINDOWS = (10, 30)  # seconds
 _FLOOR_DEG_S = 0.3
 _OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 3.0, 5.0, 0.05
 _KNOWN = 0.8  # of a window
+_FALLS = 1.0 / 3.0  # power of a window's length with which its largest healthy mean falls, at least
 _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
@@ -238,16 +239,22 @@ def _differences(record: Record) -> FloatArray:
 
 
 def _bounds(error: FloatArray, seconds: _Seconds, usual: BoolArray, floor: float) -> dict[int, FloatArray]:
-    """Return what healthy means don't exceed: where a window hardly fits into what is healthy, as of a shorter one."""
+    """Return what healthy means don't exceed.
+
+    Where a window hardly fits into what is healthy, its few means count together with what a shorter one's largest
+    comes to over more seconds: noise falls with the root of their number, an estimator's wander at least with the cube
+    root.
+    """
     bounds: dict[int, FloatArray] = {}
-    largest = np.full(3, np.inf)
+    largest, before = np.full(3, np.inf), WINDOWS[0]
     for window in WINDOWS:
         means, noise = trailing_means(error, window, _KNOWN), trailing_means(seconds.variance, window, _KNOWN)
         turning = np.linalg.norm(trailing_means(seconds.motion, window, _KNOWN), axis=1)
         within = trailing_means(usual.astype(np.float64), window) == 1.0
         healthy = np.abs(means[within & np.isfinite(means).any(axis=1)])
-        if len(healthy) >= window:
-            largest = np.nanmax(healthy, axis=0, initial=0.0)
+        own_largest = np.nanmax(healthy, axis=0, initial=0.0)
+        of_shorter = largest * (before / window) ** _FALLS
+        largest, before = own_largest if len(healthy) >= window else np.maximum(own_largest, of_shorter), window
         own = np.maximum(np.maximum(floor, _OF_HEALTHY * largest), _DEVIATIONS * np.sqrt(noise / window))
         bounds[window] = np.asarray(own + _OF_MOTION * turning[:, np.newaxis])
     return bounds
