@@ -59,7 +59,8 @@ DependableSystemsLab/DeLorean (`dl_`, `data/`) are of ArduPilot's simulator; som
   *at a contact*: jam, bias and sign that begin half a second before a contact with the ground that was explained.
 - *judged until a crash*: can't tell, for what follows a crash tells nothing; no fault was found until then.
 - *misread*: in how many of 23 wrong ways a flight is read, by bank C, identified on its first half. Causes that are
-  *right*, and other ones.
+  *right*, and other ones. A flight that fails the self-check as it is, such as one with gyros that are made of its
+  attitude, isn't misread: no cause is right of it.
 """
 COLUMNS = (
     ["group", "log", *OF_LOG],

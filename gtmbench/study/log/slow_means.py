@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
@@ -154,7 +154,7 @@ def but_beside(told: Sequence[Alarm], alarms: Sequence[Alarm]) -> tuple[Alarm, .
     alarms : sequence of Alarm
         The monitor's own.
     """
-    left = [alarm for alarm in alarms if not alarm.has_passed]
+    left = [alarm for alarm in alarms if not alarm.has_passed and alarm.test != OUTSIDE]  # which isn't judged there
 
     def doubted(slow: Alarm) -> Alarm:
         beside = next((each for each in left if each.source != slow.source and _overlap(slow, each)), None)
