@@ -161,6 +161,7 @@ def figures_text(study: Study) -> dict[str, str]:
         "a failure found": f"{(logs['exit'] == Outcome.FAILED).sum()}",
         "can't tell": f"{len(unknown)} ({percent(len(unknown), len(logs))} %)",
         "of these, judged until a crash": f"{until}",
+        "of these, with a true failure": f"{(unknown['truth'] != '').sum()}",
         "watched by residuals, of the time left": percent(able["armed_s"].sum(), able["left_s"].sum()) + " %",
         "or by means": percent(able["watched_s"].sum(), able["left_s"].sum()) + " %",
         "CPU": f"{logs['cpu_s'].sum():.0f} s",

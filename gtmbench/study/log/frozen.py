@@ -41,7 +41,7 @@ def frozen_gyros(records: Sequence[Record], healthy: Sequence[Span]) -> tuple[Al
     [('q failed', 60.0, 63.0)]
     """
     told = [record for record in records if {*GYROS} <= set(record.channels)]
-    if not told:
+    if not (told and healthy):
         return ()
     stills = [_still(record) for record in told]
     usual_s, known_s = np.zeros(len(GYROS)), 0.0
