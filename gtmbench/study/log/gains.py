@@ -6,9 +6,10 @@ both are noisy, no regression gives g, but the two of them hold it between them 
 
     cov(x, y) / var(x)  <=  g  <=  var(y) / cov(x, y)
 
-Noise of either, aliases and a delay widen the bracket and don't shift it past g. So a gyro is suspected only where the
-whole bracket has left both 1 and the gain that it had where identified, by more than it ever left that there: samples
-that come seldom, and filters, make a gain that isn't 1 and hangs a little on how fast the motion is.
+Noise of either, aliases, a delay and a lag widen the bracket and don't shift it past g. Axes that aren't quite parallel
+would: so x and y are taken without what the turns about the other two axes explain of them. A gyro is suspected only
+where the whole bracket has left both 1 and the gain that it had where identified, by more than it ever left that there:
+samples that come seldom, and filters, make a gain that isn't 1 and hangs a little on how fast the motion is.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ _LASTS = 0.5  # of the bound: below, it has ended
 _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _NAMED_S, _NAMED_LEAST = 10, 0.2  # so long, and so much of the turn missing
 _SCALES, _TURNS = 0.95, -0.5  # share in common of a gyro that reads multiples; gain of one with a turned sign
-_X, _Y, _XX, _YY, _XY, _X4 = range(6)  # moments of a second
+_OTHERS_DEG_S = 0.5  # of turns about another axis, below which they explain nothing
+_OTHERS = ((1, 2), (0, 2), (0, 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +113,7 @@ def gains(
     """
     start_s = records[0].start_s
     moments = _moments(records, start_s, excursions)
-    at_s = start_s + (np.arange(len(moments)) + 0.5) * SECOND_S
+    at_s = start_s + (np.arange(len(moments.x)) + 0.5) * SECOND_S
     usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
     learnt = _learnt(moments, usual)
     if learnt is None:
@@ -127,7 +129,7 @@ def gains(
         alike=alike,
         is_watched=~usual,
     )
-    squares = moments[:, _YY] - 2.0 * gain * moments[:, _XY] + np.square(gain) * moments[:, _XX]
+    squares = moments.wrong(gain)
     alarms = [
         _alarm(number, compared, axis, rise, squares[:, axis], is_driven=is_driven, names=names)
         for number, (axis, rise) in enumerate((axis, rise) for axis in range(3) for rise in _rises(compared, axis))
@@ -138,18 +140,40 @@ def gains(
 # ---- brackets ----
 
 
-def _moments(records: Sequence[Record], start_s: float, excursions: Sequence[Excursion]) -> FloatArray:
-    """Return means of every second of x, y, x^2, y^2, x y and x^4, of rates x and gyros y; shape (seconds, 6, 3)."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Moments:
+    """Means of the attitude's rates x, of gyros y and of their products, second by second; NaN where one is missing."""
+
+    x: FloatArray  # shape (seconds, 3), as all but the products
+    y: FloatArray
+    yy: FloatArray
+    x4: FloatArray
+    xx: FloatArray  # shape (seconds, 3, 3), of each axis with each
+    yx: FloatArray
+
+    def over(self, window: int) -> _Moments:
+        """Return the means over so many seconds up to each."""
+        return _Moments(**{name: trailing_means(values, window, _KNOWN) for name, values in vars(self).items()})
+
+    def wrong(self, gain: FloatArray) -> FloatArray:
+        """Return the mean squares of what gyros read beside gains times the rates, shape (seconds, 3)."""
+        xx, yx = (each.diagonal(axis1=1, axis2=2) for each in (self.xx, self.yx))
+        return np.asarray(self.yy - 2.0 * gain * yx + np.square(gain) * xx)
+
+
+def _moments(records: Sequence[Record], start_s: float, excursions: Sequence[Excursion]) -> _Moments:
+    """Return the moments of slow motion, without those of stretches in which nothing can be told."""
     count = int((records[-1].end_s - start_s) / SECOND_S) + 1
-    moments = np.full((count, 6, 3), np.nan)
+    means = np.full((count, 30), np.nan)
     for record in records:
         seconds = of_seconds(record, start_s, _products)
-        moments[seconds.at] = seconds.means.reshape(-1, 6, 3)
+        means[seconds.at] = seconds.means
     for each in excursions:
         if each.reason != MOTION and not each.is_judged:
             first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
-            moments[max(first, 0) : max(last + 1, 0)] = np.nan
-    return moments
+            means[max(first, 0) : max(last + 1, 0)] = np.nan
+    x, y, yy, x4, xx, yx = np.split(means, [3, 6, 9, 12, 21], axis=1)
+    return _Moments(x=x, y=y, yy=yy, x4=x4, xx=xx.reshape(-1, 3, 3), yx=yx.reshape(-1, 3, 3))
 
 
 def _products(record: Record) -> FloatArray:
@@ -159,7 +183,8 @@ def _products(record: Record) -> FloatArray:
     there[[0, -1]] = there[1:-1].any()  # ends have no slope
     x, y = slow(interpolated(rates)), slow(interpolated(gyros))
     x[~there], y[~there] = np.nan, np.nan
-    return np.concatenate([x, y, x * x, y * y, x * y, np.square(x * x)], axis=1)
+    products = [np.einsum("ni,nj->nij", of, x).reshape(-1, 9) for of in (x, y)]
+    return np.concatenate([x, y, y * y, np.square(x * x), *products], axis=1)
 
 
 def _rows_of_second(records: Sequence[Record]) -> float:
@@ -168,15 +193,15 @@ def _rows_of_second(records: Sequence[Record]) -> float:
 
 
 def _brackets(
-    moments: FloatArray, window: int, rows_of_second: float
+    moments: _Moments, window: int, rows_of_second: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the least and the largest gain, the share in common, and the gain's own deviation, relative to it."""
-    means = trailing_means(moments, window, _KNOWN)
-    x, y = means[:, _X], means[:, _Y]
-    xx, yy, xy = means[:, _XX] - x * x, means[:, _YY] - y * y, means[:, _XY] - x * y
+    means = moments.over(window)
+    xx, yy, xy = _beside_others(means)
+    squares = means.xx.diagonal(axis1=1, axis2=2)
     with np.errstate(divide="ignore", invalid="ignore"):
         alike = np.square(xy) / (xx * yy)
-        rows = window * rows_of_second * np.minimum(_GAUSSIAN * np.square(means[:, _XX]) / means[:, _X4], 1.0)
+        rows = window * rows_of_second * np.minimum(_GAUSSIAN * np.square(squares) / means.x4, 1.0)
         deviation = np.sqrt((1.0 - alike) / alike / rows)
         ends = np.sort([xy / xx, yy / xy], axis=0)
     told = np.isfinite(ends).all(axis=0) & (alike > _LIKE)
@@ -184,7 +209,26 @@ def _brackets(
     return least, most, alike, deviation
 
 
-def _learnt(moments: FloatArray, usual: BoolArray) -> tuple[FloatArray, FloatArray] | None:
+def _beside_others(means: _Moments) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the variances of rates and gyros, and their covariances, without what turns about other axes explain."""
+    xs = means.xx - means.x[:, :, np.newaxis] * means.x[:, np.newaxis]
+    yxs = means.yx - means.y[:, :, np.newaxis] * means.x[:, np.newaxis]
+    xx, xy, yy = np.empty_like(means.x), np.empty_like(means.x), means.yy - np.square(means.y)
+    for axis, (one, other) in enumerate(_OTHERS):
+        first, both, second = xs[:, one, one], xs[:, one, other], xs[:, other, other]
+        first, second = first + _OTHERS_DEG_S**2, second + _OTHERS_DEG_S**2
+        of_x, of_y = ((each[:, axis, one], each[:, axis, other]) for each in (xs, yxs))
+        determinant = first * second - both * both
+        weights = [  # of the other axes' turns, in what x and y have of them
+            ((second * a - both * b) / determinant, (first * b - both * a) / determinant) for a, b in (of_x, of_y)
+        ]
+        xx[:, axis] = xs[:, axis, axis] - weights[0][0] * of_x[0] - weights[0][1] * of_x[1]
+        xy[:, axis] = yxs[:, axis, axis] - weights[0][0] * of_y[0] - weights[0][1] * of_y[1]
+        yy[:, axis] -= weights[1][0] * of_y[0] + weights[1][1] * of_y[1]
+    return xx, yy, xy
+
+
+def _learnt(moments: _Moments, usual: BoolArray) -> tuple[FloatArray, FloatArray] | None:
     """Return the gains where identified, and how far the brackets ever left them there; shorter windows stray more."""
     for window in (WINDOW, _SHORTER):
         within = trailing_means(usual.astype(np.float64), window) == 1.0

@@ -104,3 +104,17 @@ def test_a_fault_that_was_learnt_or_that_nobody_watches_raises_nothing():
     hidden = Excursion(start_s=ONSET_S, end_s=LENGTH_S, reason=TOUCHDOWN)
     assert said(record, excursions=[hidden]).alarms == ()
     assert said(record, healthy=[(0.0, 5.0)]) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("degrees", [-3.0, 3.0])
+def test_axes_that_arent_parallel_raise_nothing_where_yaw_and_roll_go_together_later(seed, degrees):
+    clean = turning(seed)
+    later = clean.time_s > ONSET_S
+    yawing = np.where(later, 20.0 * np.cos(0.5 * clean.time_s), 0.0)
+    rolling, period_s = 0.1 * yawing, clean.sample_period_s
+    values = clean.values + np.column_stack(
+        [rolling, 0.0 * yawing, yawing, np.cumsum(rolling) * period_s, 0.0 * yawing, np.cumsum(yawing) * period_s]
+    )
+    values[:, 0] += np.sin(np.deg2rad(degrees)) * values[:, 2]
+    assert said(gb.Record(values, channels=clean.channels, sample_period_s=period_s)).alarms == ()
