@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.report.words.verdict import summary_lines, verdict_text
 from gtmbench.study.log.frozen import frozen_gyros
+from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import GYROS
 
 PERIOD_S, HEALTHY = 0.05, [(0.0, 60.0)]
@@ -70,3 +72,13 @@ def test_interpolated_readings_count_as_still():
     frozen = held(moving(7), 2)
     frozen[FROM:TO, 2] *= 1.0 + 1e-15 * np.random.default_rng(1).standard_normal(TO - FROM)
     assert [alarm.sensor for alarm in said(frozen)] == ["r"]
+
+
+def test_a_log_is_told_so_without_what_the_monitor_says(tmp_path):
+    record = MECHANISMS["plain"](3).record.select([*GYROS, "phi", "theta", "psi"])
+    gb.write_log(gb.inject(record, gb.Jam(channel="q", onset_s=140.0)), tmp_path / "log.csv")
+    watched = gb.watch_log(tmp_path / "log.csv", "auto", attitude="driven")
+    assert [alarm.sensor for alarm in watched.frozen] == ["q"]
+    assert watched.outcome.name == "FAILED"
+    assert "the pitch gyro (q) failed" in verdict_text(watched).lower()
+    assert any("q reads" in line and "all the time" in line for line in summary_lines(watched, width=400))

@@ -7,6 +7,7 @@ import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import TOUCHDOWN
 from gtmbench.study.log.gains import GAIN, gains
+from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 PERIOD_S, LENGTH_S = 0.05, 200.0
@@ -118,3 +119,16 @@ def test_axes_that_arent_parallel_raise_nothing_where_yaw_and_roll_go_together_l
     )
     values[:, 0] += np.sin(np.deg2rad(degrees)) * values[:, 2]
     assert said(gb.Record(values, channels=clean.channels, sample_period_s=period_s)).alarms == ()
+
+
+@pytest.mark.parametrize(("attitude", "names"), [("driven", "p"), ("own", None)])
+def test_a_log_tells_of_a_gain_what_its_monitor_leaves_open(tmp_path, attitude, names):
+    record = MECHANISMS["plain"](3).record.select([*GYROS, *ATTITUDE])
+    noisy = record.values + np.random.default_rng(1).standard_normal(record.values.shape) * ([2.0] * 3 + [0.2] * 3)
+    record = gb.Record(noisy, channels=record.channels, sample_period_s=record.sample_period_s)
+    gb.write_log(gb.inject(record, gb.ScaleFactor(channel="p", onset_s=140.0, factor=0.6)), tmp_path / "log.csv")
+    watched = gb.watch_log(tmp_path / "log.csv", "auto", attitude=attitude)
+    assert {alarm.sensor for alarm in watched.gains.alarms} == {names}
+    assert watched.outcome.name == "FAILED"
+    told = [alarm for alarm in watched.alarms if alarm.accuses]
+    assert all(alarm.sensor in ("p", None) and "p" in alarm.candidates for alarm in told)
