@@ -74,7 +74,7 @@ def _studied(task: Task) -> Rows:
     log = {**whose, **of_log(task.log.name, said), "cpu_s": whole.cpu_s}
     faults = tried(whole, task.size.faults) if said.outcome is Outcome.HEALTHY else ()
     broken = [{**whose, "exit_healthy": log["exit"], **asdict(each)} for each in faults]
-    readings = [{**whose, **row} for row in misread(task.log, task.size.readings)]
+    readings = [] if said.check.stops else [{**whose, **row} for row in misread(task.log, task.size.readings)]
     return Rows([log], broken, readings)
 
 

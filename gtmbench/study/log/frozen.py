@@ -87,9 +87,10 @@ def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArr
                 continue
             onset_s = float(record.time_s[start - 1])
             known_s = onset_s + float(least_s[axis])
+            before = f"for {usual_s[axis]:.2g} s at most" if usual_s[axis] else "at no time"
             reason = (
-                f"{gyro} reads {record[gyro][start]:.3g} deg/s all the time for {lasts_s:.0f} s while another gyro "
-                f"moves; where identified it did so for {usual_s[axis]:.2g} s at most"
+                f"the reading of {gyro} stands at {record[gyro][start]:.3g} deg/s for {lasts_s:.0f} s while another "
+                f"gyro moves; where identified it stood still {before}"
             )
             lasts = end == len(record)
             judged = Judgement(
