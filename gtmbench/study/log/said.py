@@ -27,7 +27,7 @@ from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
 from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
@@ -161,7 +161,7 @@ def doubted(said: Said, progress: Progress) -> Said:
             comparison=comparison,
             means=means and replace(means, alarms=told(means.alarms)),
             gains=turns and replace(turns, alarms=told(turns.alarms)),
-            frozen=frozen_gyros(log.segments, [(each.start_s, each.end_s) for each in _healthy(learnt, log)]),
+            frozen=tuple(of_watched(alarm, comparison) for alarm in _frozen(learnt)),
             findings=findings,
         )
     )
@@ -217,6 +217,12 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
         names=opened.imus is None,
     )
     return means, turns
+
+
+def _frozen(learnt: Learnt) -> tuple[Alarm, ...]:
+    """Return an alarm of each gyro that stands still while others move, where something of the log was learnt from."""
+    log = learnt.opened.log
+    return frozen_gyros(log.segments, [(each.start_s, each.end_s) for each in _healthy(learnt, log)])
 
 
 def _healthy(learnt: Learnt, log: FlightLog) -> list[Record]:
