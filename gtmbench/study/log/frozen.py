@@ -1,8 +1,8 @@
-"""Gyros whose readings stand still while others move: a sensor, or its bus, that has frozen.
+"""Gyros whose readings stand still while both others move: a sensor, or its bus, that has frozen.
 
 No model is asked. A gyro's noise changes every reading, or does so often; how long it ever stands still where nothing
-is wrong is learnt, for counts are coarse and telemetry repeats. What all gyros do together is a logger's pause, or a
-standing aircraft of coarse counts, and tells of no gyro.
+is wrong is learnt, for counts are coarse and telemetry repeats. What gyros do together is a logger's pause, an aircraft that
+stands, or the ground of a simulator, and tells of none of them.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 FROZEN = "reads one value"  # test of such alarms
 _LEAST_S, _OF_USUAL = 3.0, 5.0  # it stands still; times the longest that it does so where identified
 _SAME = 1e-6  # of its deviation: interpolation rounds
-_LIVE = 0.8  # of another gyro's steps that aren't zero meanwhile
+_LIVE = 0.5  # of the other gyros' steps that aren't zero meanwhile
 _FEWEST_S = 15.0  # of what is healthy
 
 
 def frozen_gyros(records: Sequence[Record], healthy: Sequence[Span]) -> tuple[Alarm, ...]:
-    """Return an alarm of each time that a gyro stands still while another one moves.
+    """Return an alarm of each time that a gyro stands still while both others move.
 
     Parameters
     ----------
@@ -83,14 +83,14 @@ def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArr
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
             moves = np.delete(~still[start:end], axis, axis=1).mean(axis=0)
             lasts_s = (end - start) * record.sample_period_s
-            if lasts_s < least_s[axis] or moves.max() < _LIVE:
+            if lasts_s < least_s[axis] or moves.min() < _LIVE:
                 continue
             onset_s = float(record.time_s[start - 1])
             known_s = onset_s + float(least_s[axis])
             before = f"for {usual_s[axis]:.2g} s at most" if usual_s[axis] else "at no time"
             reason = (
-                f"the reading of {gyro} stands at {record[gyro][start]:.3g} deg/s for {lasts_s:.0f} s while another "
-                f"gyro moves; where identified it stood still {before}"
+                f"the reading of {gyro} stands at {record[gyro][start]:.3g} deg/s for {lasts_s:.0f} s while both "
+                f"others move; where identified it stood still {before}"
             )
             lasts = end == len(record)
             judged = Judgement(
