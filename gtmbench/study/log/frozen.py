@@ -1,8 +1,8 @@
 """Gyros whose readings stand still while both others move: a sensor, or its bus, that has frozen.
 
 No model is asked. A gyro's noise changes every reading, or does so often; how long it ever stands still where nothing
-is wrong is learnt, for counts are coarse and telemetry repeats. What gyros do together is a logger's pause, an aircraft that
-stands, or the ground of a simulator, and tells of none of them.
+is wrong is learnt, for counts are coarse and telemetry repeats. What gyros do together tells of none of them: it is a
+logger's pause, an aircraft that stands, or the ground of a simulator.
 """
 
 from __future__ import annotations
