@@ -94,7 +94,7 @@ def gains(
     healthy : sequence of (start, end)
         What was identified on.
     excursions : sequence of Excursion
-        Stretches that tell nothing: of hard motion, a few samples would outweigh all others.
+        Those that aren't judged tell nothing: of hard motion, a few samples would outweigh all others.
     is_driven : bool
         Whether the gyros drive the attitude, so that it turns as they do.
     names : bool
@@ -169,8 +169,9 @@ def _moments(records: Sequence[Record], start_s: float, excursions: Sequence[Exc
         seconds = of_seconds(record, start_s, _products)
         means[seconds.at] = seconds.means
     for each in excursions:
-        first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
-        means[max(first, 0) : max(last + 1, 0)] = np.nan
+        if not each.is_judged:
+            first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
+            means[max(first, 0) : max(last + 1, 0)] = np.nan
     x, y, yy, x4, xx, yx = np.split(means, [3, 6, 9, 12, 21], axis=1)
     return _Moments(x=x, y=y, yy=yy, x4=x4, xx=xx.reshape(-1, 3, 3), yx=yx.reshape(-1, 3, 3))
 
