@@ -45,8 +45,10 @@ SAID_QUICK = "**Quick: few faults and readings of each log. It shows that the sc
 INTRODUCTION = """All of each log, as `gtmbench monitor LOG --detector auto` watches it; nobody says what is healthy.
 The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
 dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`), erlerobot/logs (a name
-has its folders), huangwen0907/File (`hw_`) and ArduPilot/UAVLogViewer (`src/assets/vtol.tlog`). Those of
-DependableSystemsLab/DeLorean (`dl_`, `data/`) are of ArduPilot's simulator; some are attacked, and nothing says which.
+has its folders), huangwen0907/File (`hw_`), ArduPilot/UAVLogViewer (`src/assets/vtol.tlog`), joeydouglas/dataflash_logs
+(`jd_`) and AscendEngineering/UpgradeEnergy (`test.ulg`). Those of DependableSystemsLab/DeLorean (`dl_`, `data/`; some
+are attacked, and nothing says which), Alexishere01/mavrik-control (`mavrik_`, `forwardFlight/logs/`) and
+1202martin/pymavlink_tutorial (`martin_`, `logs/`) are of ArduPilot's simulator.
 
 - *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged after what was learnt from.
   *watched*: the share of these in which residuals could alarm; *or means*: or means over tens of seconds.
@@ -59,7 +61,8 @@ DependableSystemsLab/DeLorean (`dl_`, `data/`) are of ArduPilot's simulator; som
   *at a contact*: jam, bias and sign that begin half a second before a contact with the ground that was explained.
 - *judged until a crash*: can't tell, for what follows a crash tells nothing; no fault was found until then.
 - *misread*: in how many of 23 wrong ways a flight is read, by bank C, identified on its first half. Causes that are
-  *right*, and other ones.
+  *right*, and other ones. A flight that fails the self-check as it is, such as one with gyros that are made of its
+  attitude, isn't misread: no cause is right of it.
 """
 COLUMNS = (
     ["group", "log", *OF_LOG],
@@ -160,6 +163,7 @@ def figures_text(study: Study) -> dict[str, str]:
         "a failure found": f"{(logs['exit'] == Outcome.FAILED).sum()}",
         "can't tell": f"{len(unknown)} ({percent(len(unknown), len(logs))} %)",
         "of these, judged until a crash": f"{until}",
+        "of these, with a true failure": f"{(unknown['truth'] != '').sum()}",
         "watched by residuals, of the time left": percent(able["armed_s"].sum(), able["left_s"].sum()) + " %",
         "or by means": percent(able["watched_s"].sum(), able["left_s"].sum()) + " %",
         "CPU": f"{logs['cpu_s'].sum():.0f} s",

@@ -74,7 +74,7 @@ def _studied(task: Task) -> Rows:
     log = {**whose, **of_log(task.log.name, said), "cpu_s": whole.cpu_s}
     faults = tried(whole, task.size.faults) if said.outcome is Outcome.HEALTHY else ()
     broken = [{**whose, "exit_healthy": log["exit"], **asdict(each)} for each in faults]
-    readings = [{**whose, **row} for row in misread(task.log, task.size.readings)]
+    readings = [] if said.check.stops else [{**whose, **row} for row in misread(task.log, task.size.readings)]
     return Rows([log], broken, readings)
 
 
@@ -102,13 +102,18 @@ def shortened(text: str) -> str:
 
 
 def misread(log: LogFile, names: Sequence[str]) -> list[Row]:
-    """Return what is said of a log's flight in some wrong readings, by bank C, identified on the first half."""
+    """Return what is said of a log's flight in some wrong readings, by bank C, identified on the first half.
+
+    Nothing of a flight whose gyros and attitude tell of no one motion there as they are: no cause is right of it.
+    """
     parts: Parts = ()
     if names:
         with contextlib.suppress(InputError):
             parts = log.parts()
+    if not parts or not _fits(parts, log.attitude):
+        return []
     rows = []
-    for name in names if parts else ():
+    for name in names:
         mutation = READINGS[name]
         try:
             said = watched(parts, log.attitude, mutation)
@@ -125,6 +130,14 @@ def misread(log: LogFile, names: Sequence[str]) -> list[Row]:
             }
         )
     return rows
+
+
+def _fits(parts: Parts, attitude: str) -> bool:
+    """Tell whether a flight passes the self-check as it is."""
+    try:
+        return not watched(parts, attitude).check.stops
+    except InputError:
+        return False
 
 
 def is_right(mutation: Mutation, said: WatchedLog) -> bool:

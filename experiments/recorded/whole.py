@@ -230,7 +230,7 @@ def _broken(log: Opened, fault: gb.Fault, attitude: str) -> Opened:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(said.watches, said.standing, said.comparison, said.means)
+    told = first_alarms(said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains))
     return [alarm for alarm in told if not alarm.has_passed]
 
 
@@ -264,7 +264,7 @@ def _exit(said: Said, healthy: WatchedLog) -> Outcome:
 
 def _short(doubt: str) -> str:
     """Return a doubt without its numbers."""
-    for begin in ("the means of", "it shows if", "a mean error of"):
+    for begin in ("the means of", "the gain of", "it shows if", "a mean error of"):
         if doubt.startswith(begin):
             return begin + " ..."
     return doubt

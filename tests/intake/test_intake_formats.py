@@ -77,6 +77,13 @@ def as_dataflash_text(flight, path):
     return ["p", "q", "r", "nx", "ny", "nz", "phi", "theta", "psi", "altitude"], 7.0
 
 
+def as_old_dataflash_text(flight, path):
+    """Texts of the early 2010s begin with the firmware and the board."""
+    told = as_dataflash_text(flight, path)
+    path.write_bytes(b"\n58\n\nArduCopter V3.1 (5c6503e2)\nFree RAM: 1331\nAPM 2\n" + path.read_bytes())
+    return told
+
+
 def as_mcap_json(flight, path):
     names = ["p", "q", "r", "nx", "phi", "tas"]
     headers = [gb.CHANNELS[name].header for name in names]
@@ -112,6 +119,7 @@ FORMATS = {
     "flight.ulg": (as_ulog, SINGLE),
     "flight.bin": (as_dataflash, SINGLE),
     "flight.log": (as_dataflash_text, 1e-12),
+    "old.log": (as_old_dataflash_text, 1e-12),
     "flight.mcap": (as_mcap_json, 1e-12),
     "ros.mcap": (as_mcap_ros, 1e-12),
 }
@@ -127,7 +135,7 @@ def test_a_container_gives_the_flight_back(flight, tmp_path, name):
     assert (len(record), record.sample_period_s, record.start_s) == (len(flight), 0.01, start_s)
     assert log.remarks == ()
     for channel in channels:
-        grain = 0.005 if name in ("flight.bin", "flight.log") and channel in ANGLES else 0.0  # centidegrees
+        grain = 0.005 if name in ("flight.bin", "flight.log", "old.log") and channel in ANGLES else 0.0  # centidegrees
         scale = max(np.abs(flight[channel]).max(), 60.0 if channel in ANGLES else 0.0)
         error = np.abs(record[channel] - flight[channel])
         if channel == "psi":

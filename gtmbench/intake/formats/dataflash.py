@@ -34,6 +34,7 @@ from gtmbench.values.clock import FloatArray
 _HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
+_OLD_TEXT = rb"[^\0]{0,400}?\n *FMT, *128, *89, *FMT,"  # firmware and board come first in texts of the early 2010s
 _TEXTS = "anNZ"  # format characters whose values are no numbers
 _MOST_INSTANCES = 16
 _TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
@@ -295,5 +296,9 @@ def _number(text: bytes) -> float:
 
 
 FORMAT = Format(
-    name="ArduPilot DataFlash (.bin, .log)", magic=(_HEAD, b"FMT,"), suffixes=(".bin",), read=read_dataflash
+    name="ArduPilot DataFlash (.bin, .log)",
+    magic=(_HEAD, b"FMT,"),
+    pattern=_OLD_TEXT,
+    suffixes=(".bin",),
+    read=read_dataflash,
 )

@@ -16,6 +16,7 @@ from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, with_error
+from gtmbench.study.log.gains import GAIN
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
 from gtmbench.values.channels import unit_of
@@ -193,6 +194,13 @@ def source_text(alarm: Alarm, watch: Watch) -> str:
     if alarm.test == OUTSIDE:
         return f"{source} (not judged there)"
     return f"{source} ({alarm.test})" if alarm.test else source
+
+
+def slow_text(alarm: Alarm) -> str:
+    """Say what rose over tens of seconds."""
+    if alarm.test == GAIN:
+        return f"the gain of {alarm.source} against the attitude's rate"
+    return f"the mean of {alarm.source} less the attitude's rate"
 
 
 def counting_alarm(trial: Trial) -> Alarm | None:

@@ -27,7 +27,7 @@ from gtmbench.report.log_findings import (
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
-from gtmbench.report.words.judgement import alarm_text, source_text
+from gtmbench.report.words.judgement import alarm_text, slow_text, source_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
@@ -249,19 +249,19 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
 def _alarms_lines(watched: WatchedLog) -> list[str]:
     told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
-    lines += [f"{alarm.time_s:.2f} s  {alarm_text(alarm)}" for alarm in watched.standing]
+    lines += [f"{alarm.time_s:.2f} s  {alarm_text(alarm)}" for alarm in (*watched.standing, *watched.frozen)]
     lines += [line for alarm in watched.slow_alarms for line in _slow_lines(alarm)]
     return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
 
 
 def _slow_lines(alarm: Alarm) -> list[str]:
-    """Return an alarm of means over tens of seconds, with since when and what is known."""
+    """Return an alarm of means or gains over tens of seconds, with since when and what is known."""
     named = "" if alarm.isolated_s is None else f"; named at {alarm.isolated_s:.2f} s"
     ended = "not seen to end" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
         *_witness_lines(alarm),
-        f"    {alarm.source} less the attitude's rate, as a mean; since about {alarm.onset_s:.2f} s{named}; {ended}",
+        f"    {slow_text(alarm)}; since about {alarm.onset_s:.2f} s{named}; {ended}",
     ]
 
 

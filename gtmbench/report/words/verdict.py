@@ -26,7 +26,7 @@ from gtmbench.report.log_findings import (
     stretches,
 )
 from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.judgement import kind_text, source_text
+from gtmbench.report.words.judgement import kind_text, slow_text, source_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
 from gtmbench.report.words.units import capitalised, counted, duration_text
@@ -205,10 +205,12 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
-    lines += [f"{capitalised(alarm.last.reason)}." for alarm in watched.standing if alarm.last is not None]
+    lines += [
+        f"{capitalised(alarm.last.reason)}." for alarm in (*watched.standing, *watched.frozen) if alarm.last is not None
+    ]
     lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
     return lines + [
-        f"Alarm at {alarm.time_s:.2f} s by the mean of {alarm.source} less the attitude's rate{_by_witness(alarm)}."
+        f"Alarm at {alarm.time_s:.2f} s by {slow_text(alarm)}{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]
     ]
 

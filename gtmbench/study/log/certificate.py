@@ -28,7 +28,7 @@ from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
 from gtmbench.study.log.slow_means import SlowMeans
-from gtmbench.study.log.slow_sizes import slow_size
+from gtmbench.study.log.slow_sizes import SlowSize, slow_size
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
@@ -267,8 +267,8 @@ def certificate_of(
     for sensor in sensors:
         on = [monitor.superposition(watch, sensor) for watch in watches]
         through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
-        rows += _of_sensor(monitor, through, watches, within_s, onsets, named=named)
-    rows = [_or_slow(row, means) for row in rows]
+        slow = {kind: None if means is None else slow_size(means, sensor, kind.fault.kind, SHARE) for kind in KINDS}
+        rows += _of_sensor(monitor, through, watches, within_s, onsets, slow, named=named)
     missing = "" if rows else "too little of it was watched"
     return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
 
@@ -301,17 +301,14 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
     )
 
 
-def _or_slow(row: Smallest, means: SlowMeans | None) -> Smallest:
-    """Return a row, or the smaller size that slow means show."""
-    slow = None if means is None else slow_size(means, row.sensor, row.kind, SHARE)
-    if slow is None or (row.size is not None and row.size <= slow.size):
-        return row
-    return replace(
-        row,
+def _slow_row(slow: SlowSize, trial: _Trial) -> Smallest:
+    """Return the row of what slow means show, of a trial's sensor and kind."""
+    return Smallest(
+        sensor=trial.place.on.sensor,
+        kind=trial.kind.fault.kind,
         size=slow.size,
         share=SHARE,
         within_s=slow.within_s,
-        named_from=None,
         time_constant_s=slow.time_constant_s,
     )
 
@@ -330,6 +327,7 @@ def _of_sensor(
     watches: Sequence[Watch],
     within_s: Mapping[Kind, float],
     onsets: Mapping[float, Sequence[tuple[int, int]]],
+    slow: Mapping[Kind, SlowSize | None],
     *,
     named: bool,
 ) -> list[Smallest]:
@@ -361,8 +359,18 @@ def _of_sensor(
             for each in places[of]
         ]
         if tried[0]:
-            rows.append(_hardest(tried, named=named))
+            rows.append(_row(tried, slow[kind], named=named))
     return rows
+
+
+def _row(tried: Sequence[Sequence[_Trial]], slow: SlowSize | None, *, named: bool) -> Smallest:
+    """Return the smallest fault that would have been seen; nothing is searched that means show at a smaller size."""
+    is_searched = slow is None or all(_is_often_seen(trials, slow.size) for trials in tried)
+    row = _hardest(tried, named=named) if is_searched else None
+    if slow is None or (row is not None and row.size is not None and row.size <= slow.size):
+        assert row is not None
+        return row
+    return _slow_row(slow, tried[0][0])
 
 
 def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
@@ -379,8 +387,8 @@ def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
 
 def _is_often_seen(trials: Sequence[_Trial], size: float) -> bool:
     """Tell whether a size is seen in enough of some trials; no more of them are asked."""
-    enough = len(trials) - _spare(trials)
-    return len(list(islice((trial for trial in trials if trial.is_seen(size)), enough))) == enough
+    spare = _spare(trials)
+    return len(list(islice((trial for trial in trials if not trial.is_seen(size)), spare + 1))) <= spare
 
 
 def _spare(trials: Sequence[_Trial]) -> int:

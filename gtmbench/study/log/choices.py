@@ -12,7 +12,6 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
-from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.said import Said, doubted, listened
 
 _APART_S = 6.0  # before an accusation, what is learnt from anew: it has to have listened when the fault begins
@@ -22,7 +21,8 @@ _SOON_S = 10.0  # between the onsets of one fault
 def agreed(said: Said, progress: Progress) -> Said:
     """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
 
-    The other choice is all of the log before the first accusation: a fault shows by both.
+    The other choice is all that was flown before the first accusation: a fault shows by both. What came before that,
+    taxi and standing, teaches no choice anything.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def agreed(said: Said, progress: Progress) -> Said:
     opened, accused = said.learnt.opened, list(_accusing(said))
     if opened.asked.says_healthy or not said.learnt.identified_s or not accused:
         return said
-    start_s, until_s = whole_s(opened.log)[0], min(alarm.onset_s for alarm in accused) - _APART_S
+    first_s, last_s = said.learnt.identified_s[0]
+    until_s = min(alarm.onset_s for alarm in accused) - _APART_S
     others: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
-        again = replace(opened, asked=replace(opened.asked, spans=((start_s, until_s),)))
+        again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
         others = list(_accusing(doubted(listened(learnt(chosen(again), progress), progress), progress)))
-    first_s, last_s = said.learnt.identified_s[0]
     doubt = (
-        f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {start_s:.0f} to {until_s:.0f} s are"
+        f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {first_s:.0f} to {until_s:.0f} s are"
     )
 
     def doubtful(alarm: Alarm) -> Alarm:
@@ -54,13 +54,15 @@ def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
     """Return what was said with every alarm changed."""
     watches = tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in said.watches)
     means = said.means and replace(said.means, alarms=tuple(map(change, said.means.alarms)))
-    return replace(said, watches=watches, means=means)
+    gains = said.gains and replace(said.gains, alarms=tuple(map(change, said.gains.alarms)))
+    return replace(said, watches=watches, means=means, gains=gains)
 
 
 def _accusing(said: Said) -> Iterator[Alarm]:
     """Give the alarms that must be a fault, by what was learnt."""
     yield from (alarm for watch in said.watches for alarm in watch.alarms if _accuses(alarm))
-    yield from (alarm for alarm in (said.means.alarms if said.means else ()) if _accuses(alarm))
+    for slow in (said.means, said.gains):
+        yield from (alarm for alarm in (slow.alarms if slow else ()) if _accuses(alarm))
 
 
 def _accuses(alarm: Alarm) -> bool:

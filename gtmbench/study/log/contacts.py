@@ -18,7 +18,6 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN
 from gtmbench.detectors.protocol import Watch
 from gtmbench.study.log.records import LIVELY_DEG_S, turning_by_second
-from gtmbench.study.log.slow_means import SlowMeans
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray
 
@@ -62,22 +61,22 @@ def over(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> tuple[Wat
 
 
 def but_after_crashes(
-    means: SlowMeans | None, watches: Sequence[Watch], excursions: Sequence[Excursion]
-) -> SlowMeans | None:
-    """Return means whose doubts, where they begin in a crash or after it, are put down to that.
+    told: Sequence[Alarm], watches: Sequence[Watch], excursions: Sequence[Excursion]
+) -> tuple[Alarm, ...]:
+    """Return alarms of slow tests whose doubts, where they begin in a crash or after it, are put down to that.
 
     An attitude that tumbled is no reference any more.
 
     Parameters
     ----------
-    means : SlowMeans or None
+    told : sequence of Alarm
     watches : sequence of Watch
         As `over` returns them.
     excursions : sequence of Excursion
         Of the whole log.
     """
-    if means is None or not any(alarm.doubt for alarm in means.alarms):
-        return means
+    if not any(alarm.doubt for alarm in told):
+        return tuple(told)
     flown_s = _flown_s(watches)
     hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
     crashes = [each for each in hard if not _flies_on(flown_s, each.end_s)]
@@ -88,7 +87,7 @@ def but_after_crashes(
             return alarm
         return replace(alarm, judgements=(*alarm.judgements, replace(alarm.last, doubt=crash.reason)))
 
-    return replace(means, alarms=tuple(map(put_down, means.alarms)))
+    return tuple(map(put_down, told))
 
 
 def _flown_s(watches: Sequence[Watch]) -> FloatArray:

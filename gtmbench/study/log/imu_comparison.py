@@ -210,6 +210,13 @@ def _beside(alarm: Alarm, comparison: Comparison) -> Alarm:
     named = {(each.sensor, each.last.imu) for each in near if each.last is not None and each.sensor == alarm.sensor}
     if named and (alarm.sensor, comparison.watched.name) not in named:
         return with_doubt(alarm, APART)
+    return of_watched(alarm, comparison)
+
+
+def of_watched(alarm: Alarm, comparison: Comparison | None) -> Alarm:
+    """Return an alarm that says of which IMU the gyro is that it names: of the one that is watched."""
+    if comparison is None or comparison.watched is None:
+        return alarm
     own = comparison.watched.name
     return replace(
         alarm,

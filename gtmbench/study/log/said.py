@@ -25,7 +25,9 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
+from gtmbench.study.log.frozen import frozen_gyros
+from gtmbench.study.log.gains import Gains, gains
+from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
@@ -61,10 +63,14 @@ class Said:
     means : SlowMeans or None
         What gyros and attitude say of each other over tens of seconds; None where the monitor wasn't learnt on this
         log, or the log hasn't both.
+    gains : Gains or None
+        How far gyros and attitude turn over tens of seconds; None as `means` is.
     witnesses : tuple of FieldWitness
         The magnetometers that were asked where r or psi was left open.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands.
+    frozen : tuple of Alarm
+        Gyros that stand still while others move; none where nothing of the log was learnt from.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -76,18 +82,27 @@ class Said:
     installation: Installation | None = None
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
+    gains: Gains | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
+    frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
 
 
 def first_alarms(
-    watches: Sequence[Watch], standing: Sequence[Alarm], comparison: Comparison | None, means: SlowMeans | None
+    watches: Sequence[Watch],
+    standing: Sequence[Alarm],
+    comparison: Comparison | None,
+    frozen: Sequence[Alarm],
+    slow: Sequence[SlowMeans | Gains | None],
 ) -> tuple[Alarm, ...]:
     """Return the first alarm of each fault that is said of a log, in order of time."""
     told = [alarm for watch in watches for alarm in watch.faults]
     told += [*standing, *further(told, comparison)]
-    return tuple(sorted([*told, *beyond(told, means)], key=lambda alarm: alarm.time_s))
+    told += beyond(told, frozen)
+    for each in slow:
+        told += beyond(told, () if each is None else each.alarms)
+    return tuple(sorted(told, key=lambda alarm: alarm.time_s))
 
 
 def listened(learnt: Learnt, progress: Progress) -> Said:
@@ -132,14 +147,21 @@ def doubted(said: Said, progress: Progress) -> Said:
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
-    means = but_beside(_means(said), [alarm for watch in explained for alarm in watch.faults])
+    means, turns = _slow(said)
+
+    def told(slow: Sequence[Alarm]) -> tuple[Alarm, ...]:
+        beside = but_beside(slow, [alarm for watch in explained for alarm in watch.faults])
+        return but_after_crashes(beside, explained, said.excursions)
+
     return _settled(
         replace(
             said,
             watches=explained,
             check=check,
             comparison=comparison,
-            means=but_after_crashes(means, explained, said.excursions),
+            means=means and replace(means, alarms=told(means.alarms)),
+            gains=turns and replace(turns, alarms=told(turns.alarms)),
+            frozen=tuple(of_watched(alarm, comparison) for alarm in _frozen(learnt)),
             findings=findings,
         )
     )
@@ -169,22 +191,38 @@ def _beside_accelerometers(said: Said) -> Said:
     return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 
-def _means(said: Said) -> SlowMeans | None:
+def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
     """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
     learnt = said.learnt
     opened, motion = learnt.opened, learnt.opened.own.motion
     if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
-        return None
+        return None, None
     heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
-        return None
-    return slow_means(
+        return None, None
+    healthy = [(each.start_s, each.end_s) for each in healthy_of(learnt, opened.log)]
+    is_driven = opened.attitude is not None and opened.attitude.is_driven
+    means = slow_means(
         motion.segments,
-        healthy=[(each.start_s, each.end_s) for each in healthy_of(learnt, opened.log)],
+        healthy=healthy,
         excursions=said.excursions,
-        is_driven=opened.attitude is not None and opened.attitude.is_driven,
+        is_driven=is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
     )
+    turns = gains(
+        motion.segments,
+        healthy=healthy,
+        excursions=said.excursions,
+        is_driven=is_driven,
+        names=opened.imus is None,
+    )
+    return means, turns
+
+
+def _frozen(learnt: Learnt) -> tuple[Alarm, ...]:
+    """Return an alarm of each gyro that stands still while others move, where something of the log was learnt from."""
+    log = learnt.opened.log
+    return frozen_gyros(log.segments, [(each.start_s, each.end_s) for each in healthy_of(learnt, log)])
 
 
 def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
@@ -32,6 +32,7 @@ WINDOWS = (10, 30)  # seconds
 _FLOOR_DEG_S = 0.3
 _OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 3.0, 5.0, 0.05
 _KNOWN = 0.8  # of a window
+_FALLS = 1.0 / 3.0  # power of a window's length with which its largest healthy mean falls, at least
 _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
@@ -133,41 +134,37 @@ def slow_means(
     return replace(compared, alarms=alarms)
 
 
-def beyond(alarms: Sequence[Alarm], means: SlowMeans | None) -> list[Alarm]:
-    """Return what means say beyond some alarms: what one of these names, or leaves open, already is left out.
+def beyond(alarms: Sequence[Alarm], told: Sequence[Alarm]) -> list[Alarm]:
+    """Return what slow tests tell beyond some alarms: what one of these names, or leaves open, already is left out.
 
     Parameters
     ----------
-    alarms : sequence of Alarm
-    means : SlowMeans or None
+    alarms, told : sequence of Alarm
     """
-    told = () if means is None else means.alarms
     sure = [alarm for alarm in alarms if alarm.accuses]
     return [each for each in told if not any(_is_told(each, alarm) for alarm in sure)]
 
 
-def but_beside(means: SlowMeans | None, alarms: Sequence[Alarm]) -> SlowMeans | None:
-    """Return means that name no gyro while the residual of another rose: a bent attitude shows in all of them.
+def but_beside(told: Sequence[Alarm], alarms: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Return alarms of slow tests that name no gyro while another's residual rose: a bent attitude shows in all.
 
     Parameters
     ----------
-    means : SlowMeans or None
+    told : sequence of Alarm
     alarms : sequence of Alarm
         The monitor's own.
     """
-    if means is None:
-        return None
-    left = [alarm for alarm in alarms if not alarm.has_passed]
+    left = [alarm for alarm in alarms if not alarm.has_passed and alarm.test != OUTSIDE]  # which isn't judged there
 
     def doubted(slow: Alarm) -> Alarm:
         beside = next((each for each in left if each.source != slow.source and _overlap(slow, each)), None)
         if beside is None or slow.last is None or not slow.accuses:
             return slow
-        doubt = f"the means of {slow.source} differ from the attitude's, but {beside.source} rose, too: it may be bent"
+        doubt = f"{slow.source} differs from the attitude, but {beside.source} rose, too: it may be bent"
         judged = replace(slow.last, sensor=None, doubt=doubt, reason=f"{beside.source} rose at {beside.time_s:.1f} s")
         return replace(slow, judgements=(judged,))
 
-    return replace(means, alarms=tuple(map(doubted, means.alarms)))
+    return tuple(map(doubted, told))
 
 
 def _overlap(slow: Alarm, alarm: Alarm) -> bool:
@@ -242,16 +239,22 @@ def _differences(record: Record) -> FloatArray:
 
 
 def _bounds(error: FloatArray, seconds: _Seconds, usual: BoolArray, floor: float) -> dict[int, FloatArray]:
-    """Return what healthy means don't exceed: where a window hardly fits into what is healthy, as of a shorter one."""
+    """Return what healthy means don't exceed.
+
+    Where a window hardly fits into what is healthy, its few means count together with what a shorter one's largest
+    comes to over more seconds: noise falls with the root of their number, an estimator's wander at least with the cube
+    root.
+    """
     bounds: dict[int, FloatArray] = {}
-    largest = np.full(3, np.inf)
+    largest, before = np.full(3, np.inf), WINDOWS[0]
     for window in WINDOWS:
         means, noise = trailing_means(error, window, _KNOWN), trailing_means(seconds.variance, window, _KNOWN)
         turning = np.linalg.norm(trailing_means(seconds.motion, window, _KNOWN), axis=1)
         within = trailing_means(usual.astype(np.float64), window) == 1.0
         healthy = np.abs(means[within & np.isfinite(means).any(axis=1)])
-        if len(healthy) >= window:
-            largest = np.nanmax(healthy, axis=0, initial=0.0)
+        own_largest = np.nanmax(healthy, axis=0, initial=0.0)
+        of_shorter = largest * (before / window) ** _FALLS
+        largest, before = own_largest if len(healthy) >= window else np.maximum(own_largest, of_shorter), window
         own = np.maximum(np.maximum(floor, _OF_HEALTHY * largest), _DEVIATIONS * np.sqrt(noise / window))
         bounds[window] = np.asarray(own + _OF_MOTION * turning[:, np.newaxis])
     return bounds

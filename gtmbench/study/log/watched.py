@@ -16,6 +16,7 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.field_witnesses import FieldWitness
+from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
@@ -71,6 +72,8 @@ class WatchedLog:
     means : SlowMeans or None
         How gyros and attitude differ over tens of seconds; None if the monitor wasn't identified on this
         log, or rests on no attitude.
+    gains : Gains or None
+        Between what the gain of each gyro against the attitude lies, over 20 s; None as `means` is.
     witnesses : tuple of FieldWitness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
@@ -81,6 +84,8 @@ class WatchedLog:
         The gyro biases of the log's estimator and its test ratios: reported, never used.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands, by its accelerometers.
+    frozen : tuple of Alarm
+        Gyros that stand still while others move.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -117,10 +122,12 @@ class WatchedLog:
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
+    gains: Gains | None = field(default=None, repr=False)
     witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
+    frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -138,12 +145,12 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        return first_alarms(self.watches, self.standing, self.comparison, self.means)
+        return first_alarms(self.watches, self.standing, self.comparison, self.frozen, (self.means, self.gains))
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
-        """Those of them that only means over tens of seconds raised."""
-        return tuple(alarm for alarm in self.alarms if alarm.test == SLOW)
+        """Those of them that only means or gains over tens of seconds raised."""
+        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN))
 
     @property
     def armed_hours(self) -> float:
@@ -207,10 +214,12 @@ def concluded(said: Said, progress: Progress) -> WatchedLog:
         left_out=learnt.left_out,
         comparison=said.comparison,
         means=said.means,
+        gains=said.gains,
         witnesses=said.witnesses,
         sensors=sensors_of(said),
         estimator=learnt.opened.estimator,
         standing=said.standing,
+        frozen=said.frozen,
         installation=said.installation,
         attitude=learnt.opened.attitude,
         unwatched=learnt.opened.unwatched,

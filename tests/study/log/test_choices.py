@@ -12,10 +12,10 @@ ONSET_S = 140.0
 
 @pytest.fixture(scope="module")
 def broken(tmp_path_factory):
-    """Return a log whose q reads one value from an onset on."""
+    """Return a log whose q is biased from an onset on: what only a monitor that was learnt tells."""
     path = tmp_path_factory.mktemp("choices") / "log.csv"
     record = MECHANISMS["plain"](3).record.select(["p", "q", "r", "phi", "theta", "psi"])
-    gb.write_log(gb.inject(record, gb.Jam(channel="q", onset_s=ONSET_S)), path)
+    gb.write_log(gb.inject(record, gb.Bias(channel="q", onset_s=ONSET_S, size=8.0)), path)
     return path
 
 

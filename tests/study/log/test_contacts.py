@@ -101,12 +101,12 @@ def means_of(*alarms):
 def test_what_means_doubt_after_a_crash_is_put_down_to_it_and_before_it_stays():
     crash = Excursion(start_s=120.0, end_s=139.0, reason=FAILURE)
     watches = [monitor().watch(rest())]
-    before, after = but_after_crashes(means_of(doubtful(90.0), doubtful(125.0)), watches, [crash]).alarms
+    before, after = but_after_crashes(means_of(doubtful(90.0), doubtful(125.0)).alarms, watches, [crash])
     assert (before.doubt, after.doubt) == ("the means differ", FAILURE)
     early = replace(crash, start_s=70.0, end_s=75.0)  # it flew on
-    (same,) = but_after_crashes(means_of(doubtful(90.0)), watches, [early]).alarms
+    (same,) = but_after_crashes(means_of(doubtful(90.0)).alarms, watches, [early])
     assert same.doubt == "the means differ"
-    assert but_after_crashes(None, watches, [crash]) is None
+    assert but_after_crashes((), watches, [crash]) == ()
 
 
 @pytest.mark.parametrize("has_events", [False, True])

@@ -112,9 +112,9 @@ def alarm_of(sensor, *, doubt="", onset_s=100.0, kind="bias", **parameters):
 
 def test_what_is_named_already_isnt_told_again():
     means = compared(with_fault(gb.Bias(channel="p", onset_s=ONSET_S, size=5.0)))
-    assert beyond([alarm_of("p", onset_s=ONSET_S)], means) == []
-    assert len(beyond([alarm_of("p", onset_s=ONSET_S, doubt="motion")], means)) == 1
-    assert len(beyond([alarm_of("q", onset_s=ONSET_S)], means)) == 1
+    assert beyond([alarm_of("p", onset_s=ONSET_S)], means.alarms) == []
+    assert len(beyond([alarm_of("p", onset_s=ONSET_S, doubt="motion")], means.alarms)) == 1
+    assert len(beyond([alarm_of("q", onset_s=ONSET_S)], means.alarms)) == 1
 
 
 @pytest.mark.parametrize(
