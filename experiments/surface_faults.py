@@ -265,7 +265,8 @@ def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterat
                 gusts=gusts,
                 **trim,
             )
-        except gb.errors.GtmbenchError as error:
+            record = readings.between(BEGUN_S, min(readings.end_s, departed_s))
+        except gb.errors.GtmbenchError as error:  # thrown out of its envelope, at the latest before it is watched
             yield {
                 "part": "healthy",
                 "loop": loop,
@@ -274,7 +275,6 @@ def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterat
                 "said": f"not flown: {error}",
             }
             continue
-        record = readings.between(BEGUN_S, min(readings.end_s, departed_s))
         watch = both["surfaces"].watch(record)
         alarms = told(watch, 0.0, np.inf)
         bank = told(both["C"].watch(record), 0.0, np.inf)
