@@ -103,6 +103,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "heading_witness",
         "cross_check",
         "magnetometer_in_logs",
+        "other_sensors_in_logs",
         "lost_samples",
         "small_uavs",
         "yardstick",
