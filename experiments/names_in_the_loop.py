@@ -1,11 +1,12 @@
 """Names in the loop: whom bank C names at each look at an alarm, where the autopilot flies by the broken sensor.
 
-    python experiments/names_in_the_loop.py [--flights N] [--seed S] [--out DIR]
+    python experiments/names_in_the_loop.py [--flights N] [--seed S] [--counts DEG] [--out DIR]
 
 Eleven sorts of faults of each gyro and angle, of the GTM behind NASA's sensor chain, in turbulence with doublets: the
 fault begins at 60 s of 85 s. A loop answers what a sensor reads, so at first a gyro's fault and its angle's resemble
 each other. Bank C is calibrated on nine flights in the loop. A name is right or wrong whatever kind is told beside it;
-looks come about 1, 2, 5, 10 and 20 s after the alarm. Writes DIR/report.md.
+looks come about 1, 2, 5, 10 and 20 s after the alarm. With --counts the log has angles in coarser steps than the
+chain's hundredth of a degree, for calibration, too. Writes DIR/report.md.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 import gtmbench as gb
@@ -45,18 +47,24 @@ def tone(name: str, amplitude: float, frequency_hz: float) -> gb.Fault:
     return gb.Oscillation(channel=name, onset_s=ONSET_S, amplitude=amplitude, frequency_hz=frequency_hz)
 
 
-def flown(seed: int, excitation: str, duration_s: float, faults: tuple[gb.Fault, ...] = ()) -> gb.Record:
+def flown(
+    seed: int, excitation: str, duration_s: float, faults: tuple[gb.Fault, ...] = (), *, count_deg: float = 0.0
+) -> gb.Record:
     """Fly in the loop behind the sensor chain; return what the sensors read once it has settled."""
     flight = gb.fly_in_loop("gtm", excitation, duration_s, seed, faults=faults)
-    return flight.sensed.select(SENSORS).between(BEGUN_S, duration_s)
+    record = flight.sensed.select(SENSORS).between(BEGUN_S, duration_s)
+    for name in ATTITUDE if count_deg else ():
+        record = record.replace(name, np.round(record[name] / count_deg) * count_deg)
+    return record
 
 
-def judged(monitor: gb.Monitor, seeds: range) -> Iterator[dict[str, object]]:
+def judged(monitor: gb.Monitor, seeds: range, count_deg: float) -> Iterator[dict[str, object]]:
     """Fly each fault once a seed; return a row a look at the first alarm after it began."""
     for seed in seeds:
         for name in (*GYROS, *ATTITUDE):
             for sort, fault in SORTS.items():
-                record = flown(seed, "doublets+turbulence", FLIGHT_S, (fault(name, name in GYROS),))
+                broken = (fault(name, name in GYROS),)
+                record = flown(seed, "doublets+turbulence", FLIGHT_S, broken, count_deg=count_deg)
                 alarms = [alarm for alarm in monitor.watch(record).faults if alarm.time_s >= ONSET_S]
                 for judgement in alarms[0].judgements[1:] if alarms else ():
                     said = "none" if judgement.sensor is None else "right" if judgement.sensor == name else "wrong"
@@ -80,22 +88,20 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--flights", type=int, default=4, help="of each fault (default: 4)")
     parser.add_argument("--seed", type=int, default=FIRST_SEED, help="of the first of them")
+    parser.add_argument("--counts", type=float, default=0.0, metavar="DEG", help="of the angles that are logged")
     parser.add_argument("--out", type=Path, help="folder of the report; without it, it is only printed")
     asked = parser.parse_args()
-    healthy = [
-        flown(CALIBRATION_SEED + i, ("multisine+turbulence", "doublets+turbulence")[i % 2], 200.0) for i in range(9)
-    ]
-    rows = pd.DataFrame(
-        judged(
-            gb.BankDetector(bank=gb.load_bank("C")).calibrate(healthy), range(asked.seed, asked.seed + asked.flights)
-        )
-    )
+    excitations = ("multisine+turbulence", "doublets+turbulence")
+    healthy = [flown(CALIBRATION_SEED + i, excitations[i % 2], 200.0, count_deg=asked.counts) for i in range(9)]
+    monitor = gb.BankDetector(bank=gb.load_bank("C")).calibrate(healthy)
+    rows = pd.DataFrame(judged(monitor, range(asked.seed, asked.seed + asked.flights), asked.counts))
     last = rows[rows["look"] == LOOKS_S[-1]]
+    counts = f" --counts {asked.counts:g}" if asked.counts else ""
     text = "\n\n".join(
         [
             "# Names in the loop",
-            f"`python experiments/names_in_the_loop.py --flights {asked.flights} --seed {asked.seed}`. Judgements that "
-            "name the broken sensor, nobody, or another one.",
+            f"`python experiments/names_in_the_loop.py --flights {asked.flights} --seed {asked.seed}{counts}`. "
+            "Judgements that name the broken sensor, nobody, or another one.",
             f"## By the look, seconds after the alarm\n\n{shares(rows, 'look')}",
             f"## By the fault, {LOOKS_S[-1]} s after the alarm\n\n{shares(last, 'fault')}",
             f"## By the sensor, {LOOKS_S[-1]} s after the alarm\n\n{shares(last, 'sensor')}",

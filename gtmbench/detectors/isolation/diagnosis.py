@@ -279,7 +279,8 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
     resembled = _OF_GYROS if first.channel in GYROS else _RESEMBLED
 
     def is_near(channel: str, fit: FittedHypothesis) -> bool:
-        if fit.bic < first.bic + (_ALIKE if _are_same(case, good, first.channel, channel) else DECISIVE):
+        is_alike = _are_same(case, good, first.channel, channel) or _is_coarse(case, first, channel)
+        if fit.bic < first.bic + (_ALIKE if is_alike else DECISIVE):
             return True
         is_early = first.kind in resembled and not case.is_telling and channel in axis_of(first.channel)
         if is_early and fit.bic < first.bic + _EARLY + _EARLY_ROW * (case.judged.stop - case.judged.start):
@@ -290,6 +291,16 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
         return (is_vague or (excess is not None and channel == excess.holder)) and _reads_anything(case, first, fit)
 
     return tuple(channel for channel, fit in best.items() if is_near(channel, fit))
+
+
+def _is_coarse(case: Case, first: FittedHypothesis, channel: str) -> bool:
+    """Tell whether two sensors of an axis are alike because one reads in counts that are coarser than its noise.
+
+    What counts leave is no noise of any spectrum, and what absorbs a little of everything absorbs that, too.
+    """
+    axis = axis_of(first.channel)
+    counted = (case.habits[name].is_coarse for name in axis if name in case.habits)
+    return first.is_absorbing and channel in axis and any(counted)
 
 
 def _reads_anything(case: Case, first: FittedHypothesis, other: FittedHypothesis) -> bool:

@@ -35,6 +35,7 @@ _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no 
 _LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
 _OF_LONGEST = 4.0  # of -2 log likelihood: of N exponential runs the longest is log(N) means long, and 2 is a mean's
 _SELDOM, _EVER = 0.15, 0.3  # of the rows, and of any hundred, that counts run straight at most: noise above a count
+_COARSE = 0.8  # of the rows run straight
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
 ROWS_BEFORE = _ROWS + 4
@@ -61,6 +62,8 @@ class Habit:
         Whether its noise is as loud at all times, so that a little more or less of it tells.
     is_counted : bool
         Whether its readings are counts of a converter, which may repeat where nothing moves.
+    is_fine : bool
+        Whether its noise is above a count.
     longest : int
         How many rows in a row ran dead straight at most.
     """
@@ -72,12 +75,18 @@ class Habit:
     before: FloatArray = field(repr=False)
     is_steady: bool = True
     is_counted: bool = False
+    is_fine: bool = True
     longest: int = 0
 
     @property
     def variance(self) -> float:
         """Of its noise, in the channel's unit squared, were that white."""
         return 1.0 / (ALIKE * float(np.sum(np.square(self.taps))))
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether its readings are counts that are far above its noise, and above its motion between samples."""
+        return self.is_counted and self.straight > _COARSE
 
     def innovations(self, readings: FloatArray) -> FloatArray:
         """Return its noise, in deviations; NaN where a reading that it needs is missing."""
@@ -115,7 +124,7 @@ class Habit:
         that are coarser than their noise tell only by runs, whose lengths fall off as the longest before says.
         """
         straight = int(straight_rows(readings).sum())
-        each = -2.0 * float(np.log(min(self.straight + _EVERY_DAY, 1.0)))
+        each = -2.0 * float(np.log(min(self.straight + _EVERY_DAY, 1.0))) if self.is_fine else 0.0
         if not self.is_counted:
             return each * straight
         standing = self.standing(readings)
@@ -144,9 +153,10 @@ def habit_of(readings: FloatArray) -> Habit | None:
     rows = straight_rows(last)
     straight, quietest = float(np.mean(rows[np.isfinite(last)])), float(blocks.min()) / variance
     is_counted = len(np.unique(there)) < _DISTINCT * len(there)
+    is_fine = True
     if is_counted:  # counts repeat whenever little moves, unless their noise is above a count
         most = float(rows[: len(rows) // _BLOCK * _BLOCK].reshape(-1, _BLOCK).mean(axis=1).max())
-        straight, quietest = straight if straight <= _SELDOM and most <= _EVER else 1.0, 0.0
+        is_fine, quietest = straight <= _SELDOM and most <= _EVER, 0.0
     quietest = min(quietest, 1.0)
     taps = _DIFFERENCE / np.sqrt(ALIKE * variance)
     reach = float(np.nanmax(np.abs(last)))
@@ -158,6 +168,7 @@ def habit_of(readings: FloatArray) -> Habit | None:
         before=last,
         is_steady=is_steady,
         is_counted=is_counted,
+        is_fine=is_fine,
         longest=int(_runs(rows).max(initial=0)),
     )
 

@@ -54,3 +54,9 @@ def test_counts_coarser_than_their_noise_tell_by_standing_still_far_longer_than_
     assert not is_straighter(np.full(2 * habit.longest, 1.2), habit)
     assert habit.surprise(np.full(20 * habit.longest, 1.2)) > 60.0
     assert [habit.surprise(readings[first : first + 500]) for first in range(3000, 8500, 500)] == [0.0] * 11
+
+
+def test_counts_far_above_noise_and_motion_are_coarse():
+    assert habit_of(rounded(0.005, 2.0)).is_coarse
+    assert not habit_of(rounded(0.005, 0.05)).is_coarse
+    assert not habit_of(3.0 + 0.05 * np.random.default_rng(3).standard_normal(ROWS)).is_coarse
