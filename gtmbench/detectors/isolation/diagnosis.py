@@ -84,6 +84,8 @@ DOUBT = "motion or model"
 
 # faults of a gyro, and of the angle about the same axis, that look the same near wings level
 SAME = frozenset({("bias", "drift"), ("oscillation", "oscillation")})
+# and whose noise alone tells them apart, which counts hide; an estimator's angle has no such fault
+_SAME_IN_COUNTS = frozenset({("scale_factor", "scale_factor")})
 
 
 def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:
@@ -389,8 +391,10 @@ def _are_same(case: Case, good: Sequence[FittedHypothesis], one: str, other: str
     if one == other or other not in axis_of(one):
         return False
     gyro, angle = (one, other) if other in ANGLES else (other, one)
+    hidden = not case.driving and angle in case.habits and not case.habits[angle].is_fine
+    same = SAME | _SAME_IN_COUNTS if hidden else SAME
     return any(
-        (of_gyro, of_angle) in SAME for of_gyro in _likely(case, good, gyro) for of_angle in _likely(case, good, angle)
+        (of_gyro, of_angle) in same for of_gyro in _likely(case, good, gyro) for of_angle in _likely(case, good, angle)
     )
 
 
