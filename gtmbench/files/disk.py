@@ -233,7 +233,7 @@ def folder_beside(target: Path) -> Iterator[Path]:
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
-    _clear_left_behind(parent)
+    _clear_once(parent)
     try:
         own, lock = _own_folder(parent)
     except OSError as error:
@@ -268,8 +268,12 @@ def _own_folder(parent: Path) -> tuple[Path, SoftFileLock]:
 
 
 @cache
-def _clear_left_behind(parent: Path) -> None:
-    """Remove what killed processes left, once a process and folder: of this machine at once, of others after a week."""
+def _clear_once(parent: Path) -> None:
+    clear_left_behind(parent)
+
+
+def clear_left_behind(parent: Path) -> None:
+    """Remove what killed processes left in a folder: of this machine at once, of others after a week."""
     from filelock import SoftFileLock, Timeout
 
     for left in parent.glob(f"{HIDDEN}????????"):

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gtmbench.errors import GtmbenchError, InputError
-from gtmbench.files.disk import HIDDEN, READY, folder_beside, is_file, resolved, to_disk, told
+from gtmbench.files.disk import HIDDEN, READY, clear_left_behind, folder_beside, is_file, resolved, to_disk, told
 from gtmbench.files.locks import FOR_EVER_S, alone, lock_beside
 
 SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
@@ -63,6 +63,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
             for path in aside.rglob("*"):
                 to_disk(path)
             _check_places(aside, meant)
+            clear_left_behind(meant)  # of parts whose writers were killed
             with _uninterrupted():
                 _place(aside, meant)
         to_disk(meant.parent)

@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -148,7 +149,7 @@ def test_files_of_a_process_that_was_killed_while_it_moved_them_follow(half, by,
     else:
         check_folder(half, force=True)
     assert texts_in(half) == meant
-    disk._clear_left_behind.cache_clear()
+    disk._clear_once.cache_clear()
     with atomic_folder(half) as aside:
         (aside / "a.txt").write_text("newest")
     assert texts_in(half) == meant | {"a.txt": "newest"}
@@ -254,3 +255,18 @@ def test_verify_says_what_was_altered(cli, tmp_path):
     assert "results.json: No such file or directory" in cli("verify", "out", "-q")[1]
     (tmp_path / "note.txt").touch()
     assert cli("verify", "note.txt")[0] == 2
+
+
+def test_what_was_left_too_lately_to_be_told_goes_when_results_are_written(tmp_path):
+    """Killed between making its lock and writing it, a moment before the next writer of the same folder began."""
+    out = tmp_path / "results"
+    (left := out / ".gtmbench-abcdefgh").mkdir(parents=True)
+    (left / "lock").touch()
+    with atomic_write(out / "part") as path:
+        path.touch()
+    assert left.is_dir()  # it may be somebody's who is at work
+    for path in (left / "lock", left):
+        os.utime(path, (time.time() - 2.0,) * 2)
+    with atomic_folder(out) as aside:
+        (aside / "results.json").touch()
+    assert sorted(path.name for path in out.iterdir()) == [SUMS, "part", "results.json"]

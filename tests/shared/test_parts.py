@@ -279,7 +279,7 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         killed.send_signal(signal.SIGKILL)
         killed.wait()
         assert len(list(tmp_path.glob(".gtmbench-*"))) == 2
-        disk._clear_left_behind.cache_clear()
+        disk._clear_once.cache_clear()
         with disk.atomic_write(tmp_path / "other.txt") as aside:
             aside.write_text("whole")
             (left,) = [path for path in tmp_path.glob(".gtmbench-*") if not aside.is_relative_to(path)]
@@ -290,7 +290,7 @@ def test_what_a_killed_process_leaves_is_cleared_and_what_a_living_one_writes_is
         for writer in writers:
             writer.kill()
             writer.communicate()
-    disk._clear_left_behind.cache_clear()
+    disk._clear_once.cache_clear()
     with disk.atomic_write(tmp_path / "other.txt") as aside:
         aside.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == ["other.txt"]
