@@ -12,11 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.method.autoregressive import innovations
-from gtmbench.values.record import BoolArray, FloatArray
-
-IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
+from gtmbench.values.record import BoolArray, FloatArray, runs
 
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count
@@ -110,8 +109,11 @@ class Habit:
 
     def standing(self, readings: FloatArray) -> FloatArray:
         """Return how many rows run dead straight together, of each run that is longer than usual."""
-        runs = _runs(straight_rows(readings))
-        return np.asarray(runs[runs > self._usual], dtype=float)
+        return self._longer(straight_rows(readings))
+
+    def _longer(self, straight: BoolArray) -> FloatArray:
+        lengths = _lengths(straight)
+        return np.asarray(lengths[lengths > self._usual], dtype=float)
 
     @property
     def _usual(self) -> int:
@@ -123,11 +125,12 @@ class Habit:
         These are more than usual in all, or in a row: a while of standing still stays one, whatever comes after. Counts
         that are coarser than their noise tell only by runs, whose lengths fall off as the longest before says.
         """
-        straight = int(straight_rows(readings).sum())
+        rows = straight_rows(readings)
+        straight = int(rows.sum())
         each = -2.0 * float(np.log(min(self.straight + _EVERY_DAY, 1.0))) if self.is_fine else 0.0
         if not self.is_counted:
             return each * straight
-        standing = self.standing(readings)
+        standing = self._longer(rows)
         beyond = float((standing - self._usual).sum()) / max(self.longest, 1)
         straight = max(straight - round(_OFTEN * self.straight * len(readings)) - _FEW, int(standing.sum()))
         return max(each * straight, _OF_LONGEST * beyond)
@@ -169,7 +172,7 @@ def habit_of(readings: FloatArray) -> Habit | None:
         is_steady=is_steady,
         is_counted=is_counted,
         is_fine=is_fine,
-        longest=int(_runs(rows).max(initial=0)),
+        longest=int(_lengths(rows).max(initial=0)),
     )
 
 
@@ -188,10 +191,10 @@ def steps(readings: FloatArray) -> float:
     return float(found.mean()) if len(found) else float("nan")
 
 
-def _runs(rows: BoolArray) -> IntArray:
+def _lengths(rows: BoolArray) -> NDArray[np.int64]:
     """Return how many rows in a row there are each time."""
-    ends = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
-    return np.asarray(ends[1::2] - ends[::2])
+    starts, ends = runs(rows)
+    return ends - starts
 
 
 def straight_rows(readings: FloatArray) -> BoolArray:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -70,7 +71,7 @@ class Gains:
     is_watched: BoolArray = field(repr=False)
     alarms: tuple[Alarm, ...] = ()
 
-    @property
+    @cached_property
     def excess(self) -> FloatArray:
         """By how many times the tolerance the whole bracket lies beside the usual gain and 1."""
         below, above = np.minimum(self.usual, 1.0), np.maximum(self.usual, 1.0)

@@ -200,7 +200,7 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
     heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
         return None, None
-    healthy = [(each.start_s, each.end_s) for each in healthy_of(learnt, opened.log)]
+    healthy = _healthy_spans(learnt)
     is_driven = opened.attitude is not None and opened.attitude.is_driven
     means = slow_means(
         motion.segments,
@@ -221,8 +221,11 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
 
 def _frozen(learnt: Learnt) -> tuple[Alarm, ...]:
     """Return an alarm of each gyro that stands still while others move, where something of the log was learnt from."""
-    log = learnt.opened.log
-    return frozen_gyros(log.segments, [(each.start_s, each.end_s) for each in healthy_of(learnt, log)])
+    return frozen_gyros(learnt.opened.log.segments, _healthy_spans(learnt))
+
+
+def _healthy_spans(learnt: Learnt) -> list[Span]:
+    return [(each.start_s, each.end_s) for each in healthy_of(learnt, learnt.opened.log)]
 
 
 def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:
