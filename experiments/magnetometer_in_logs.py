@@ -97,7 +97,7 @@ def watched_log(read: ReadLog) -> WatchedLog:
     given = {"healthy": (), "mapping": (), "rate_hz": None, "false_alarms_per_hour": None, "attitude": FROM_LOG}
     question = replace(ask(read.path, "auto", **given), path=read)
     said = doubted(listened(learnt(chosen(opened(question)), silent), silent), silent)
-    return concluded(agreed(said, silent), silent)
+    return concluded(agreed(said, silent))
 
 
 def faults() -> Iterator[tuple[str, str, gb.Fault, float]]:

@@ -109,7 +109,7 @@ def cases(path: Path) -> list[Row]:
     began_sensors = time.process_time()
     clean = sensors_of(told)
     sensors_s = time.process_time() - began_sensors
-    whole: WatchedLog = concluded(told, silent)
+    whole: WatchedLog = concluded(told)
     rows = [
         {
             "log": path.name,

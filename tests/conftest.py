@@ -13,9 +13,8 @@ from gtmbench.method.regression import triangle
 from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.study import flights, healthy_records
-from gtmbench.study.log import watch, watched
-from gtmbench.study.log.certificate import certificate_of
-from tests.helpers.certificates import WhenRead, hardly_watched_by_biases
+from gtmbench.study.log import certificate, watch
+from gtmbench.study.log.certificate import ONSETS
 from tests.helpers.watched_once import remembered
 from tests.helpers.watching import written_once
 
@@ -40,21 +39,17 @@ def _flown_once():
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _certified_when_read():
-    """A log's certificate is most of the work of watching it: it is worked out when it is read, at few onsets.
-
-    `test_certificate` holds the certificates themselves, and that these are made as they are.
-    """
+def _certified_at_few_onsets():
+    """A log's certificate is most of the work of what is told of it; `test_certificate` holds the whole ones."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(watched, "certificate_of", WhenRead)
-        patch.setattr(watched, "hardly_watched", hardly_watched_by_biases)
+        patch.setattr(certificate, "ONSETS", 5)
         yield
 
 
 @pytest.fixture
 def whole_certificates(monkeypatch):
-    """Have logs certified as they are for users: at once, at as many onsets."""
-    monkeypatch.setattr(watched, "certificate_of", certificate_of)
+    """Have logs certified as they are for users: at as many onsets."""
+    monkeypatch.setattr(certificate, "ONSETS", ONSETS)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -124,7 +124,7 @@ def watch_whole(path: Path) -> Whole:
     )
     known = learnt(chosen(opened(question)), silent)
     said = _said(known)
-    watched = concluded(said, silent)
+    watched = concluded(said)
     return Whole(path=path, learnt=known, said=said, watched=watched, cpu_s=time.process_time() - began)
 
 

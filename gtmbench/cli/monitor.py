@@ -195,17 +195,17 @@ def monitor_command(
             progress=tell,
         )
         if named:
-            tell("names", None, None)
             watched = watched.with_names()
+        tell("names" if named else "certificate", None, None)
+        results = _results(watched) if as_json else {}
+        lines = [] if as_json or quiet else _lines(watched, record, figure, report, save, details=details or named)
         tell("writing", None, None)
         _write(watched, record, figure, report, save)
         _keep_mapping(watched)
     if as_json:
-        from gtmbench.report.tables.log import log_results
-
-        print_json(log_results(watched))
-    elif not quiet:
-        _print(watched, record, figure, report, save, details=details or named)
+        print_json(results)
+    for line in lines:
+        echo(line)
     return int(watched.outcome)
 
 
@@ -356,7 +356,13 @@ def _keep_mapping(watched: WatchedLog) -> None:
         write_map_file(watched.log.sources, path)
 
 
-def _print(
+def _results(watched: WatchedLog) -> dict[str, Any]:
+    from gtmbench.report.tables.log import log_results
+
+    return log_results(watched)
+
+
+def _lines(
     watched: WatchedLog,
     record: Path | None,
     figure: Path | None,
@@ -364,17 +370,17 @@ def _print(
     save: Path | None,
     *,
     details: bool,
-) -> None:
+) -> list[str]:
     from gtmbench.detectors.protocol import is_ready
     from gtmbench.report.words.log import log_report
     from gtmbench.report.words.verdict import summary_lines
 
     width = screen_width()
-    for line in log_report(watched, width) if details else summary_lines(watched, width):
-        echo(line)
+    lines = log_report(watched, width) if details else summary_lines(watched, width)
     for what, path in (("figure", figure), ("report", report), ("monitor", save)):
         if path is not None:
             was_made = path is not save or is_ready(watched.monitor)
-            echo(f"{what}: {path}" if was_made else f"{what}: none was calibrated, {path} isn't written")
+            lines.append(f"{what}: {path}" if was_made else f"{what}: none was calibrated, {path} isn't written")
     if record is not None:
-        echo(f"recording: {record}    look at it: gtmbench view {record}")
+        lines.append(f"recording: {record}    look at it: gtmbench view {record}")
+    return lines

@@ -10,7 +10,6 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.study.log.watched import WatchedLog
-from tests.helpers.certificates import WhenRead
 from tests.helpers.monitors import monitor, record
 
 ODD = ("Motor #2 (rpm)", "strain 1/left", "$x^2$")
@@ -27,7 +26,6 @@ def watched_log(segments, watched, by, *, remarks=(), identified=(), reasons=(),
         identified_s=tuple(identified),
         watches=watches,
         reasons=tuple(reasons),
-        certificate=WhenRead(by, watches),
     )
 
 

@@ -18,6 +18,8 @@ from tests.helpers import log_makers as makers
 from tests.intake.test_intake_hostile import damaged
 
 INPUTS = int(os.environ.get("GTMBENCH_DAMAGED", "25"))  # a format: 200 by GTMBENCH_DAMAGED=200
+APART = 3  # times fewer of those that a process of its own reads: starting it takes longer than reading
+READ_APART = ("flight.bag", "bag2", "flight.mat", "flight73.mat", "flight.xlsx")
 IN_PLACE = [name for name in makers.MAKERS if name not in ("bag2", "tables")]
 
 
@@ -49,7 +51,7 @@ def put(folder, name, seed):
 def test_a_damaged_log_is_read_or_one_line(tmp_path, capfd, record_property, name):
     read = refused = 0
     slowest_s = 0.0
-    for seed in range(INPUTS):
+    for seed in range(INPUTS // APART if name in READ_APART else INPUTS):
         path = put(tmp_path, name, seed)
         began_s, said = _processor_s(), None
         try:

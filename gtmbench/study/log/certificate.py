@@ -8,7 +8,7 @@ worse of the two is told.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from heapq import heappush, heappushpop
 from itertools import islice
@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.superposition import Superposition
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
@@ -34,7 +33,7 @@ from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
 
 SHARE = 0.9  # of the time watched
-_ONSETS = 20  # tried
+ONSETS = 20  # tried
 _FINE = 1.15  # from a size that is looked at to the next
 _STEPS = 50  # from a thousandth of the largest to that
 _NOT_SEEN = _STEPS + 1
@@ -74,8 +73,9 @@ class Kind:
 
 
 _DIRECTED = ("size", "slope", "factor")
+_BIAS = Kind(fault=Bias, parameter="size")
 KINDS = (
-    Kind(fault=Bias, parameter="size"),
+    _BIAS,
     Kind(fault=Drift, parameter="slope", within_s=20.0),
     Kind(fault=ScaleFactor, parameter="factor"),
     Kind(fault=Deadzone, parameter="half_width"),
@@ -203,6 +203,10 @@ class _Trial:
         """Return a size that is looked at; `_STEPS` is the largest, each is `_FINE` times the one before."""
         return self.most * _FINE ** (step - _STEPS)
 
+    def not_above(self, size: float) -> float:
+        """Return the largest size that is looked at and not above a given one."""
+        return self.size(min(int(np.floor(_STEPS + np.log(size / self.most) / np.log(_FINE))), _STEPS))
+
     def smallest(self, least: int, near: int) -> int:
         """Return the first step from `least` on whose size is seen; `_NOT_SEEN` where not even the largest is.
 
@@ -252,25 +256,56 @@ def certificate_of(
         return _of_surfaces(monitor, watches)
     if not predicts(monitor):
         return Certificate(missing=f"{monitor.name} is no bank, so nothing says how a fault would change its scores")
-    sensors = [sensor for sensor in monitor.basis.predicts if sensor in monitor.suspects]
-    if not sensors:
+    if not _certified(monitor):
         return Certificate(missing="no sensor that may be suspected has a residual of its own")
-    seconds = [3600.0 * watch.armed_hours for watch in watches]
-    if not any(seconds):
+    if not any(watch.armed_hours for watch in watches):
         return Certificate(missing="at no time was an alarm possible")
-    longest_s = round(_HALF * max(seconds), 1)
-    if longest_s <= 0.0:
-        return Certificate(missing="too little of it was watched")
-    within_s = {kind: min(kind.within_s, longest_s) for kind in KINDS}
-    onsets = {of: _onsets(watches, of) for of in within_s.values()}
-    rows = []
-    for sensor in sensors:
-        on = [monitor.superposition(watch, sensor) for watch in watches]
-        through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
-        slow = {kind: None if means is None else slow_size(means, sensor, kind.fault.kind, SHARE) for kind in KINDS}
-        rows += _of_sensor(monitor, through, watches, within_s, onsets, slow, named=named)
+    rows = [
+        _row(tried, _slow(means, sensor, kind), named=named)
+        for sensor in _certified(monitor)
+        for kind, tried in _trials(monitor, watches, sensor, KINDS).items()
+    ]
     missing = "" if rows else "too little of it was watched"
-    return Certificate(rows=tuple(rows), watched_s=sum(seconds), is_named=named and bool(rows), missing=missing)
+    seconds = sum(3600.0 * watch.armed_hours for watch in watches)
+    return Certificate(rows=tuple(rows), watched_s=seconds, is_named=named and bool(rows), missing=missing)
+
+
+def hardly_watched(
+    monitor: Monitor | Detector, watches: Sequence[Watch], *, means: SlowMeans | None = None
+) -> tuple[str, ...]:
+    """Return the gyros whose silence says nothing: no bias would have been seen that isn't beyond all their motion.
+
+    Of those that kinematics predict: other operators hold for one way of exciting the aircraft, and what they are
+    worth, the certificate says. It is what `certificate_of` says of biases, asked of one size: a tenth of the work.
+
+    Parameters
+    ----------
+    monitor, watches, means
+        As `certificate_of` has them.
+    """
+    if isinstance(monitor, SurfaceMonitor) or not predicts(monitor):
+        return ()
+    names = []
+    for sensor in _certified(monitor):
+        if sensor in GYROS and sensor in monitor.basis.kinematic:
+            motion = deviation(watch.record[sensor] for watch in watches)
+            size = max(_BEYOND_MOTION * motion, _SMALL_DEG_S)
+            slow = _slow(means, sensor, _BIAS)
+            if slow is None or slow.size > size:
+                tried = _trials(monitor, watches, sensor, (_BIAS,)).get(_BIAS, ())
+                if not all(_is_often_seen(trials, trials[0].not_above(size)) for trials in tried):
+                    names.append(sensor)
+    return tuple(names)
+
+
+def _certified(monitor: PredictingMonitor) -> list[str]:
+    """Return the sensors that have rows: those that may be suspected and have a residual of their own."""
+    return [sensor for sensor in monitor.basis.predicts if sensor in monitor.suspects]
+
+
+def _slow(means: SlowMeans | None, sensor: str, kind: Kind) -> SlowSize | None:
+    """Return the size of a fault that means over tens of seconds show."""
+    return None if means is None else slow_size(means, sensor, kind.fault.kind, SHARE)
 
 
 def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certificate:
@@ -321,46 +356,54 @@ def _estimators(monitor: PredictingMonitor, sensor: str) -> tuple[AttitudeEstima
     return tuple(AttitudeEstimator(time_constant_s=tau) for tau in (SLOWEST_S, FASTEST_S))
 
 
-def _of_sensor(
-    monitor: PredictingMonitor,
-    through: Sequence[Sequence[Superposition]],
-    watches: Sequence[Watch],
-    within_s: Mapping[Kind, float],
-    onsets: Mapping[float, Sequence[tuple[int, int]]],
-    slow: Mapping[Kind, SlowSize | None],
-    *,
-    named: bool,
-) -> list[Smallest]:
-    """Return a sensor's rows, by its own residual on each watch, put through each of some estimators."""
-    on = through[0]
+def _trials(
+    monitor: PredictingMonitor, watches: Sequence[Watch], sensor: str, kinds: Sequence[Kind]
+) -> dict[Kind, list[list[_Trial]]]:
+    """Return a sensor's trials by kind, on its own residual, put through each of the estimators that may bend it.
+
+    No kind has any where too little was watched.
+    """
+    longest_s = round(_HALF * max((3600.0 * watch.armed_hours for watch in watches), default=0.0), 1)
+    if longest_s <= 0.0:
+        return {}
+    on = [monitor.superposition(watch, sensor) for watch in watches]
+    through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
     large = _RANGE * (deviation(each.record[each.sensor] for each in on) + deviation(each.residual.raw for each in on))
-    places = {}
-    for of, pairs in onsets.items():
-        quiet = [on[i].is_quiet(row, of) for i, row in pairs]
-        places[of] = [
-            [
-                _Place(
-                    monitor=monitor,
-                    on=each[i],
-                    onset_s=watches[i].record.time_at(row),
-                    within_s=of,
-                    is_telling=is_telling,
-                    outside=watches[i].outside,
-                )
-                for (i, row), is_telling in zip(pairs, quiet, strict=True)
+    places: dict[float, list[list[_Place]]] = {}
+    tried = {}
+    for kind in kinds:
+        within_s = min(kind.within_s, longest_s)
+        if within_s not in places:
+            places[within_s] = _places(monitor, through, watches, within_s)
+        if places[within_s][0]:
+            most = _most(kind, on, large / within_s if kind.fault is Drift else large)
+            tried[kind] = [
+                [_Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(each)]
+                for each in places[within_s]
             ]
-            for each in through
+    return tried
+
+
+def _places(
+    monitor: PredictingMonitor, through: Sequence[Sequence[Superposition]], watches: Sequence[Watch], within_s: float
+) -> list[list[_Place]]:
+    """Return where faults are put, through each of some estimators; each has to alarm within some seconds."""
+    onsets = _onsets(watches, within_s)
+    quiet = [through[0][i].is_quiet(row, within_s) for i, row in onsets]
+    return [
+        [
+            _Place(
+                monitor=monitor,
+                on=each[i],
+                onset_s=watches[i].record.time_at(row),
+                within_s=within_s,
+                is_telling=is_telling,
+                outside=watches[i].outside,
+            )
+            for (i, row), is_telling in zip(onsets, quiet, strict=True)
         ]
-    rows = []
-    for kind, of in within_s.items():
-        most = _most(kind, on, large / of if kind.fault is Drift else large)
-        tried = [
-            [_Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(each)]
-            for each in places[of]
-        ]
-        if tried[0]:
-            rows.append(_row(tried, slow[kind], named=named))
-    return rows
+        for each in through
+    ]
 
 
 def _row(tried: Sequence[Sequence[_Trial]], slow: SlowSize | None, *, named: bool) -> Smallest:
@@ -396,28 +439,6 @@ def _spare(trials: Sequence[_Trial]) -> int:
     return int((1.0 - SHARE) * len(trials) + 1e-9)
 
 
-def hardly_watched(certificate: Certificate, watches: Sequence[Watch]) -> tuple[str, ...]:
-    """Return the gyros whose silence says nothing: no bias would have been seen that isn't beyond all their motion.
-
-    Of those that kinematics predict: other operators hold for one way of exciting the aircraft, and what they are
-    worth, the certificate says.
-
-    Parameters
-    ----------
-    certificate : Certificate
-    watches : sequence of Watch
-        What it was worked out for.
-    """
-    asked = {*GYROS} & {*basis_of(watches[0].monitor).kinematic} if watches else set()
-    names = []
-    for row in certificate.rows:
-        if row.kind == Bias.kind and row.sensor in asked:
-            motion = deviation(watch.record[row.sensor] for watch in watches)
-            if row.size is None or row.size > max(_BEYOND_MOTION * motion, _SMALL_DEG_S):
-                names.append(row.sensor)
-    return tuple(names)
-
-
 def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
     """Return rows spread evenly over what was watched, with their watches' numbers; each leaves time to alarm."""
     able = [
@@ -425,7 +446,7 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
     ]
     parts = [(i, rows) for i, each in enumerate(able) for rows in pieces(len(each))]
     ends = np.cumsum([np.count_nonzero(able[i][rows]) for i, rows in parts]) if parts else np.zeros(1, dtype=int)
-    count = min(_ONSETS, int(ends[-1]))
+    count = min(ONSETS, int(ends[-1]))
     onsets = []
     for chosen in ((2 * k + 1) * int(ends[-1]) // (2 * count) for k in range(count)):
         place = int(np.searchsorted(ends, chosen, side="right"))

@@ -133,4 +133,4 @@ def watch_log(
     )
     monitor = learnt(chosen(opened(question)), progress)
     said = doubted(listened(monitor, progress), progress)
-    return concluded(agreed(said, progress), progress)
+    return concluded(agreed(said, progress))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from functools import cached_property
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
@@ -12,7 +13,6 @@ from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.jobs.progress import Progress
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.field_witnesses import FieldWitness
@@ -59,8 +59,8 @@ class WatchedLog:
         One a watched stretch, in order of time.
     reasons : tuple of str
         Why it can't tell, or what limits the verdict.
-    certificate : Certificate
-        The smallest faults that would have been detected.
+    is_named : bool
+        Whether the certificate is to say, too, which faults would have been named.
     check : SelfCheck
         Whether the log is what the monitor expects.
     excursions : tuple of Excursion
@@ -116,7 +116,7 @@ class WatchedLog:
     identified_s: tuple[Span, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     reasons: tuple[str, ...]
-    certificate: Certificate = field(default=Certificate(missing="it wasn't asked for"), repr=False)
+    is_named: bool = field(default=False, repr=False)
     check: SelfCheck = field(default=SelfCheck(), repr=False)
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
@@ -187,28 +187,30 @@ class WatchedLog:
         could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
         return Outcome.HEALTHY if could_tell and not self.hardly_watched else Outcome.UNKNOWN
 
-    @property
+    @cached_property
+    def certificate(self) -> Certificate:
+        """The smallest faults that would have been detected: most of the work, done when they are first asked for."""
+        return certificate_of(self.monitor, self.watches, named=self.is_named, means=self.means)
+
+    @cached_property
     def hardly_watched(self) -> tuple[str, ...]:
-        """The gyros whose silence proves nothing, by the certificate."""
-        return hardly_watched(self.certificate, self.watches)
+        """The gyros whose silence proves nothing: what the certificate says of biases."""
+        return hardly_watched(self.monitor, self.watches, means=self.means)
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
-        return replace(self, certificate=certificate_of(self.monitor, self.watches, named=True, means=self.means))
+        return replace(self, is_named=True)
 
 
-def concluded(said: Said, progress: Progress) -> WatchedLog:
-    """Conclude what was said of a log with a certificate of what would have been seen."""
+def concluded(said: Said) -> WatchedLog:
+    """Conclude what was said of a log."""
     learnt = said.learnt
-    watched_s = round(sum(len(watch.record) * watch.record.sample_period_s for watch in said.watches))
-    progress("certificate", watched_s, watched_s)
     return WatchedLog(
         log=learnt.opened.log,
         monitor=learnt.monitor,
         identified_s=learnt.identified_s,
         watches=said.watches,
         reasons=said.findings,
-        certificate=certificate_of(learnt.monitor, said.watches, means=said.means),
         check=said.check,
         excursions=said.excursions,
         left_out=learnt.left_out,
