@@ -6,6 +6,7 @@ import re
 import runpy
 import subprocess
 import sys
+from typing import NamedTuple
 
 import matplotlib.image
 import numpy as np
@@ -59,9 +60,32 @@ SAID = {
 }  # what docs/explanation/method.md and how_to/identify.md say of them
 
 
-def run(script, *options, cwd):
-    command = [sys.executable, EXPERIMENTS / f"{script}.py", *options]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+class Ended(NamedTuple):
+    """How a script ended, and what it printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run scripts by their paths in an empty folder, within this process, which has imported what takes long."""
+
+    def ran(script, *options):
+        path = EXPERIMENTS / f"{script}.py"
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")  # which scripts set
+        monkeypatch.setattr(sys, "argv", [str(path), *map(str, options)])
+        monkeypatch.setattr("os.cpu_count", lambda: 1)
+        code = 0
+        try:
+            runpy.run_path(str(path), run_name="__main__")
+        except SystemExit as ended:
+            code = ended.code or 0
+        return Ended(code, *capsys.readouterr())
+
+    return ran
 
 
 def hold(values, committed, where):
@@ -120,16 +144,10 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
 
 
 @pytest.mark.parametrize("script", PARTS)
-def test_a_part_comes_out_as_committed(script, tmp_path, monkeypatch, capsys):
-    """Within this process, which has imported what takes long; by its path alone, so that it needs no other script."""
-    path = EXPERIMENTS / f"{script}.py"
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", [str(path), "--quick", "--json", "--out", str(tmp_path / "deep" / script)])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_path(str(path), run_name="__main__")
-    printed = capsys.readouterr()
-    assert ended.value.code in (None, 0), printed.out + printed.err
-    results = json.loads(printed.out)
+def test_a_part_comes_out_as_committed(script, tmp_path, run):
+    done = run(script, "--quick", "--json", "--out", tmp_path / "deep" / script)
+    assert done.code == 0, done.out + done.err
+    results = json.loads(done.out)
     assert results == json.loads((tmp_path / "deep" / script / RESULTS).read_text())
     names = [row["result"] for row in results["rows"]]
     assert len(set(names)) == len(names), "a row's name says which result it is"
@@ -139,7 +157,7 @@ def test_a_part_comes_out_as_committed(script, tmp_path, monkeypatch, capsys):
     for row, before in zip(results["rows"], committed["rows"], strict=True):
         if row["runs"] == before["runs"]:  # else it stands on fewer random cases than the committed one
             hold(row["values"], before["values"], row["result"])
-    assert SAID.get(script, "") in printed.out
+    assert SAID.get(script, "") in done.out
     assert results["figures"]
     for figure in results["figures"]:
         pixels = matplotlib.image.imread(tmp_path / "deep" / script / figure)
@@ -148,25 +166,25 @@ def test_a_part_comes_out_as_committed(script, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("script", BEYOND)
-def test_a_study_beyond_the_dissertation_runs(script, tmp_path):
-    done = run(script, "--quick", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
+def test_a_study_beyond_the_dissertation_runs(script, tmp_path, run):
+    done = run(script, "--quick")
+    assert done.code == 0, done.out + done.err
     for line in BEYOND[script]:
-        assert re.search(line, done.stdout)
+        assert re.search(line, done.out)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
+def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path, run):
     (tmp_path / "logs").mkdir()
     # with noise: without any, a residual is the operator's error, as unsteady as motion, and hardly watched
     sensed = gb.measure(gb.fly(excitation="multisine", duration_s=41.0, seed=90005), noise="t2", seed=1)
     flown = sensed.select(["p", "q", "r", "phi", "theta", "psi"])
     gb.write_log(gb.decimate(flown, 4), tmp_path / "logs/flight.csv")
     (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
-    done = run("real_logs", "logs", "--quick", "--out", "report", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = run("real_logs", "logs", "--quick", "--out", "report")
+    assert done.code == 0, done.out + done.err
     said = (tmp_path / "report/report.md").read_text()
-    assert said.strip() in done.stdout
+    assert said.strip() in done.out
     assert re.search(r"\| flight.csv +\| 25 +\| \d+ +\| [03] ", said)
     faults = pd.read_csv(tmp_path / "report/faults.csv")
     assert not (faults["said"] == "named wrong").any()
@@ -174,36 +192,36 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path):
     assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
 
 
-def test_logs_samples_become_a_row_a_flight_beside_those_of_before(tmp_path):
+def test_logs_samples_become_a_row_a_flight_beside_those_of_before(tmp_path, run):
     (tmp_path / "logs").mkdir()
     gb.write_log(MECHANISMS["held samples"](0).record, tmp_path / "logs/held.csv")
     (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
-    assert run("log_samples", "logs", "--quick", "--out", "report", cwd=tmp_path).returncode == 0
+    assert run("log_samples", "logs", "--quick", "--out", "report").code == 0
     rows = pd.read_csv(tmp_path / "report/samples.csv")
     assert (list(rows["log"]), list(rows["gyros"]), list(rows["remarks"])) == (["held.csv"], ["integrated"], ["held 1"])
-    again = run("log_samples", "logs", "--quick", "--against", "report/samples.csv", cwd=tmp_path)
-    assert "- *integrated*, 1 logs: residuals were 1.00 times as large before" in again.stdout, again.stderr
+    again = run("log_samples", "logs", "--quick", "--against", "report/samples.csv")
+    assert "- *integrated*, 1 logs: residuals were 1.00 times as large before" in again.out, again.err
 
 
 @pytest.mark.parametrize(
     ("given", "why"), [(["nonsense"], "nonsense is no folder"), ([], "nothing is given")], ids=["no folder", "nothing"]
 )
-def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, tmp_path):
-    done = run("real_logs", *given, cwd=tmp_path)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
+def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, run):
+    done = run("real_logs", *given)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
 
 
-def test_of_several_imus_none_is_named_wrong(tmp_path):
-    done = run("several_imus", "--quick", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 3 +\| 3 +\| 0 ", done.stdout)
+def test_of_several_imus_none_is_named_wrong(run):
+    done = run("several_imus", "--quick")
+    assert done.code == 0, done.out + done.err
+    assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 3 +\| 3 +\| 0 ", done.out)
 
 
-def test_a_magnetometer_never_accuses_a_healthy_gyro(tmp_path):
-    done = run("heading_witness", "--seeds", "1:2", "--out", "there", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(r"\| bias of r +\| 5 deg/s +\| 2 +\| 0 ", done.stdout)
+def test_a_magnetometer_never_accuses_a_healthy_gyro(tmp_path, run):
+    done = run("heading_witness", "--seeds", "1:2", "--out", "there")
+    assert done.code == 0, done.out + done.err
+    assert re.search(r"\| bias of r +\| 5 deg/s +\| 2 +\| 0 ", done.out)
     assert "Healthy gyros accused: 0 of" in (tmp_path / "there/report.md").read_text()
 
 
@@ -236,11 +254,11 @@ def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():
     assert {kind.family for kind in kinds.values()} - {""} == set(FAMILIES)
 
 
-def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path):
+def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path, run):
     script = runpy.run_path(str(EXPERIMENTS / "fault_gallery.py"))
     assert {fault.kind for fault in script["faults"]().values()} == set(FAULTS)
-    done = run("fault_gallery", "--out", tmp_path, cwd=tmp_path)
-    assert (done.returncode, done.stderr) == (0, "")
+    done = run("fault_gallery", "--out", tmp_path)
+    assert (done.code, done.err) == (0, "")
     drawn, kept = (
         matplotlib.image.imread(at / "fault_gallery.png") for at in (tmp_path, EXPERIMENTS.parent / "docs/reference")
     )
