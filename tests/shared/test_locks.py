@@ -119,12 +119,12 @@ def test_a_name_may_be_as_long_as_the_system_takes_it(cli, tmp_path):
 
 def test_two_commands_at_one_file_one_wins_and_one_is_told(tmp_path):
     """Both are begun at once; whoever comes second is told, by the lock or by what the first has written."""
-    command = [sys.executable, "-m", "gtmbench", "autopilot", "--out", str(tmp_path / "mine.toml"), "--quiet"]
+    command = [sys.executable, "-m", "gtmbench", "fly", "--out", str(tmp_path / "mine.csv"), "--quiet"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     both = [subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) for _ in range(2)]
     said = [process.communicate()[1] for process in both]
     assert sorted(process.returncode for process in both) == [0, 2]
     (told,) = filter(None, said)
-    assert "mine.toml" in told
+    assert "mine.csv" in told
     assert told.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
