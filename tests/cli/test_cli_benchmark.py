@@ -92,7 +92,9 @@ def test_a_detector_of_a_dozen_lines_enters(cli, tmp_path):
 
 def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
     (tmp_path / "mine.py").write_text(SQUARED)
-    code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "2", "--quiet")
+    code, _, err = cli(
+        "benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "2", "--quick", "--quiet"
+    )
     assert (code, err) == (0, "")
 
 

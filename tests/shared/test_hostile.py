@@ -20,7 +20,7 @@ from gtmbench.files.shipped import share
 from tests.helpers.hostile import Tried, altered, damaged, refused, unchanged
 
 PACKAGE = Path(gb.__file__).parent
-EXAMPLES = 100  # a reader
+EXAMPLES = 60  # a reader
 
 
 READERS = {
