@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gtmbench.checks import listed
 from gtmbench.detectors.crosscheck.learnt import WINDOWS, Learnt, moving_mean
 from gtmbench.detectors.crosscheck.relations import (
     ACCEL,
@@ -345,7 +346,7 @@ def text(left: Sequence[str]) -> str:
         return "a wrong attitude may explain it, which a bank judges by gyros and attitude"
     if tuple(left) == (WIND,):
         return "a change of the wind may explain it"
-    return "each of them explains what is seen"
+    return f"{listed(left, 'or')} explains what is seen"
 
 
 NAMED = (MAG, GPS, ACCEL, TAS, ALPHA, BETA, ALTITUDE)  # attitude and wind are no sensors: nobody is named for them
