@@ -3,7 +3,8 @@
 All relations but the field's compare two of four accelerations: the GPS's (g), the accelerometers' (a), that of the
 air data (t) and the altitude's (h, downwards only). A sensor that is wrong shows the same error in each relation that
 it enters. So a sensor remains suspect if every violated relation holds it, and if no other relation is silent in which
-its error, as a violated one tells it, would have been twice beyond the bound.
+its error, as a violated one tells it, would have been twice beyond the bound. The wind changes in any flight: what it
+may explain rules nobody out.
 """
 
 from __future__ import annotations
@@ -126,8 +127,14 @@ def candidates(seen: Sequence[Seen], own: Mapping[str, float], blocks: range, tu
         if peak > 1.0
     ]
     holding += [frozenset({sensor}) for sensor, ratio in own.items() if ratio > 1.0]
-    left = frozenset.intersection(*holding) if holding else frozenset()
+    left = _held_by_all(holding)
+    if not _is_no_wind({each.relation.name: each for each in seen}, part):
+        left |= _held_by_all([sensors for sensors in holding if WIND not in sensors])  # beside a wind that changes
     return tuple(sorted(sensor for sensor in left if not _is_cleared(sensor, seen, peaks, part, turns_rad)))
+
+
+def _held_by_all(holding: Sequence[frozenset[str]]) -> frozenset[str]:
+    return frozenset.intersection(*holding) if holding else frozenset()
 
 
 def _peaks(ratios: FloatArray) -> FloatArray:
