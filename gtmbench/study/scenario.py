@@ -89,7 +89,7 @@ class Setup:
         return self.autopilot is not None or self.controller is not None
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, object]:
         """As plain values; ideal sensors go without saying, and no controller."""
         stated = asdict(self)
         if self.sensors == IDEAL:

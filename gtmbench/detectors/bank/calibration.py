@@ -56,7 +56,7 @@ def calibrate_bank(
     *,
     false_alarms_per_hour: float,
     estimator: Estimator | None = None,
-    provenance: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, object] | None = None,
     progress: Progress = silent,
 ) -> CalibratedBank:
     """Identify a bank on healthy records and set its thresholds on stretches that identification hadn't seen.

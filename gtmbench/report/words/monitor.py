@@ -44,7 +44,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
     """
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
-    known = {
+    known: dict[str, Any] = {
         "name": monitor.name,
         "channels": list(monitor.channels),
         "suspects": list(monitor.suspects),
@@ -186,7 +186,7 @@ def facts_text(monitor: BankMonitor) -> list[str]:
 
 def origin_text(monitor: Monitor) -> list[str]:
     """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
-    known = monitor.provenance
+    known: Mapping[str, Any] = monitor.provenance
     lines = [f"calibrated on: {_origin(known)}"] if known or isinstance(monitor, BankMonitor) else []
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")

@@ -72,8 +72,8 @@ class Campaign:
     name: str
     title: str
     scenarios: tuple[Scenario, ...]
-    axes: Axes = field(default_factory=dict)
-    healthy: Axes | None = None
+    axes: Mapping[str, Sequence[object]] = field(default_factory=dict)
+    healthy: Mapping[str, Sequence[object]] | None = None
     detectors: tuple[str, ...] = (OWN,)
     isolate: bool = True
     calibration: CalibrationFlights = CALIBRATION

@@ -77,7 +77,7 @@ class Case:
 
 
 def contract_case(
-    detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
+    detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> Case:
     """Return a detector calibrated, and a record with a fault, for the properties of the contract.
 

@@ -17,7 +17,7 @@ CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
 
 
 def check_detector(
-    detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
+    detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> None:
     """Fail if a detector breaks the contract.
 
