@@ -48,7 +48,6 @@ from gtmbench.jobs.threads import one_thread
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
-
 SECTIONS = {  # in which order, and under which heading, --help lists them
     "Begin": (demo_command, list_command),
     "Watch a flight": (monitor_command, live_command, score_command),
@@ -65,7 +64,7 @@ class _App(click.Group):
     Click would end with 1 at a closed pipe, which says that a fault was found.
     """
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002  (click's)
         """Write each section's commands, with the whole first sentence of each."""
         for title, commands in SECTIONS.items():
             with formatter.section(title):

@@ -114,7 +114,7 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     shares = {gyro: share for gyro, share in standing.items() if gyro not in missing}
     if shares:
         said = listed([f"{100.0 * share:.0f} % of {gyro}" for gyro, share in shares.items()])
-        return _assumed(f"gyro less attitude's rate holds only {said}", shares)
+        return _assumed(f"the difference between gyro and attitude's rate holds only {said} as noise", shares)
     return _assumed("the gyros' noise can't be told from motion and from the attitude's own noise")
 
 

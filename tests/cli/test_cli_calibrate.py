@@ -88,9 +88,9 @@ def test_it_says_what_thresholds_owe_to_luck(cli, logs):
     code, out, _ = cli("calibrate", *logs)
     assert code == 0
     luck = Luck.told(gb.load_monitor("monitor.json").provenance)
-    assert f"luck: other records like these would set thresholds {luck.median:.2g} times as high or low in the" in out
-    assert f"95 % stay within {luck.within:.2g} times" in out
-    assert f"95 % stay within {luck.within:.2g} times" in cli("bank", "monitor.json")[1]
+    assert f"others like them would move thresholds by a factor of {luck.median:.2g} (median)" in out
+    assert f"{luck.within:.2g} (95 %)" in out
+    assert f"{luck.within:.2g} (95 %)" in cli("bank", "monitor.json")[1]
 
 
 def test_thresholds_that_are_luck_are_refused_and_leave_nothing(cli, logs, tmp_path, monkeypatch):

@@ -114,7 +114,7 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
             assert "pitch gyro (q) failed at 4" in out
             assert "yaw gyro (r) failed at 5" in out
         if "--strict" in line:
-            assert "as the scenarios expect: 5 of 5" in out
+            assert "expectations met: 5 of 5" in out
 
 
 def test_every_key_of_a_fault_and_of_what_is_expected_stands_in_the_page():

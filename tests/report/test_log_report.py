@@ -72,7 +72,7 @@ def test_the_report_tells_a_fault_from_beginning_to_end():
     assert re.search(r"60\.\d\d s  p failed; saturation (2\.9|3\.0)\d ± 0\.0\d deg/s\n", text)
     assert re.search(r"since about (59|60)\.\d\d s; named at 6[0-2]\.\d\d s; gone since (89\.9|90\.0)\d s", text)
     assert "psi failed; jam at " in text
-    assert "not seen to end; no longer watched: p, q, r" in text
+    assert "its end was not seen; no longer watched: p, q, r" in text
     assert re.match(r"The roll gyro \(p\) failed at (59|60)\.\d s: saturation ", verdict_text(passing()))
     assert re.search(r"; the heading \(psi\) failed at 1(69|70)\.\d s: jam at ", verdict_text(passing()))
 

@@ -337,7 +337,7 @@ def _field_of(motions: Sequence[Motion]) -> FloatArray | None:
 
 def _nothing(used: Sequence[str]) -> str:
     return (
-        f"the cross-check finds no two sensors to compare, or less than some ten healthy seconds of them (there: "
+        f"the cross-check finds no two sensors to compare, or less than some ten healthy seconds of them (found: "
         f"{', '.join(used)}); it compares GPS velocity, accelerometers, tas and altitude with each other, and a "
         "magnetometer with the attitude"
     )

@@ -256,12 +256,12 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     _, measured = part(trial.record.time_s, trial.broken(name), span)
     lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
     lower.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
-    lower.set_ylabel("minus true")
+    lower.set_ylabel("error")
 
 
 # heights of a place's axes, what draws them, what is said of all
 _KINDS: dict[str, tuple[list[float], Callable[[Sequence[Axes], Trial, Span], None], str]] = {
-    "levels": ([2.9], _levels, "every score over its threshold, at the time when it is known"),
+    "levels": ([2.9], _levels, "test statistics over their thresholds, at the time when they are known"),
     "virtual": ([2.6, 1.5], _virtual, "the failed sensor as measured, its virtual sensor, the truth"),
     "alarms": ([2.6], _signal, "the failed sensor as measured, the truth, alarms"),
 }

@@ -175,7 +175,7 @@ def score_log(
     log = _opened(path, mapping)
     if not log.injections:
         raise InputError(
-            f"{path}: the log says of no failure that was injected (PX4: vehicle_command 420 or failure_injection, "
+            f"{path}: the log records no failure that was injected (PX4: vehicle_command 420 or failure_injection, "
             "ArduPilot: changes of SIM_GYR... parameters); watch it with gtmbench monitor"
         )
     watcher = prepared(detector)

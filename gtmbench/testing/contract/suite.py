@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from gtmbench.faults.fault import Fault
 from gtmbench.testing.contract.calibrating import CALIBRATION

@@ -474,7 +474,7 @@ def test_an_attitude_that_follows_is_what_inject_makes_of_the_record_by_the_same
         how = ("--attitude", *follows, "--out", "broken.csv", "--force")
         code, out, err = cli("inject", "log.csv", "--fault", "two.toml", "--trial", "1", *how)
         assert (code, err) == (0, "")
-        assert "follows: an estimator with a time constant of 2.5 s (as given) makes it of the gyros." in out
+        assert "follows the fault: an estimator with a time constant of 2.5 s (as given) computes it" in out
         log, estimator = gb.read_log("log.csv"), gb.AttitudeEstimator(time_constant_s=2.5)
         bent = inject(log, FIRST_TRIAL, attitude=estimator)
         assert np.abs(gb.read_log("broken.csv").values - bent.values).max() < 1e-6
