@@ -91,7 +91,7 @@ def test_the_worst_comes_first(cli, baseline):
     names = [line.split(": was")[0] for line in out.splitlines() if ": was " in line]
     assert names == ["short: jam of altitude, detected", "healthy score E(k), threshold", "healthy residual of r, RMS"]
     assert "better: healthy flight: false alarms" in out
-    assert "3 of 40 figures are worse than mine.toml allows; 1 better, 36 within their tolerances." in out
+    assert "3 of 40 figures are worse than the baseline mine.toml allows; 1 better, 36 within their tolerances." in out
 
 
 @pytest.mark.usefixtures("spiked")

@@ -202,7 +202,7 @@ MISTAKES = [
     ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
     (
         "monitor flights # flights/day1.csv flights/day2.csv",
-        "logs found: 2; what is said of them goes into a folder; give --out DIR",
+        "logs found: 2; their results go into a folder: give --out DIR",
     ),
     (
         "monitor notes --out fleet # notes/readme.md",

@@ -78,11 +78,7 @@ def _alarms_text(watched: WatchedLog) -> str:
     """Say which alarms nothing explains, how long was watched, and how few false alarms that shows."""
     passed, bound = passed_alarms(watched), alarm_bound(watched)
     alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
-    rate = (
-        ""
-        if bound is None
-        else f", which shows at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour (95 %)"
-    )
+    rate = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
     return f"{alarms} in {duration_text(watched.armed_hours)} watched{rate}"
 
 
