@@ -224,11 +224,11 @@ def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     axis, colours, levels = axes[0], tints(trial.watch), []
     for i, (name, score) in enumerate(trial.watch.scores.items()):
         time_s, values = part(score.known_s, level(score), span)
-        style, label = _STYLES[i % len(_STYLES)], as_it_is(f"level of {name}")
+        style, label = _STYLES[i % len(_STYLES)], as_it_is(f"test statistic of {name}")
         axis.plot(time_s, np.maximum(values, LOWEST), style, color=colours[name], lw=1.1, label=label)
         levels.append(values)
     draw_threshold(axis, levels)
-    axis.set_ylabel("level (alarm above 1)")
+    axis.set_ylabel("test statistic (alarm above 1)")
 
 
 def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
