@@ -134,7 +134,7 @@ def test_a_column_that_states_another_unit_is_told_with_what_to_type(tmp_path):
 def test_a_ready_monitor_refuses_a_log_that_isnt_what_it_expects(name, tmp_path):
     found = watched(ALL[name].mutate(flight()), tmp_path, ready(), healthy=[])
     assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
-    assert "where watched" in found.reasons[0]
+    assert "in the part watched" in found.reasons[0]
     assert ALL[name].dead or is_cause(ALL[name], found.check.causes[0].changes)
 
 

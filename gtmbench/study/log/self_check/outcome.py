@@ -66,8 +66,8 @@ class Cause:
 class Stop:
     """Why nothing is watched: what is wrong, and in which log and part of it, "" where that is said.
 
-    >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, where identified"))
-    'flight.csv, where identified: q reads 0 all the time: dead, or held'
+    >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, in the part watched"))
+    'flight.csv, in the part watched: q reads 0 all the time: dead, or held'
     """
 
     text: str
@@ -138,7 +138,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     parts : sequence of Part
         One a log.
     where : str
-        What they are: ``where identified``, ``where watched``.
+        What they are: `IDENTIFIED`, `WATCHED` or `ALL`.
     """
     causes: list[Cause] = []
     stops: list[Stop] = []
