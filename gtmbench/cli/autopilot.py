@@ -71,5 +71,5 @@ def autopilot_command(
             echo("no yaw damper: nothing answers the rudder")
         echo(text.rstrip())
         echo(
-            f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
+            f"put it into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
         )
