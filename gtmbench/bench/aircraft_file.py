@@ -22,7 +22,7 @@ _SECTIONS = {
     "commands": "how commands reach the model: a property, and what 1 of it is in deg (of the throttle: in percent)",
     "limits": "what can be commanded: deg, percent",
     "excitation": "how many times what an excitation moves on the GTM (a multisine: 0.7 deg RMS) it moves here",
-    "envelope": "where the model means anything; a flight that leaves it is an error. Any channel may stand here",
+    "envelope": "where the model is valid; a flight that leaves it is an error. Any channel may stand here",
     "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
     "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
     "chain": "by sensor, the way from motion to reading: rate_hz, delay_s, filter_hz, quantum, noise",

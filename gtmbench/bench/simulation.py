@@ -118,7 +118,7 @@ class Simulation:
         altitude_ft: float | None = None,
         tas_kt: float | None = None,
     ) -> None:
-        self.aircraft = load_aircraft(aircraft)
+        self.aircraft: Aircraft = load_aircraft(aircraft)
         self._excitation = excitation
         self._duration_s = duration_s
         self._stated = tuple([faults] if isinstance(faults, Fault) else faults)

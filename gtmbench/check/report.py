@@ -38,7 +38,7 @@ def check_verdict(check: Check) -> str:
     regressions, better, total = len(check.regressions), len(check.better), len(check.compared)
     worse = f"{regressions} of {total} figures are worse than" if regressions else "No figure is worse than"
     same = total - regressions - better
-    return f"{worse} {check.reference.path} allows; {better} better, {same} within their tolerances."
+    return f"{worse} the baseline {check.reference.path.name} allows; {better} better, {same} within their tolerances."
 
 
 def check_lines(check: Check) -> list[str]:

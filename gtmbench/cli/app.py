@@ -48,9 +48,27 @@ from gtmbench.jobs.threads import one_thread
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.version import __version__
 
+SECTIONS = {  # in which order, and under which heading, --help lists them
+    "Begin": (demo_command, list_command),
+    "Watch a flight": (monitor_command, live_command, score_command),
+    "Fly and break": (fly_command, inject_command, rescue_command, trim_command, autopilot_command),
+    "Compare detectors": (run_command, new_command, campaign_command, report_command, benchmark_command),
+    "Calibrate, hold in CI, take on board": (calibrate_command, bank_command, check_command, export_command),
+    "Look at results": (view_command, diff_command, verify_command),
+}
+
 
 class _App(click.Group):
-    """Lets a closed pipe be told as whatever fails; click would end with 1, which says that a fault was found."""
+    """Lists commands by what they are for, and lets a closed pipe be told as whatever fails.
+
+    Click would end with 1 at a closed pipe, which says that a fault was found.
+    """
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002  (click's)
+        """Write each section's commands, with the whole first sentence of each."""
+        for title, commands in SECTIONS.items():
+            with formatter.section(title):
+                formatter.write_dl([(str(each.name), each.get_short_help_str(limit=200)) for each in commands])
 
     def make_context(self, *arguments: Any, **extra: Any) -> click.Context:
         with _pipes():
@@ -82,31 +100,9 @@ def app() -> None:
     """
 
 
-for command in (
-    demo_command,
-    run_command,
-    campaign_command,
-    report_command,
-    benchmark_command,
-    check_command,
-    calibrate_command,
-    bank_command,
-    export_command,
-    monitor_command,
-    live_command,
-    score_command,
-    inject_command,
-    trim_command,
-    fly_command,
-    rescue_command,
-    autopilot_command,
-    view_command,
-    diff_command,
-    verify_command,
-    list_command,
-    new_command,
-):
-    app.add_command(command)
+for section in SECTIONS.values():
+    for command in section:
+        app.add_command(command)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -70,6 +70,4 @@ def autopilot_command(
         if not tuned.autopilot.r_to_rudder_s:
             echo("no yaw damper: nothing answers the rudder")
         echo(text.rstrip())
-        echo(
-            f"it belongs into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else "")
-        )
+        echo(f"put it into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else ""))

@@ -65,7 +65,7 @@ def check_command(
     path = find_baseline(baseline)
     if update:
         if junit is not None:
-            raise InputError("--junit tells of a comparison, and --update makes none; leave out one of them")
+            raise InputError("--junit writes a comparison, and --update makes none; leave out one of them")
         _update(path, scenarios, detector, calibrated, as_json=as_json, quiet=quiet)
         return 0
     if scenarios:

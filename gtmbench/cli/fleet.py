@@ -49,7 +49,7 @@ def monitor_fleet(
 
     logs = watching.logs_of(sources)
     if out is None:
-        raise InputError(f"logs found: {len(logs)}; what is said of them goes into a folder; give --out DIR")
+        raise InputError(f"logs found: {len(logs)}; their results go into a folder: give --out DIR")
     with progress_bar(silent=as_json or quiet) as tell:
         parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
     results = fleet_results(parts)

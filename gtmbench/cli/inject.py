@@ -165,7 +165,7 @@ def _print(
     from gtmbench.report.words.judgement import fault_text
 
     for fault in faults:
-        until = "for good" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
+        until = "to the end" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
         echo(f"{fault_text(fault)}, from {fault.onset_s:g} s {until}")
     echo(following.text)
     for column in changed:

@@ -318,8 +318,8 @@ def _nothing_to_watch_with(contents: LogContents) -> InputError:
         ways.insert(0, f"--detector {' or '.join(allowed)}")
     with suppress(InputError):
         composed_bank(contents.usable)
-        ways.insert(0, f"--identify T0:T1, what of it is healthy (bank {AUTO} watches the rest)")
-    return InputError(f"{name} can be watched; say by what: {', or '.join(ways)}")
+        ways.insert(0, f"--identify T0:T1, a healthy part in s (bank {AUTO} learns from it and watches the rest)")
+    return InputError(f"{name} can be watched; say how: {', or '.join(ways)}")
 
 
 def _write(

@@ -79,7 +79,7 @@ def _print(log: Path, scores: ScoredLog) -> None:
     for line in score_report(scores):
         echo(line)
     for start_s, end_s in scores.watched.identified_s:
-        echo(f"identified and calibrated on {start_s:.2f} to {end_s:.2f} s")
+        echo(f"learnt from {start_s:.2f} to {end_s:.2f} s")
     echo(verdict_text(scores.watched))
 
 

@@ -103,7 +103,8 @@ class BankMonitor(CalibratedBank):
         return max(map(self.look_ahead_of, self.operators))
 
     def _repr_html_(self) -> str:
-        asked, shown = (self.provenance.get(f"false_alarms_per_hour{end}") for end in ("", "_at_most"))
+        known: Mapping[str, Any] = self.provenance
+        asked, shown = (known.get(f"false_alarms_per_hour{end}") for end in ("", "_at_most"))
         facts = {
             "may name": ", ".join(self.suspects),
             "look-ahead": f"{self.look_ahead_s:g} s, samples every {self.sample_period_s:g} s",
@@ -221,7 +222,7 @@ class BankMonitor(CalibratedBank):
             armed=watch.scores[sensor].armed,
         )
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return the calibration's results, with the bank's tables, as plain JSON values."""
         return bank_figures(self)
 
@@ -325,7 +326,7 @@ class BankDetector:
         records: Sequence[Record],
         false_alarms_per_hour: float | None = None,
         *,
-        provenance: Mapping[str, Any] = MappingProxyType({}),
+        provenance: Mapping[str, object] = MappingProxyType({}),
         progress: Progress = silent,
     ) -> BankMonitor:
         """Identify the bank on stretches of a flight, always with caution: one flight excites few directions.
@@ -376,7 +377,7 @@ def calibrate(
     bank: Bank | str | Path,
     false_alarms_per_hour: float | None = None,
     estimator: Estimator | None = None,
-    provenance: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, object] | None = None,
     progress: Progress = silent,
 ) -> BankMonitor:
     """Identify a bank on healthy records and set its thresholds, as `calibrate_bank` does.

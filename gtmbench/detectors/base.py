@@ -55,7 +55,7 @@ class BaseMonitor:
     sample_period_s: float | None = None
     look_ahead_s: float = 0.0
     memory_s: float = math.inf
-    provenance: Mapping[str, Any] = MappingProxyType({})
+    provenance: Mapping[str, object] = MappingProxyType({})
 
     def watch(self, record: Record) -> Watch:
         """Return the result on a record."""
@@ -65,7 +65,7 @@ class BaseMonitor:
         """Return a stream that watches a rolling buffer of `memory_s`."""
         return BufferedStream(self)
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Refuse to be saved. A monitor that can be saved returns its figures for its detector's `restore`."""
         raise InputError(f"'{self.name}' gives no figures, so it can't be saved; write figures(), and restore() beside")
 
@@ -171,7 +171,7 @@ class SimpleMonitor:
     detector: SimpleDetector
     learned: dict[str, Any] = field(repr=False)
     sample_period_s: float
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -241,7 +241,7 @@ class SimpleMonitor:
         """Return a fresh stream."""
         return SimpleStream(self)
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return sample period, the recipe's parameters and what was learned."""
         recipe = self.detector._recipe()
         return {"sample_period_s": self.sample_period_s, "recipe": recipe, "learned": self.learned}

@@ -94,9 +94,9 @@ class FunctionMonitor(BaseMonitor):
     name: str
     channels: tuple[str, ...] = ()
     memory_s: float = float("inf")
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return nothing: a function has no figures."""
         return {}
 

@@ -105,7 +105,7 @@ class Monitor(Protocol):
     @property
     def memory_s(self) -> float: ...  # noqa: D102
     @property
-    def provenance(self) -> Mapping[str, Any]: ...  # noqa: D102
+    def provenance(self) -> Mapping[str, object]: ...  # noqa: D102
 
     def watch(self, record: Record) -> Watch:
         """Return the result on a record."""
@@ -113,7 +113,7 @@ class Monitor(Protocol):
     def stream(self) -> Stream:
         """Return a fresh stream."""
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return the calibration's results as plain JSON values, for `Detector.restore`."""
 
 

@@ -171,7 +171,7 @@ class NormMonitor:
     operator: Transmissibility
     window: int
     threshold: float
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         number("threshold", self.threshold, 0.0, above=True)
@@ -219,7 +219,7 @@ class NormMonitor:
         """Return a fresh stream: residual, E(k) and alarms sample by sample, in bounded memory."""
         return NormAlarmStream(self)
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return operator, window and threshold as plain JSON values."""
         return {
             "sample_period_s": self.sample_period_s,

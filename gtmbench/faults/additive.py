@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from gtmbench.faults.distortions import random_walk
 from gtmbench.faults.draws import Distribution, drawn
-from gtmbench.faults.fault import Distorted, Fault, Formula, Value, check_unit, periods
+from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit, periods
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
-from gtmbench.values.record import FloatArray
+from gtmbench.values.clock import FloatArray, Value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ class Oscillation(Formula):
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
         """Add the sine, or put it in place."""
         angle = 2.0 * math.pi * self.frequency_hz * elapsed_s + math.radians(self.phase_deg)
-        wave = self.amplitude * np.sin(angle)
+        wave: Value = self.amplitude * np.sin(angle)
         return wave if self.replaces else now[0] + wave
 
 
@@ -126,15 +126,15 @@ class RandomWalk(Fault):
     gain: float = severity(per="sqrt(s)", low=0.0)
     seed: int = random_seed()
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Add the walk of a stretch."""
         draws = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
         walk, carried = random_walk(draws, self.gain, sample_period_s, carried)
         return readings[:, 0] + walk, carried
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Take one step of the walk."""
         step = _drawn(self, "standard_normal", elapsed_s, sample_period_s)
         at = 0.0 if carried is None else carried + step
@@ -237,7 +237,9 @@ class GSensitivity(Formula):
         return now[0] + self.coefficient * now[1]
 
 
-def _drawn(fault: Any, distribution: Distribution, elapsed_s: Value, sample_period_s: float) -> Value:
+def _drawn(
+    fault: RandomWalk | Noise | Spikes, distribution: Distribution, elapsed_s: Value, sample_period_s: float
+) -> Value:
     """Return what a fault draws at some times: by its seed, its kind and its channel, and samples since its onset."""
     number = periods(elapsed_s, sample_period_s, sample_period_s)
     return drawn(distribution, fault.seed, f"{fault.kind} of {fault.channel}", number)

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from gtmbench.values.clock import FloatArray
+from gtmbench.values.clock import FloatArray, Value
 
 NOTHING = (math.nan, 0.0)  # what a lag carries before its first sample
 
 
-def clipped(y: Any, low: float, high: float) -> Any:
+def clipped(y: Value, low: float, high: float) -> Value:
     """Return min(max(y, low), high) of a float, or of an array; NaN stays.
 
     >>> clipped(3.0, -1.0, 1.0), clipped(np.array([-3.0, 0.5]), -1.0, 1.0)
@@ -118,7 +117,7 @@ def _lag_gains(lag_s: float, sample_period_s: float) -> tuple[float, float, floa
     return a, 1.0 - g, g - a
 
 
-def quantised(values: Any, quantum: float) -> Any:
+def quantised(values: Value, quantum: float) -> Value:
     """Return values rounded to whole multiples of a quantum; of a float, or of an array.
 
     >>> quantised(np.array([-0.2, 0.3, 0.9]), 0.5)

@@ -7,16 +7,18 @@ on the record's length, nor on where it is cut, nor on whether an array or a str
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
+
+from gtmbench.values.clock import FloatArray, Value
 
 Distribution = Literal["standard_normal", "random"]  # by the name of a generator's method; random: uniform on [0, 1)
 
 _BLOCK = 1024
 
 
-def drawn(distribution: Distribution, seed: int, name: str, places: Any) -> Any:
+def drawn(distribution: Distribution, seed: int, name: str, places: Value) -> Value:
     """Return the numbers at some places, 0, 1, ..., of the sequence of a seed and a name.
 
     Parameters
@@ -44,6 +46,6 @@ def drawn(distribution: Distribution, seed: int, name: str, places: Any) -> Any:
 
 
 @lru_cache(maxsize=64)
-def _block(distribution: Distribution, seed: int, name: str, number: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+def _block(distribution: Distribution, seed: int, name: str, number: int) -> FloatArray:
     generator = np.random.default_rng([seed, number, *name.encode()])
     return np.asarray(getattr(generator, distribution)(_BLOCK))

@@ -25,11 +25,11 @@ from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
-from gtmbench.values.clock import even_times_s
+from gtmbench.values.clock import Value, even_times_s
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-Distorted = tuple[FloatArray, Any]  # broken samples, and what is carried into the next stretch
-Value = Any  # a float, or an array of them: formulas hold for either
+State = Any  # what a kind carries from one stretch into the next: its own business
+Distorted = tuple[FloatArray, State]  # broken samples, and that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +120,11 @@ class Fault:
         """The channels that it changes, its own first."""
         return tuple(part.channel for part in self.parts)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Return the state for the first stretch, from the last healthy sample of `reads`."""
         return None
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Return the broken samples of a stretch, and the state for the next.
 
         By default it applies `distort_sample` to one sample after the other.
@@ -149,8 +149,8 @@ class Fault:
         return np.array(broken, dtype=np.float64), carried
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Return one broken sample and the state for the next: `distort` in plain floats, ten times as fast.
 
         By default it is `distort` of a stretch of one sample.
@@ -166,7 +166,7 @@ class Fault:
     def active(self, time_s: float) -> bool: ...
     @overload
     def active(self, time_s: FloatArray) -> BoolArray: ...
-    def active(self, time_s: Value) -> Any:
+    def active(self, time_s: Value) -> bool | BoolArray:
         """Return at which times the fault is active; a time counts as reached up to a nanosecond before it."""
         active = time_s >= self.onset_s - SLACK_S
         if self.duration_s is not None:
@@ -202,7 +202,7 @@ class Fault:
 
     def stream(self, sample_period_s: float) -> Callable[[float, Sequence[float]], float]:
         """Return a function that takes a time and the sample of `reads`, in order, and gives the broken sample."""
-        carried: Any = None
+        carried: State = None
         before: tuple[float, ...] | None = None
         begun = False
 
@@ -229,7 +229,7 @@ class Fault:
 class Formula(Fault):
     """A kind that carries nothing: one formula, of numbers or of arrays of them."""
 
-    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
         """Return the broken samples.
 
         Parameters
@@ -243,15 +243,15 @@ class Formula(Fault):
         """
         raise NotImplementedError
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Apply the formula to arrays."""
         broken = np.empty(len(readings))
         broken[:] = self.formula(list(readings.T), elapsed_s, sample_period_s)
         return broken, None
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Apply the formula to numbers."""
         return float(self.formula(now, elapsed_s, sample_period_s)), None
 

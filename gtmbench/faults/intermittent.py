@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import overload
 
 from gtmbench.checks import number, whole
 from gtmbench.faults.draws import drawn
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.clock import FloatArray, Value
+from gtmbench.values.record import BoolArray
 
 SLACK_S = 1e-9  # a time counts as reached up to a nanosecond before it
 
@@ -61,10 +62,14 @@ class Intermittent:
     def is_on(self, elapsed_s: float) -> bool: ...
     @overload
     def is_on(self, elapsed_s: FloatArray) -> BoolArray: ...
-    def is_on(self, elapsed_s: Any) -> Any:
+    def is_on(self, elapsed_s: Value) -> bool | BoolArray:
         """Return whether the fault is on at a time after its onset, for a float or an array of increasing times."""
+        since_s = self._since_s(elapsed_s)
+        return (since_s >= -SLACK_S) & (since_s < self.duty * self.period_s - SLACK_S)
+
+    def _since_s(self, elapsed_s: Value) -> Value:
+        """Return the time since the spell of a period began."""
         period = (elapsed_s + SLACK_S) // self.period_s
         period = period * (period > 0.0)  # before the onset there is none
         late = self.jitter * drawn("random", self.seed, "intermittent", period) * (period > 0.0) if self.jitter else 0.0
-        since_s = elapsed_s - (period + late) * self.period_s
-        return (since_s >= -SLACK_S) & (since_s < self.duty * self.period_s - SLACK_S)
+        return elapsed_s - (period + late) * self.period_s

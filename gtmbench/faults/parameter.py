@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import MISSING, dataclass, field
-from typing import Any
+from typing import cast
 
 from gtmbench.checks import number, shown, whole
 from gtmbench.errors import InputError
@@ -40,7 +40,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     above: bool = False
-    default: Any = MISSING
+    default: object = MISSING
 
     @property
     def is_required(self) -> bool:
@@ -62,7 +62,7 @@ class Parameter:
         """Whether it is in the channel's unit per second, as slopes are."""
         return self.per == "s"
 
-    def check(self, where: str, value: Any) -> None:
+    def check(self, where: str, value: object) -> None:
         """Refuse a value that this parameter can't have; None is legal where it is the default.
 
         Raises
@@ -90,8 +90,8 @@ def severity(
     low: float = -math.inf,
     high: float = math.inf,
     above: bool = False,
-    default: Any = MISSING,
-) -> Any:
+    default: object = MISSING,
+) -> float:
     """Declare a field for the severity of a fault.
 
     Parameters
@@ -120,12 +120,13 @@ def severity(
     """
     limits = {"low": low, "high": high, "above": above}
     told = {"is_severity": True, "per": "s" if per_second else per, "unit": unit}
-    return field(default=default, metadata={**told, **limits})
+    declared: float = field(default=cast("float", default), metadata={**told, **limits})
+    return declared
 
 
 def setting(
-    *, unit: str, low: float = -math.inf, high: float = math.inf, above: bool = False, default: Any = MISSING
-) -> Any:
+    *, unit: str, low: float = -math.inf, high: float = math.inf, above: bool = False, default: object = MISSING
+) -> float:
     """Declare a field for a number that isn't a severity: a frequency, a phase.
 
     Parameters
@@ -147,10 +148,11 @@ def setting(
     50.0
     """
     metadata = {"is_severity": False, "unit": unit, "low": low, "high": high, "above": above}
-    return field(default=default, metadata=metadata)
+    declared: float = field(default=cast("float", default), metadata=metadata)
+    return declared
 
 
-def other_channel() -> Any:
+def other_channel() -> str:
     """Declare a field for another channel that the fault reads.
 
     Examples
@@ -164,10 +166,11 @@ def other_channel() -> Any:
     >>> Crosstalk(channel="p", onset_s=1.0, of="q").reads
     ('p', 'q')
     """
-    return field(metadata={"is_severity": False, "value_type": str})
+    declared: str = field(metadata={"is_severity": False, "value_type": str})
+    return declared
 
 
-def flag() -> Any:
+def flag() -> bool:
     """Declare a yes-or-no field of a fault; the default is no.
 
     Examples
@@ -184,7 +187,7 @@ def flag() -> Any:
     return field(default=False, metadata={"is_severity": False, "value_type": bool})
 
 
-def random_seed() -> Any:
+def random_seed() -> int:
     """Declare a field for the seed of a fault's random draws; the default is 0.
 
     Examples

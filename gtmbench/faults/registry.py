@@ -116,7 +116,7 @@ def _checked(cls: object) -> type[Fault]:
     if not isinstance(kind, str) or not _KIND.fullmatch(kind):
         raise InputError(f"{place}: kind is {shown(kind)}; give a name of small letters, digits and _, as 'bias_step'")
     if cls.distort is Fault.distort and cls.distort_sample is Fault.distort_sample:
-        raise InputError(f"{place} has no distort; define what it makes of the samples it sees")
+        raise InputError(f"{place} has no distort; define how it changes the samples")
     if "__dataclass_params__" not in vars(cls) or not vars(cls)["__dataclass_params__"].frozen:
         raise InputError(f"{place} isn't a frozen dataclass; put {_HOW} above it, and @register_fault above that")
     common = Fault.__dataclass_fields__

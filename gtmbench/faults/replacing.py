@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from gtmbench.faults.distortions import followed, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Formula, Value, periods
+from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.values.record import FloatArray
+from gtmbench.values.clock import FloatArray, Value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class Dropout(Formula):
 
     kind: ClassVar[str] = "dropout"
 
-    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
         """Read nothing."""
         return math.nan
 
@@ -53,7 +53,7 @@ class Stuck(Formula):
     kind: ClassVar[str] = "stuck"
     value: float = severity(default=0.0)
 
-    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
         """Read it."""
         return self.value
 
@@ -72,17 +72,17 @@ class Jam(Fault):
 
     kind: ClassVar[str] = "jam"
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Hold the last healthy sample."""
         return float(before[0])
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Repeat it."""
         return np.full(len(readings), carried), carried
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Repeat it once more."""
         return carried, carried
 
@@ -112,18 +112,18 @@ class Hardover(Fault):
     limit: float = severity()
     rate_limit: float | None = severity(per_second=True, low=0.0, above=True, default=None)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Start from the last healthy sample, or from the stop."""
         return self.limit if self.rate_limit is None else float(before[0])
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Run, and stay."""
         stop = np.full(len(readings), self.limit)
         return rate_limited(stop, (self.rate_limit or 0.0) * sample_period_s, carried)
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Run by one step."""
         at = followed(carried, self.limit, (self.rate_limit or 0.0) * sample_period_s)
         return at, at
@@ -151,13 +151,13 @@ class Stale(Fault):
     kind: ClassVar[str] = "stale"
     hold_s: float = severity(unit="s", low=0.0, above=True)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Repeat the last healthy sample where none is fresh."""
         return -1.0, float(before[0])
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Read, or repeat."""
         number, held = periods(elapsed_s, self.hold_s, sample_period_s), carried[1]
         if number != carried[0] and now[0] == now[0]:
@@ -187,11 +187,11 @@ class Delay(Fault):
     kind: ClassVar[str] = "delay"
     delay_s: float = severity(unit="s", low=0.0)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Hold the last healthy sample until another arrives."""
         return (float(before[0]),)
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Look back over a stretch and what was before."""
         samples, share = _late(self.delay_s, sample_period_s)
         history = np.concatenate([carried, readings[:, 0]])
@@ -202,8 +202,8 @@ class Delay(Fault):
         return late, tuple(history[-(samples + 1) :].tolist())
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Look back."""
         samples, share = _late(self.delay_s, sample_period_s)
         history = (*carried, now[0])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Formula, Value, check_unit
+from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit
 from gtmbench.faults.parameter import other_channel, severity
 from gtmbench.values.channels import unit_of
-from gtmbench.values.record import FloatArray
+from gtmbench.values.clock import FloatArray, Value
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,17 +162,17 @@ class RateSaturation(Fault):
     kind: ClassVar[str] = "rate_saturation"
     rate_limit: float = severity(per_second=True, low=0.0)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Start from the last healthy sample."""
         return float(before[0])
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Follow the signal over a stretch."""
         return rate_limited(readings[:, 0], self.rate_limit * sample_period_s, carried)
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Follow the signal by one step."""
         at = followed(carried, now[0], self.rate_limit * sample_period_s)
         return at if now[0] == now[0] else now[0], at
@@ -200,13 +200,13 @@ class Hysteresis(Fault):
     kind: ClassVar[str] = "hysteresis"
     width: float = severity(low=0.0)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Start from the last healthy sample."""
         return float(before[0])
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Stay where the play allows it."""
         y, half = now[0], 0.5 * self.width
         if y != y:
@@ -263,16 +263,16 @@ class Lag(Fault):
     kind: ClassVar[str] = "lag"
     lag_s: float = severity(unit="s", low=0.0, above=True)
 
-    def begin(self, before: FloatArray) -> Any:
+    def begin(self, before: FloatArray) -> State:
         """Rest at the last healthy sample."""
         return float(before[0]), 0.0
 
-    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: Any) -> Distorted:
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Filter a stretch."""
         return lagged(readings[:, 0], self.lag_s, sample_period_s, carried)
 
     def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: Any
-    ) -> tuple[float, Any]:
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
         """Filter a sample."""
         return lagged_sample(now[0], self.lag_s, sample_period_s, carried)

@@ -46,7 +46,7 @@ def tracks_of(
         _group(choice, clocks, groups)
     for choice in witnesses:
         with contextlib.suppress(InputError):
-            check_values(len(clocks[choice.series.clock].time_s), "a witness")
+            check_values(len(clocks[choice.series.clock].time_s), "a sensor beside it")
             _group(choice, clocks, groups)
     names = {choice.channel for choice in witnesses}
     tracks: list[Track] = []

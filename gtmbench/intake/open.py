@@ -137,7 +137,7 @@ def _opened(
     segments, beyond = _with_witnesses(segments, [choice.channel for choice in others], apart, breaks_s, made)
     if beyond:
         read = "; ".join(f"{choice.channel} = {choice.how}" for choice in others if choice.channel in beyond)
-        taken.append(f"witnesses, which diagnoses read and no alarm stands on: {read}")
+        taken.append(f"used for diagnosis only, never for alarms: {read}")
     events, unplaced = _events(raw, breaks_s, segments)
     left = []
     if needs is None:

@@ -112,7 +112,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
         ]
     if not fits and gyros and angles:
         names = " and ".join(", ".join(series.name for series in triple.series) for triple in (gyros[0], angles[0]))
-        return Found(meanings={}, why_not=f"{names} don't tell of one motion in any unit, or of too little")
+        return Found(meanings={}, why_not=f"{names} don't show one motion in any unit, or too little of it")
     if not fits:
         return NOTHING
     best = min(fits, key=lambda fit: fit.score)

@@ -405,7 +405,5 @@ def _method(parts: Sequence[_Parts], period_s: float, made: Cut) -> list[str]:
             f"{HALF} samples go at either end of a segment"
         )
     elif len(parts) > 1 or slower or parts[0].even_s is None:
-        lines.append(
-            f"one record at {rate}: samples that stand on its clock as they are, others by cubics between them"
-        )
+        lines.append(f"one record at {rate}: samples on its clock as they are, others by cubics between them")
     return lines

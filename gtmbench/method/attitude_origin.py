@@ -114,7 +114,7 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     shares = {gyro: share for gyro, share in standing.items() if gyro not in missing}
     if shares:
         said = listed([f"{100.0 * share:.0f} % of {gyro}" for gyro, share in shares.items()])
-        return _assumed(f"gyro less attitude's rate holds only {said}", shares)
+        return _assumed(f"its rate lacks only {said} at high frequencies", shares)
     return _assumed("the gyros' noise can't be told from motion and from the attitude's own noise")
 
 
@@ -126,7 +126,7 @@ def _assumed(why: str, shares: Mapping[str, float] | None = None) -> Origin:
 def _own(missing: Mapping[str, _Missing]) -> str:
     said = [f"{100.0 * found.share:.0f} % of {gyro}'s noise" for gyro, found in missing.items()]
     low, high = min(each.low_hz for each in missing.values()), max(each.high_hz for each in missing.values())
-    return f"{listed(said)} at {low:.2g} to {high:.2g} Hz stand in gyro less attitude's rate"
+    return f"its rate lacks {listed(said)} at {low:.2g} to {high:.2g} Hz"
 
 
 def _bands(spectra: RateSpectra) -> list[tuple[float, float]]:

@@ -71,11 +71,13 @@ class RecursiveIdentification:
         forgetting: float = 1.0,
         estimator: LeastSquares | None = None,
     ) -> None:
+        self.inputs: tuple[str, ...]
+        self.outputs: tuple[str, ...]
         self.inputs, self.outputs = operator_names(inputs, outputs)
-        self.causal_order = whole("causal_order", causal_order)
-        self.noncausal_order = whole("noncausal_order", noncausal_order)
-        self.forgetting = number("forgetting", forgetting, 0.0, 1.0, above=True)
-        self.estimator = LeastSquares() if estimator is None else estimator
+        self.causal_order: int = whole("causal_order", causal_order)
+        self.noncausal_order: int = whole("noncausal_order", noncausal_order)
+        self.forgetting: float = number("forgetting", forgetting, 0.0, 1.0, above=True)
+        self.estimator: LeastSquares = LeastSquares() if estimator is None else estimator
         if not isinstance(self.estimator, LeastSquares):
             raise InputError(f"estimator is {self.estimator!r}; recursion is for gtmbench.LeastSquares(...)")
         lags, channels = self.causal_order + self.noncausal_order + 1, len(self.inputs) + len(self.outputs)

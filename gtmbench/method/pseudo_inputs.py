@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,8 @@ from gtmbench.checks import meant, names
 from gtmbench.errors import InputError
 from gtmbench.values.channels import G_M_S2, unit_of
 from gtmbench.values.record import FloatArray, Record, check_record
+
+Values = float | FloatArray  # of one sample, or of a record
 
 _STEP = 1e-5  # of a derivative, in the formulas' units
 _M_S_PER_KT = 1852.0 / 3600.0
@@ -42,29 +43,31 @@ class Motion:
         Its derivative.
     """
 
-    def __init__(self, measured: Container[str], channel: Callable[[str], Any], slope: Callable[[str], Any]) -> None:
+    def __init__(
+        self, measured: Container[str], channel: Callable[[str], Values], slope: Callable[[str], Values]
+    ) -> None:
         self._measured, self._channel, self._slope = measured, channel, slope
-        self._known: dict[tuple[str, str], Any] = {}
+        self._known: dict[tuple[str, str], Values] = {}
 
-    def __call__(self, name: str) -> Any:
+    def __call__(self, name: str) -> Values:
         """Return a channel or a pseudo input, in radians, m/s or g."""
         if name in self._measured:
             return self._once("", name, self._channel)
         return self._once("", name, lambda _: PSEUDO_INPUTS[name].compute(self))
 
-    def slope(self, channel: str) -> Any:
+    def slope(self, channel: str) -> Values:
         """Return a channel's derivative."""
         return self._once("'", channel, self._slope)
 
-    def sin(self, name: str) -> Any:
+    def sin(self, name: str) -> Values:
         """Return the sine of an angle."""
         return self._once("sin", name, lambda _: np.sin(self(name)))
 
-    def cos(self, name: str) -> Any:
+    def cos(self, name: str) -> Values:
         """Return the cosine of an angle."""
         return self._once("cos", name, lambda _: np.cos(self(name)))
 
-    def _once(self, what: str, name: str, work_out: Callable[[str], Any]) -> Any:
+    def _once(self, what: str, name: str, work_out: Callable[[str], Values]) -> Values:
         if (what, name) not in self._known:
             self._known[what, name] = work_out(name)
         return self._known[what, name]
@@ -99,62 +102,62 @@ class PseudoInput:
     needs: tuple[str, ...]
     formula: str
     meaning: str
-    compute: Callable[[Motion], Any] = field(repr=False)
+    compute: Callable[[Motion], Values] = field(repr=False)
     reproduces: str | None = None
 
 
-def _p_att(x: Motion) -> Any:
+def _p_att(x: Motion) -> Values:
     return x.slope("phi") - x.slope("psi") * x.sin("theta")
 
 
-def _q_att(x: Motion) -> Any:
+def _q_att(x: Motion) -> Values:
     return x.slope("theta") * x.cos("phi") + x.slope("psi") * x.cos("theta") * x.sin("phi")
 
 
-def _r_att(x: Motion) -> Any:
+def _r_att(x: Motion) -> Values:
     return x.slope("psi") * x.cos("theta") * x.cos("phi") - x.slope("theta") * x.sin("phi")
 
 
-def _r_lat(x: Motion) -> Any:
+def _r_lat(x: Motion) -> Values:
     forward = _moving(x("tas") * x.cos("alpha") * x.cos("beta"))
     return G_M_S2 * (x.sin("phi") * x.cos("theta") + x("ny")) / forward + x.slope("phi") * np.tan(x("alpha"))
 
 
-def _along(x: Motion) -> Any:
+def _along(x: Motion) -> Values:
     """Return specific force and gravity along the velocity's direction in the plane of symmetry, in m/s2."""
     return _forward(x) * x.cos("alpha") + _down(x) * x.sin("alpha")
 
 
-def _forward(x: Motion) -> Any:
+def _forward(x: Motion) -> Values:
     return G_M_S2 * (x("nx") - x.sin("theta"))
 
 
-def _down(x: Motion) -> Any:
+def _down(x: Motion) -> Values:
     return G_M_S2 * (x.cos("theta") * x.cos("phi") - x("nz"))
 
 
-def _q_air(x: Motion) -> Any:
+def _q_air(x: Motion) -> Values:
     across = _down(x) * x.cos("alpha") - _forward(x) * x.sin("alpha")
     sideways = np.tan(x("beta")) * (x("p") * x.cos("alpha") + x("r") * x.sin("alpha"))
     return x.slope("alpha") + sideways - across / (_moving(x("tas")) * x.cos("beta"))
 
 
-def _r_air(x: Motion) -> Any:
+def _r_air(x: Motion) -> Values:
     right = G_M_S2 * (x("ny") + x.cos("theta") * x.sin("phi"))
     across = right * x.cos("beta") - _along(x) * x.sin("beta")
     return (x("p") * x.sin("alpha") + across / _moving(x("tas")) - x.slope("beta")) / x.cos("alpha")
 
 
-def _moving(speed: Any) -> Any:
+def _moving(speed: Values) -> Values:
     return np.where(np.abs(speed) > 1.0, speed, np.nan)  # m/s: standing still, it says nothing
 
 
-def _q_from(yaw: str) -> Callable[[Motion], Any]:
+def _q_from(yaw: str) -> Callable[[Motion], Values]:
     return lambda x: (x.slope("theta") + x(yaw) * x.sin("phi")) / x.cos("phi")
 
 
-def _p_from(yaw: str) -> Callable[[Motion], Any]:
-    def compute(x: Motion) -> Any:
+def _p_from(yaw: str) -> Callable[[Motion], Values]:
+    def compute(x: Motion) -> Values:
         pitch = _q_from(yaw)(x)
         return x.slope("phi") - np.tan(x("theta")) * (pitch * x.sin("phi") + x(yaw) * x.cos("phi"))
 
@@ -172,7 +175,7 @@ def _slope_of(channel: str) -> PseudoInput:
     )
 
 
-def _rate(name: str, needs: str, formula: str, meaning: str, compute: Callable[[Motion], Any]) -> PseudoInput:
+def _rate(name: str, needs: str, formula: str, meaning: str, compute: Callable[[Motion], Values]) -> PseudoInput:
     return PseudoInput(
         name=name,
         unit="deg/s",

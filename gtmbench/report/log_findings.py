@@ -99,12 +99,12 @@ class State(StrEnum):
     """What a stretch of a log was to the monitor."""
 
     WATCHED = "watched"
-    IDENTIFIED = "identified and calibrated on"
-    ARMING = "before the test is armed"
-    DISARMED = "after an alarm that left nothing to watch"
-    LOST = "without a residual (samples missing)"
-    ENDS = "at a record's end, for residuals look ahead"
-    OUTSIDE = "outside of what was identified"
+    IDENTIFIED = "learnt from"
+    ARMING = "the test is arming"
+    DISARMED = "after an alarm, no sensor left to watch"
+    LOST = "samples missing"
+    ENDS = "the record's end: residuals need later samples"
+    OUTSIDE = "motion beyond what was learnt"
     LEFT_OUT = "left out"
     GAP = "gap"
 

@@ -289,7 +289,7 @@ def common_setup(scenarios: Sequence[Scenario], seed: int | None) -> Setup:
     names = [scenario.name for scenario in scenarios]
     twice = [name for name in names if names.count(name) > 1]
     if twice:
-        raise InputError(f"two scenarios go by the name '{twice[0]}'; rename one file, or run them one at a time")
+        raise InputError(f"two scenarios have the name '{twice[0]}'; rename one file, or run them one at a time")
     for other in scenarios[1:]:
         if other.setup != first.setup:
             settings, others = asdict(first.setup), asdict(other.setup)

@@ -136,7 +136,7 @@ class CalibrationFlights:
         knows = set(COMMANDS) <= set(detector.channels) and self.attitude == OWN and not self.attitude_late_s
         return knows and load_aircraft(self.aircraft).autopilot is not None
 
-    def provenance(self, detector: Detector | None = None) -> dict[str, Any]:
+    def provenance(self, detector: Detector | None = None) -> dict[str, object]:
         """Return where the records come from, as plain values without a date: the same flights, the same words."""
         return {
             "source": "flights",

@@ -26,7 +26,7 @@ def run(
     scenario: str | Path | Scenario,
     *,
     seed: int | None = None,
-    detectors: Sequence[Any] = (),
+    detectors: Sequence[object] = (),
     faults: Sequence[Fault | Sequence[Fault]] = (),
 ) -> list[Trial]:
     """Run one scenario, from trim to verdicts, and return its trials.
@@ -63,7 +63,7 @@ def run(
 def run_study(
     scenarios: Sequence[Scenario],
     *,
-    detectors: Sequence[Any] = (),
+    detectors: Sequence[object] = (),
     seed: int | None = None,
     progress: Progress = silent,
 ) -> Study:

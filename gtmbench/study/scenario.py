@@ -89,7 +89,7 @@ class Setup:
         return self.autopilot is not None or self.controller is not None
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def facts(self) -> dict[str, object]:
         """As plain values; ideal sensors go without saying, and no controller."""
         stated = asdict(self)
         if self.sensors == IDEAL:
@@ -189,7 +189,7 @@ def _specs(blocks: Any, end_s: float) -> list[FaultSpec]:
     if not isinstance(blocks, list) or not blocks or not all(isinstance(block, dict) for block in blocks):
         raise InputError("no [[faults]] given; add at least one table with kind, channels and onset_s")
     if (most := sum(map(_combinations, blocks))) > _MOST_FAULTS:
-        raise InputError(f"{most} trials of one flight; at most {_MOST_FAULTS} can be meant")
+        raise InputError(f"{most} trials of one flight; at most {_MOST_FAULTS} are allowed")
     return [spec for i, block in enumerate(blocks, 1) for spec in fault_specs(f"faults, table {i}", block, end_s)]
 
 

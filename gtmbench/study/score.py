@@ -448,7 +448,7 @@ def _reason(watch: Watch, truth: _Truth, altered: float, peak: float) -> str:
         return NO_ALARM
     disarmed = [score.disarmed_s for score in own if score.disarmed_s is not None]
     if len(disarmed) == len(own):
-        return f"no longer watched since {max(disarmed):.2f} s: what an earlier alarm told of was taken to last"
+        return f"no longer watched since {max(disarmed):.2f} s: the fault of an earlier alarm was taken to last"
     if not any((score.exists & (score.known_s >= truth.onset_s - _TIE)).any() for score in own):
         return "no score is known after the onset"
     if not any(score.armed.any() for score in own):

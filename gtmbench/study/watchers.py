@@ -62,7 +62,7 @@ def prepared(given: Any) -> Detector | Monitor:
     return detector.calibrate() if isinstance(detector, FunctionDetector) else detector
 
 
-def resolved(detectors: Sequence[Any]) -> dict[str, Any]:
+def resolved(detectors: Sequence[object]) -> dict[str, Any]:
     """Return what watches by names that differ: detectors, monitors, and `own_detector` for the scenarios' own.
 
     Raises

@@ -29,7 +29,7 @@ _calibrated: list[tuple[Any, Monitor]] = []  # detectors that were given uncalib
 
 
 def assert_detects(
-    detector: Any, fault: Fault, *, within_s: float, record: Record | None = None, named: bool = False
+    detector: object, fault: Fault, *, within_s: float, record: Record | None = None, named: bool = False
 ) -> None:
     """Fail if a detector doesn't detect a fault in time, has a false alarm before it, or names another sensor.
 
@@ -88,7 +88,7 @@ def assert_detects(
         _fail_watch(watch, said, fault=fault, healthy=healthy, due_s=due_s)
 
 
-def assert_quiet(detector: Any, record: Record | None = None) -> None:
+def assert_quiet(detector: object, record: Record | None = None) -> None:
     """Fail if a detector alarms on a healthy record, or never could have.
 
     Parameters
@@ -125,7 +125,7 @@ def assert_quiet(detector: Any, record: Record | None = None) -> None:
         _fail_watch(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
 
 
-def _monitor(detector: Any) -> Monitor:
+def _monitor(detector: object) -> Monitor:
     """Return what was given as a monitor, calibrated once a session where it wasn't."""
     given = prepared(detector)
     if is_ready(given):

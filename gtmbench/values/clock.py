@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 
 FloatArray = NDArray[np.float64]
+Value = TypeVar("Value", float, FloatArray)  # of formulas that hold for a number and for an array of them
 
 SLACK = 0.1  # of a sample: how far from its place a chunk's first stamp may stand, for times are rounded
 

@@ -57,7 +57,7 @@ def test_an_unchanged_monitor_passes_and_its_baseline_is_the_same_bytes(cli, bas
     before = baseline.read_bytes()
     code, out, err = cli("check", "mine.toml")
     assert (code, err) == (0, "")
-    assert out == "No figure is worse than mine.toml allows; 0 better, 40 within their tolerances.\n"
+    assert out == "No figure is worse than the baseline mine.toml allows; 0 better, 40 within their tolerances.\n"
     assert cli("check", "mine.toml", "-q") == (0, "", "")
     assert cli("check", "mine.toml", "--update")[:2] == (0, "None of 40 figures in mine.toml changes.\n")
     assert baseline.read_bytes() == before
@@ -91,7 +91,7 @@ def test_the_worst_comes_first(cli, baseline):
     names = [line.split(": was")[0] for line in out.splitlines() if ": was " in line]
     assert names == ["short: jam of altitude, detected", "healthy score E(k), threshold", "healthy residual of r, RMS"]
     assert "better: healthy flight: false alarms" in out
-    assert "3 of 40 figures are worse than mine.toml allows; 1 better, 36 within their tolerances." in out
+    assert "3 of 40 figures are worse than the baseline mine.toml allows; 1 better, 36 within their tolerances." in out
 
 
 @pytest.mark.usefixtures("spiked")

@@ -57,7 +57,7 @@ def test_without_logs_it_flies_and_writes_what_python_calibrates(cli, tmp_path):
     assert (code, err) == (0, "")
     assert "2 flights of gtm, 40 s each, multisine+turbulence, noise t2, seeds 5 to 6" in out
     assert "imperfections of healthy gyros: bias 0.5, lag 0.005 s" in out
-    assert "an hour at 95 % from 80.0 s seen, those that set the thresholds; 0.002 an hour is extrapolated" in out
+    assert "the 80.0 s that set the thresholds show no more than " in out
     assert names(tmp_path) == ["monitor.json"]
 
     imperfections = gb.Imperfections(bias=0.5, lag_s=0.005)
@@ -88,9 +88,9 @@ def test_it_says_what_thresholds_owe_to_luck(cli, logs):
     code, out, _ = cli("calibrate", *logs)
     assert code == 0
     luck = Luck.told(gb.load_monitor("monitor.json").provenance)
-    assert f"luck: other records like these would set thresholds {luck.median:.2g} times as high or low in the" in out
-    assert f"95 % stay within {luck.within:.2g} times" in out
-    assert f"95 % stay within {luck.within:.2g} times" in cli("bank", "monitor.json")[1]
+    assert f"others like them would move thresholds by a factor of {luck.median:.2g} (median)" in out
+    assert f"{luck.within:.2g} (95 %)" in out
+    assert f"{luck.within:.2g} (95 %)" in cli("bank", "monitor.json")[1]
 
 
 def test_thresholds_that_are_luck_are_refused_and_leave_nothing(cli, logs, tmp_path, monkeypatch):

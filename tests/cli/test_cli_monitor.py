@@ -49,7 +49,7 @@ def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
     assert len(lines) < 12
     code, details, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, "--details")
     assert (code, err, details.startswith(out)) == (1, "", True)
-    assert "identified and calibrated on this log: 0.00 to 30.00 s" in details
+    assert "learnt from this log: 0.00 to 30.00 s" in details
     assert "q failed; drift 0.5" in details
 
 
@@ -148,7 +148,7 @@ def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
     code, out, err = cli("monitor", "healthy.csv")
     assert code == 2
     assert err.count("\n") == 1
-    assert "healthy.csv can be watched; say by what: --identify T0:T1, what of it is healthy (bank auto watches" in err
+    assert "healthy.csv can be watched; say how: --identify T0:T1, a healthy part in s (bank auto" in err
     assert "--detector C-early or C-filtered or C or leave-one-out or paper, or --inputs" in err
     assert "bank auto: possible (p, q and r from phi, psi and theta, as bank C)" in out
     assert "with --detector: bank C-early, C-filtered, C, leave-one-out, paper" in out

@@ -202,7 +202,7 @@ MISTAKES = [
     ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
     (
         "monitor flights # flights/day1.csv flights/day2.csv",
-        "logs found: 2; what is said of them goes into a folder; give --out DIR",
+        "logs found: 2; their results go into a folder: give --out DIR",
     ),
     (
         "monitor notes --out fleet # notes/readme.md",
@@ -230,7 +230,7 @@ MISTAKES = [
     ("monitor book.xlsx", "book.xlsx isn't a readable Excel workbook: ..."),
     ("monitor old_book.csv", "old_book.csv is a spreadsheet's workbook; save its sheet as CSV, ..."),
     ("monitor zipped.csv", "zipped.csv: ..."),
-    ("monitor flight.csv.gz", "flight.csv.gz can be watched; say by what: ..."),
+    ("monitor flight.csv.gz", "flight.csv.gz can be watched; say how: ..."),
     ("monitor binary.csv", "binary.csv is of no format that is known (...); export the log as CSV; ..."),
     ("monitor json.csv", f"json.csv begins as a file of JSON does, not as a log; export the log as CSV; {READ}"),
     ("monitor page.csv", "page.csv begins as a file of HTML or XML does, not as a log; ..."),
@@ -317,7 +317,7 @@ MISTAKES = [
     # what is healthy, and by what
     (
         "monitor flight.csv",
-        "flight.csv can be watched; say by what: --identify T0:T1, what of it is healthy (bank auto ...",
+        "flight.csv can be watched; say how: --identify T0:T1, a healthy part in s (bank auto learns ...",
     ),
     (
         "monitor flight.csv --identify 500:600",

@@ -97,9 +97,9 @@ def test_without_any_relation_one_line_says_what_is_there_and_what_is_needed():
         composed_bank(["p", "q", "phi", "nx", "Motor #2"])
     said = str(refused.value)
     assert "\n" not in said
-    assert "(there: p, q, phi, nx)" in said
+    assert "(found: p, q, phi, nx)" in said
     assert "for p that takes psi and theta, or r and theta" in said
-    with pytest.raises(gb.InputError, match=r"none of p, q, r is there \(there: no sensor\)"):
+    with pytest.raises(gb.InputError, match=r"none of p, q, r is there \(found: no sensor\)"):
         composed_bank([])
 
 
@@ -207,8 +207,8 @@ def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     code, out, err = cli(*identified, "--details")
     assert (code, err) == (0, "")
     assert "bank auto: p and q from phi, r and theta, as bank B" in out
-    assert "told apart by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
-    assert "not told apart: p, q, phi and theta from r, for nothing predicts r" in out
+    assert "isolable by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
+    assert "not isolable: p, q, phi and theta from r, because nothing predicts r" in out
     assert "note: r isn't watched by itself: that takes psi" in out
     assert any(line.startswith("Not watched  r isn't watched by itself: ") for line in out.splitlines())
     monitor = gb.load_monitor(tmp_path / "m.json")
@@ -242,4 +242,4 @@ def test_a_log_that_allows_nothing_is_bad_input_in_one_line(tmp_path, cli):
     write(tmp_path, channels=("p", "q", "r", "phi"))
     code, out, err = cli("monitor", "flight.csv", "--identify", "0:40")
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "flight.csv: bank auto finds nothing that tells what a gyro should read (there: p, q, r, phi)" in err
+    assert "flight.csv: bank auto finds nothing that tells what a gyro should read (found: p, q, r, phi)" in err

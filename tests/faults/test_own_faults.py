@@ -191,7 +191,7 @@ def made(**members):
         (lambda: made(kind="../x"), "kind is '../x'"),
         (lambda: made(kind="x" * 41), "kind is 'xxx"),
         (lambda: made(kind=7), "kind is 7"),
-        (lambda: made(distort=None), r"hers\.Own has no distort; define what it makes of the samples"),
+        (lambda: made(distort=None), r"hers\.Own has no distort; define how it changes the samples"),
         (
             lambda: made(kind="drift"),
             r"kind 'drift' of hers\.Own is taken by gtmbench\.faults\.additive\.Drift; give it another",

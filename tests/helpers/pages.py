@@ -26,7 +26,7 @@ def commands(page):
 
 
 def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
-    """Run command lines; `view` opens a window, so it has only to get there.
+    """Run command lines and return what they printed; `view` opens a window, so it has only to get there.
 
     What listens to a link does so in a process of its own, until it ends by itself.
 
@@ -38,6 +38,7 @@ def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     listening: list[subprocess.Popen[str]] = []
+    printed = []
     for line in lines:
         more = (cheap or {}).get(
             max((known for known in cheap or {} if line.startswith(known)), key=len, default=""), ""
@@ -53,10 +54,12 @@ def run_chain(lines, folder, monkeypatch, capsys, *, cheap=None, codes=None):
         else:
             assert (ended.value.code, err) == ((codes or {}).get(line, 0), ""), line
             assert out
+            printed.append(out)
     for process in listening:
         said, _ = process.communicate(timeout=120)
         assert "watching" in said, said
         assert process.returncode in (0, 1, 3), said
+    return "".join(printed)
 
 
 def _listening(line):

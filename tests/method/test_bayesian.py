@@ -244,10 +244,10 @@ def test_a_part_in_which_a_channel_rests_keeps_the_prior_of_the_whole():
 @pytest.mark.parametrize(
     ("record", "words"),
     [
-        (mixed(4), "4 samples hold too few windows of 5 without a missing one for p"),
-        (mixed(40), "40 samples hold too few windows"),
+        (mixed(4), "4 samples are too few for windows of 5 without a missing one of p"),
+        (mixed(40), "40 samples are too few for windows"),
         (mixed().replace("p", np.full(1500, 3.0)), "channel 'p' is constant"),
-        (mixed().replace("p_att", np.full(1500, np.nan)), "1500 samples hold too few windows"),
+        (mixed().replace("p_att", np.full(1500, np.nan)), "1500 samples are too few for windows"),
     ],
     ids=["shorter than a window", "few windows", "output at rest", "nothing there"],
 )

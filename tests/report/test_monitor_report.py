@@ -127,7 +127,7 @@ def test_the_other_sensor_of_a_fault_that_mixes_two_is_told():
     assert judgement_text(bent) == "p failed; misalignment -5.0 ± 0.1 deg towards q"
 
 
-# what a diagnosis may say of each kind, by the names of the fault's own class
+# what a diagnosis may say, by the names of the fault's own class
 TOLD = {
     "bias": ({"size": 2.0}, "bias 2 deg"),
     "drift": ({"slope": 2.0, "onset_s": 3000.5}, "drift 2 deg/s, from 3000.50 s"),
@@ -152,16 +152,24 @@ TOLD = {
     "deadzone": ({"half_width": 2.0}, "deadzone 2 deg"),
     "saturation": ({"limit": 2.0}, "saturation 2 deg"),
     "rate_saturation": ({"rate_limit": 2.0}, "rate saturation 2 deg/s"),
-    "float": ({}, "float"),
 }
 
 
-@pytest.mark.parametrize("kind", FAULTS)
-def test_every_parameter_of_every_kind_is_told_with_its_unit(kind):
+@pytest.mark.parametrize("kind", TOLD)
+def test_parameters_of_a_kind_are_told_with_their_units(kind):
     parameters, words = TOLD[kind]
     assert judgement_text(judged("phi", kind=kind, parameters=parameters)) == f"phi failed; {words}"
     declared = {item.name for item in FAULTS[kind].parameters()}
     assert set(parameters) <= declared | {"onset_s", "value"}
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_every_severity_of_every_kind_is_told_with_its_unit(kind):
+    """Of a kind that nobody wrote words for, too."""
+    for item in (each for each in FAULTS[kind].parameters() if each.is_severity):
+        told = judgement_text(judged("phi", kind=kind, parameters={item.name: 2.0}))
+        own = item.unit if item.unit is not None else f"deg/{item.per}" if item.per else "deg"
+        assert told.endswith(f" 2 {own}".rstrip()), told
 
 
 def test_what_a_fault_doesnt_enter_stands_there_once(recording):

@@ -127,7 +127,7 @@ def test_a_run_holds_a_trial_against_what_is_expected_of_its_detector_only():
 def test_the_summary_says_where_reality_differs():
     study = run("[faults.expect.still]\nundetectable_because = 'it is deaf'\n")
     lines = summary_lines(study)
-    assert "as the scenarios expect: 0 of 1" in lines
+    assert "expectations met: 0 of 1" in lines
     (told,) = [line for line in lines if line.startswith("not as expected: ")]
     assert told == "not as expected: jam of p: alarm 0.00 s after the onset, expected none (it is deaf)"
     assert not any("expect" in line for line in summary_lines(run("")))

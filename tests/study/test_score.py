@@ -181,7 +181,7 @@ def test_a_norm_that_stood_above_from_the_start_cant_tell():
 def test_what_a_judgement_disarmed_says_since_when():
     result = verdict([5.0], scores=[norm_of(3.0, disarmed_s=6.25)])
     assert (result.detected, result.false_alarms) == (False, 1)
-    assert result.reason == "no longer watched since 6.25 s: what an earlier alarm told of was taken to last"
+    assert result.reason == "no longer watched since 6.25 s: the fault of an earlier alarm was taken to last"
     both = [norm_of(1.7, name="p"), norm_of(3.0, name="r", disarmed_s=6.25)]
     assert verdict(scores=both).reason != result.reason  # one of them could still have alarmed
 

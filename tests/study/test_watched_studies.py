@@ -128,7 +128,7 @@ def test_alarms_before_the_onset_are_false_and_what_they_took_out_of_the_watch_i
     assert list(watch.disarmed) == ["p"]
     assert alarm_s <= watch.disarmed["p"] < 80.0
     since = f"no longer watched since {watch.disarmed['p']:.2f} s"
-    assert verdict.reason == f"{since}: what an earlier alarm told of was taken to last"
+    assert verdict.reason == f"{since}: the fault of an earlier alarm was taken to last"
 
 
 def test_a_fault_of_another_sensor_is_found_all_the_same():

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
 
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.learnt_noise import second_order
@@ -43,7 +42,7 @@ class CalibratedBank:
     tolerances: Mapping[str, Tolerance]
     thresholds: Thresholds
     sample_period_s: float
-    provenance: Mapping[str, Any]
+    provenance: Mapping[str, object]
     uncertainties: Mapping[str, ParameterUncertainty] = field(default_factory=dict)
 
     @property

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -56,7 +55,7 @@ def calibrate_bank(
     *,
     false_alarms_per_hour: float,
     estimator: Estimator | None = None,
-    provenance: Mapping[str, Any] | None = None,
+    provenance: Mapping[str, object] | None = None,
     progress: Progress = silent,
 ) -> CalibratedBank:
     """Identify a bank on healthy records and set its thresholds on stretches that identification hadn't seen.

@@ -117,11 +117,11 @@ def _nothing(there: Collection[str]) -> str:
     gyros = [gyro for gyro in GYROS if gyro in there]
     if not gyros:
         return (
-            f"bank {AUTO} watches gyros, and none of p, q, r is there (there: {', '.join(known) or 'no sensor'}); say "
+            f"bank {AUTO} watches gyros, and none of p, q, r is there (found: {', '.join(known) or 'no sensor'}); say "
             "with --map which columns they are, or give --inputs and --outputs"
         )
     needed = "; ".join(f"for {gyro} {_lacking(gyro, there)}" for gyro in gyros)
     return (
-        f"bank {AUTO} finds nothing that tells what a gyro should read (there: {', '.join(known)}): {needed}; say with "
+        f"bank {AUTO} finds nothing that tells what a gyro should read (found: {', '.join(known)}): {needed}; say with "
         "--map which columns they are, or give --inputs and --outputs"
     )

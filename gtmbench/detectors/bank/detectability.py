@@ -250,7 +250,7 @@ def _cancelled(pattern: Pattern) -> list[str]:
 def _driven(bank: Bank) -> list[str]:
     if not bank.attitude_from_gyros:
         return []
-    return ["The gyros drive the attitude: after the first finding it tells of no other fault, so nothing is watched."]
+    return ["The gyros drive the attitude: after the first finding it shows no other fault, so nothing is watched."]
 
 
 def _tests(bank: Bank, monitor: CalibratedBank | None) -> list[str]:

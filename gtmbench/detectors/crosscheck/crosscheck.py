@@ -186,7 +186,7 @@ class CrossCheckMonitor(BaseMonitor):
     entered: Mapping[str, tuple[str, ...]] = field(repr=False)
     suspects: tuple[str, ...] = ()
     by_itself: bool = True
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
     def watch(self, record: Record) -> Watch:
         """Return the alarms on a record: a relation that is violated, and which sensor that accuses, as time goes on.
@@ -219,7 +219,7 @@ class CrossCheckMonitor(BaseMonitor):
             alarms=tuple(_alarms(seen, own, ratios, motion.turns_rad, record.time_s[ends])),
         )
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return what was learnt as plain values."""
         return {
             "sample_period_s": self.sample_period_s,
@@ -337,7 +337,7 @@ def _field_of(motions: Sequence[Motion]) -> FloatArray | None:
 
 def _nothing(used: Sequence[str]) -> str:
     return (
-        f"the cross-check finds no two sensors to compare, or less than some ten healthy seconds of them (there: "
+        f"the cross-check finds no two sensors to compare, or less than some ten healthy seconds of them (found: "
         f"{', '.join(used)}); it compares GPS velocity, accelerometers, tas and altitude with each other, and a "
         "magnetometer with the attitude"
     )

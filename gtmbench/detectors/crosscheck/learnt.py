@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -98,12 +97,12 @@ class Learnt:
         return ratios
 
     @property
-    def table(self) -> dict[str, list[Any]]:
+    def table(self) -> dict[str, list[object]]:
         """As plain values; bounds that aren't known are None."""
-        table: dict[str, list[Any]] = {
+        table: dict[str, list[object]] = {
             name: getattr(self, name).tolist() for name in ("constants", "covariance", "noise", "least")
         }
-        bounds = [[each if np.isfinite(each) else None for each in row] for row in self.bounds.tolist()]
+        bounds: list[object] = [[each if np.isfinite(each) else None for each in row] for row in self.bounds.tolist()]
         return {**table, "bounds": bounds}
 
     @classmethod

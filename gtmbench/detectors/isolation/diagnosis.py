@@ -79,7 +79,7 @@ _OF_ESTIMATES = (
     "spikes",
 )  # what an estimator's angle has
 ESTIMATED = "an estimator that the gyros drive has no such fault of its own"
-EARLY = "it is too early to tell"
+EARLY = "too early to tell"
 DOUBT = "motion or model"
 
 # faults of a gyro, and of the angle about the same axis, that look the same near wings level

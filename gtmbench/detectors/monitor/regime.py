@@ -34,7 +34,7 @@ _APART_S = 0.15  # an attitude may be late
 LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
 
 IMPACT = "impact or touchdown"
-TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot tells of"
+TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot reports"
 _TELLING = (FAILURE, TOUCHDOWN, IMPACT, RESET, MOTION)  # the more telling first
 _LASTING = (FAILURE, TOUCHDOWN, IMPACT)  # afterwards nothing may be as it was
 # what is about an event, from so long before to so long after; a touchdown is told when it is sure

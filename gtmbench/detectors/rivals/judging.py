@@ -45,7 +45,7 @@ class Judging:
     tolerance: Tolerance
     thresholds: Mapping[str, float]
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> dict[str, object]:
         """Return it as plain values."""
         return judging_table(self.whitener, self.tolerance, self.thresholds)
 

@@ -208,7 +208,7 @@ class RivalMonitor:
     model: Model = field(repr=False)
     judgings: Mapping[str, Judging] = field(repr=False)
     sample_period_s: float
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
     look_ahead_s: ClassVar[float] = 0.0
     memory_s: ClassVar[float] = float("inf")
@@ -261,7 +261,7 @@ class RivalMonitor:
         gyro = name.split()[0]
         return (gyro,) if gyro in self.suspects else self.channels
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return sample period, parameters, model and thresholds as plain JSON values."""
         return {
             "sample_period_s": self.sample_period_s,

@@ -109,7 +109,7 @@ class NoiseFollower:
         self._block = max(round(BLOCK_S / sample_period_s), _FEWEST_ROWS)
         self._order = second_order(sample_period_s)
         self._echo, self._apart = (max(round(span_s / sample_period_s), 1) for span_s in (_ECHO_S, _APART_S))
-        self.outliers = 0  # gross ones so far
+        self.outliers: int = 0  # gross ones so far
         self._outlier = -self._apart  # row of the last gross one, about the open block's first
         self._lasting = lasting_rows(sample_period_s)
         self._loud = np.zeros(self._lasting - 1)  # sizes before the open block, as they are
@@ -118,14 +118,14 @@ class NoiseFollower:
         self._ring = np.zeros((0, LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
         self._held: NoiseModel | None = None
         self._calm = self._held_for = 0
-        self.first_level = math.nan  # as `level`, when it was first learnt
+        self.first_level: float = math.nan  # as `level`, when it was first learnt
         self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
         if before is not None and len(before):
             known = before[-self.order :]
             self._given[self.order - len(known) :] = np.column_stack([known, np.ones(len(known))])
         self._told = 0  # rows of the open block that were returned
         self._at_once = _AT_ONCE[0]
-        self.row = row  # the next that will be returned
+        self.row: int = row  # the next that will be returned
         self.first_rows: list[range] = []  # rows that were returned late: the noise was learnt on them
         self._ends = Ends.nothing(self._order)
         self._white = np.zeros(self._windows[-1])  # the last before the open block

@@ -120,7 +120,7 @@ class Answer:
         """Return what makes deviations of samples as they come in."""
         return Answering(self, sample_period_s)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> dict[str, object]:
         """Return it as plain values."""
         frame = self.frame
         return {

@@ -275,7 +275,7 @@ class SurfaceMonitor:
     thresholds: Mapping[str, Mapping[str, float]] = field(repr=False)
     kinematics: BankMonitor = field(repr=False)
     sample_period_s: float
-    provenance: Mapping[str, Any] = field(default_factory=dict)
+    provenance: Mapping[str, object] = field(default_factory=dict)
 
     look_ahead_s: ClassVar[float] = BLOCK_S
     memory_s: ClassVar[float] = float("inf")
@@ -352,7 +352,7 @@ class SurfaceMonitor:
             )
         return sizes
 
-    def figures(self) -> dict[str, Any]:
+    def figures(self) -> dict[str, object]:
         """Return sample period, answer, thresholds and kinematics as plain JSON values."""
         return {
             "sample_period_s": self.sample_period_s,

@@ -61,7 +61,7 @@ class Engine:
         """Return h of a throttle that is behind its lags, both in percent."""
         return np.asarray((lagged + self.bend * np.square(lagged) / 100.0) / self.slope)
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> dict[str, object]:
         """Return it as plain values."""
         return {"lag_s": self.lag_s, "lags": self.lags, "bend": self.bend, "level": self.level}
 

@@ -192,4 +192,4 @@ def _check_told_apart(cells: Cells, found: FloatArray) -> None:
     """Refuse a table whose rows are read otherwise than they can be found again."""
     was = cells.column.values()
     if len(was) != len(found) or not np.allclose(was[cells.rows], found[cells.rows], rtol=1e-12, atol=0.0):
-        raise InputError(f"the cells of column '{cells.column.name}' can't be told apart in the file; write it plainly")
+        raise InputError(f"the cells of column '{cells.column.name}' aren't distinct in the file; write it plainly")

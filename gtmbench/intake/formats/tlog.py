@@ -89,7 +89,7 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
             "units and axes are those of MAVLink's messages; times: the sender's, since it was switched on",
             *([f"system {number}; not read: system {others}"] if others else []),
             *(
-                [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME tells of boot"]
+                [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted"]
                 if unplaced
                 else []
             ),
@@ -213,7 +213,7 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
         for column, value in zip(columns.values(), (received_us / 1e6, *values_of(message)), strict=False):
             column.append(value)
     if not systems:
-        raise InputError("it holds no message that tells of motion")
+        raise InputError("it holds no message with motion")
     return systems, broken
 
 

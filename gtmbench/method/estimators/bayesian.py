@@ -103,8 +103,8 @@ class Bayesian:
         equations = sum(int(np.count_nonzero(of)) for of in weights)
         if sum(float(of.sum()) for of in weights) < ALIKE * _LEAST:
             raise InputError(
-                f"{sum(map(len, problem.stretches))} samples hold too few windows of {problem.lags} without a missing "
-                f"one for {', '.join(problem.outputs)}; give a longer record, or look back and ahead less"
+                f"{sum(map(len, problem.stretches))} samples are too few for windows of {problem.lags} without a "
+                f"missing one of {', '.join(problem.outputs)}; give a longer record, or look back and ahead less"
             )
         # the prior holds for motion: fast noise is smoothed away first, of inputs and outputs alike
         motion = [slow(block) for block in blocks]

@@ -88,9 +88,10 @@ def _draw_certificate(axes: Sequence[Axes], lines: Sequence[str]) -> None:
     """Write the certificate, below everything."""
     for axis in axes:
         axis.set_axis_off()
-    axes[0].text(
+    written = axes[0].text(
         0.0, 1.0, "\n".join(lines), transform=axes[0].transAxes, va="top", family="monospace", fontsize="small"
     )
+    written.set_in_layout(False)  # it runs on under the next column, which needn't make room for it
 
 
 def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch], span: Span) -> None:
@@ -167,10 +168,10 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
             np.maximum(levels, LOWEST, out=levels)
             tops.append(np.nanmax(levels, initial=LOWEST, keepdims=True))
             of = f"residual of {name}" if name in watch.residuals else name
-            _line(axis, score.known_s, levels, span, tints[name], f"level, {of}")
+            _line(axis, score.known_s, levels, span, tints[name], f"test statistic, {of}")
     draw_threshold(axis, tops)
     axis.yaxis.set_major_formatter("{x:g}")
-    axis.set_ylabel("level\n(alarm above 1)")
+    axis.set_ylabel("test statistic\n(alarm above 1)")
 
 
 def _parting(watched: WatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:

@@ -176,9 +176,9 @@ def _scores(axis: Axes, watch: Watch, span: Span) -> None:
     for name, style in strokes(watch.scores).items():
         score = watch.scores[name]
         known_s, levels = part(score.known_s, level(score), span)
-        _line(axis, known_s, np.maximum(levels, LOWEST), f"level of {name}", style)
+        _line(axis, known_s, np.maximum(levels, LOWEST), f"test statistic of {name}", style)
     draw_threshold(axis, [level(score) for score in watch.scores.values()])
-    axis.set_ylabel("level\n(alarm above 1)")
+    axis.set_ylabel("test statistic\n(alarm above 1)")
 
 
 def _sensor(axis: Axes, watch: Watch, name: str, span: Span) -> None:

@@ -224,11 +224,11 @@ def _levels(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     axis, colours, levels = axes[0], tints(trial.watch), []
     for i, (name, score) in enumerate(trial.watch.scores.items()):
         time_s, values = part(score.known_s, level(score), span)
-        style, label = _STYLES[i % len(_STYLES)], as_it_is(f"level of {name}")
+        style, label = _STYLES[i % len(_STYLES)], as_it_is(f"test statistic of {name}")
         axis.plot(time_s, np.maximum(values, LOWEST), style, color=colours[name], lw=1.1, label=label)
         levels.append(values)
     draw_threshold(axis, levels)
-    axis.set_ylabel("level (alarm above 1)")
+    axis.set_ylabel("test statistic (alarm above 1)")
 
 
 def _signal(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
@@ -256,12 +256,12 @@ def _virtual(axes: Sequence[Axes], trial: Trial, span: Span) -> None:
     _, measured = part(trial.record.time_s, trial.broken(name), span)
     lower.plot(time_s, measured - true, ".", color=COLOURS["healthy"], ms=2.5)
     lower.plot(begun_s, virtual - true[len(true) - len(virtual) :], color=COLOURS["virtual"], lw=1.2)
-    lower.set_ylabel("minus true")
+    lower.set_ylabel("error")
 
 
 # heights of a place's axes, what draws them, what is said of all
 _KINDS: dict[str, tuple[list[float], Callable[[Sequence[Axes], Trial, Span], None], str]] = {
-    "levels": ([2.9], _levels, "every score over its threshold, at the time when it is known"),
+    "levels": ([2.9], _levels, "test statistics over their thresholds, at the time when they are known"),
     "virtual": ([2.6, 1.5], _virtual, "the failed sensor as measured, its virtual sensor, the truth"),
     "alarms": ([2.6], _signal, "the failed sensor as measured, the truth, alarms"),
 }

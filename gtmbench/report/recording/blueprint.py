@@ -137,7 +137,7 @@ def judged_plots(
             plots.append(plot(in_unit(f"residual of {name}", name), entities, shown_s, legend=False))
         if name in scores:
             entities = [*(entity(f"{root}/levels", name) for root in where), threshold]
-            plots.append(plot(f"level of {name}", entities, shown_s, top=SHOWN_LEVELS, legend=False))
+            plots.append(plot(f"test statistic of {name}", entities, shown_s, top=SHOWN_LEVELS, legend=False))
     return plots
 
 
@@ -364,7 +364,7 @@ def failed_residual_blueprint(record: Record, outputs: Sequence[str], channels: 
 def failed_watch_blueprint(watch: Watch, fault: Fault | None, span: Span, channels: Sequence[str]) -> rrb.Blueprint:
     """Return how a watch opens that failed: scores, the broken channel and residuals over a span, then the channels."""
     shown = ["/levels/**", "/threshold", "/onset", "/due", "/alarms"]
-    plots = [plot("levels: an alarm above 1" if watch.scores else "alarms", shown, span, top=SHOWN_LEVELS)]
+    plots = [plot("test statistics: an alarm above 1" if watch.scores else "alarms", shown, span, top=SHOWN_LEVELS)]
     if fault is not None:
         plots.append(_channel(fault.channel, span))
     if watch.residuals:

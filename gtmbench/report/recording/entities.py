@@ -264,7 +264,9 @@ def judged_lines(
         if name in watches[0].scores:
             scores = [watch.scores[name] for watch in watches]
             parts = [part(score.known_s, level(score), span) for score in scores]
-            yield Line(entity("/levels", name), joined(parts, period_s), f"level of {name}{suffix}", tint, name)
+            yield Line(
+                entity("/levels", name), joined(parts, period_s), f"test statistic of {name}{suffix}", tint, name
+            )
 
 
 def log_mark(

@@ -81,7 +81,7 @@ def _events(rescue: Rescue) -> list[Event]:
 def _blueprint(rescue: Rescue) -> rrb.Blueprint:
     span = shown_s(rescue)
     plots = [plot(in_unit(channel, channel), [f"{root}/**"], span) for root, channel in _plotted(rescue).items()]
-    plots.append(plot("levels: an alarm above 1", ["/levels/**", "/threshold"], span, top=SHOWN_LEVELS))
+    plots.append(plot("test statistics: an alarm above 1", ["/levels/**", "/threshold"], span, top=SHOWN_LEVELS))
     path = rrb.Spatial3DView(name="flight path (ft), the aircraft drawn large", origin="/path")
     attitude = rrb.Spatial3DView(name="attitude: unaided red, rescued blue", origin="/attitude")
     seen = rrb.Vertical(path, rrb.Horizontal(attitude, event_log("/events")), row_shares=[3, 2])

@@ -365,7 +365,7 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     """Return remarks, what the log tells of, stretches, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
-    events += [(told.time_s, "INFO", f"the log tells of: {event_text(told)}") for told in watched.log.events]
+    events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     events += [(of.start_s, "INFO", f"until {of.end_s:.2f} s: {of.state}") for of in stretches(watched)]
     began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]

@@ -27,14 +27,14 @@ _OF_GYROS: Mapping[str, str] = {
     "residual_rms_deg_s": "the gyro's residual, root mean square, where an alarm was possible",
     "bias_deg_s": "by how much the gyro reads more than the attitude turns",
     "noise_deg_s": "of the gyro from sample to sample, vibration included",
-    "bias_seen_deg_s": "from which bias of the gyro on one would have been seen; null: none would",
+    "bias_seen_deg_s": "from which bias of the gyro on one would have been detected; null: none would",
 }
 COLUMNS: Mapping[str, Column] = {
     "task": Column("int32", "of the fleet; a task is a log, in the order in which they were given"),
     "log": Column("string", "its file"),
     "outcome": Column("string", "failed, unknown (can't tell), error (couldn't be watched), healthy"),
     "verdict": Column("string", "in words"),
-    "certificate": Column("string", "what would have been seen, in words"),
+    "certificate": Column("string", "what would have been detected, in words"),
     "start_s": Column("double", "of the log, on its own clock"),
     "end_s": Column("double", "of the log"),
     "rate_hz": Column("double", "of its samples as they were watched"),
@@ -46,7 +46,7 @@ COLUMNS: Mapping[str, Column] = {
     "alarms_unexplained": Column("int32", "that nothing explains: false ones"),
     "false_alarms_per_hour_at_most": Column("double", "that this length shows, at 95 %"),
     "autopilot": Column("string", "its first word of a gyro or accelerometer; null of logs that tell no events"),
-    "autopilot_words": Column("int32", "how many it said of gyros and accelerometers"),
+    "autopilot_words": Column("int32", "how many words on gyros and accelerometers"),
     **{f"{gyro}_{name}": Column("double", meaning) for gyro in GYROS for name, meaning in _OF_GYROS.items()},
     "error": Column("string", "why the log couldn't be watched; the row says nothing else then"),
 }

@@ -94,7 +94,8 @@ def _setup(study: Study) -> dict[str, Any]:
     setup = study.baseline.setup.facts
     if not any(isinstance(baseline.monitor, NormMonitor) for baseline in study.baselines):
         del setup["operator"]
-        setup["alarm"] = {key: setup["alarm"][key] for key in ("watch_from_s", "healthy_records")}
+        alarm = study.baseline.setup.alarm
+        setup["alarm"] = {"watch_from_s": alarm.watch_from_s, "healthy_records": alarm.healthy_records}
     return setup
 
 

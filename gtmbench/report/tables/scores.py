@@ -262,7 +262,7 @@ def _pairs(scores: Scores) -> Table:
                 "tie": Cell(f"{pair.tied}", float(pair.tied)),
                 "advantage": Cell(_advantage(pair.advantage), pair.advantage.value),
                 "p": Cell(f"{pair.p:.2g}", pair.p),
-                "sooner": Cell(pair.better or "can't be told apart", pair.better or ""),
+                "sooner": Cell(pair.better or "not significant", pair.better or ""),
             }
             for pair in scores.comparisons
         ),
@@ -327,7 +327,7 @@ def confusion_table(name: str, what: str, found: Confusion) -> Table:
     """Return how often what was told of what was, by a detector."""
     return Table(
         title=f"{name}: {what}",
-        note="A row is what broke, a column what was said of it.",
+        note="A row is the sensor that broke, a column the verdict.",
         columns=("broken", *found.told),
         rows=tuple(
             (Cell(row, row), *(Cell(f"{count}", float(count)) for count in counts))

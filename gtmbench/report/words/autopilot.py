@@ -132,7 +132,7 @@ def score_report(scores: ScoredLog) -> list[str]:
     also = f"; {counted(len(wrong), 'further alarm')} named wrong" if wrong else ""
     return [
         f"we: {len(found)} of {of} found{what}{also}; {_false_text(len(scores.false_alarms), 'alarm')}",
-        f"the autopilot: {len(told)} of {of} told of as a sensor's; {_false_text(len(scores.false_words), 'word')}",
+        f"the autopilot: {len(told)} of {of} reported as a sensor's; {_false_text(len(scores.false_words), 'word')}",
     ]
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from gtmbench.checks import listed
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
@@ -96,11 +97,11 @@ def certificate_notes(certificate: Certificate) -> list[str]:
         notes.append("in ... %: even the largest fault tried would have been detected this rarely")
     dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
     if dead:
-        notes.append(f"{', '.join(dead)} going dead would not have been detected at {_share(SHARE)} of start times")
+        notes.append(f"A dead {listed(dead, 'or')} would not have been detected at {_share(SHARE)} of start times")
     if any(row.time_constant_s is not None for row in rows):
         notes.append(
-            f"The attitude follows the gyros' faults, as an estimator of {FASTEST_S:g} or {SLOWEST_S:g} s makes it; "
-            "the worse is told."
+            "The attitude is taken to follow a gyro's fault, by an estimator with a time constant of "
+            f"{FASTEST_S:g} or {SLOWEST_S:g} s; each size is the larger of the two."
         )
     return [*notes, *certificate.unwatched]
 

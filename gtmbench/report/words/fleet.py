@@ -20,7 +20,7 @@ _WIDE, _OF_WIDE = 120, ("false/h", "autopilot")  # a screen, and what only such 
 _LEAST = 24
 _LINES = 3  # of a verdict
 MEANING = {
-    "bias seen": "bias seen: the smallest of p, q and r that would have been, in deg/s",
+    "bias seen": "bias seen: the smallest bias of p, q and r that would have been detected, in deg/s",
     "false/h": "false/h: at most so many false alarms an hour, at 95 %",
 }
 

@@ -16,8 +16,8 @@ def isolation_lines(told: Isolability) -> list[str]:
     >>> from gtmbench.detectors.bank.isolability import isolability
     >>> for line in isolation_lines(isolability(load_bank("C"))):
     ...     print(line)
-    told apart by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)
-    only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other
+    isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)
+    isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other
     """
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, outputs in told.enters.items():
@@ -25,12 +25,12 @@ def isolation_lines(told: Isolability) -> list[str]:
     lines = []
     if len(groups) > 1:
         said = (f"{listed(names)} ({listed(outputs)})" for outputs, names in groups.items())
-        lines.append(f"told apart by which residuals rise: {', '.join(said)}")
+        lines.append(f"isolable by which residuals rise: {', '.join(said)}")
     if alike := "; ".join(_by_shape(told)):
-        lines.append(f"only by how they rise: {alike}")
+        lines.append(f"isolable only by how they rise: {alike}")
     if mistaken := "; ".join(_not_told(told)):
         unknown = listed([name for name in told.suspects if name not in told.predicted])
-        lines.append(f"not told apart: {mistaken}, for nothing predicts {unknown}")
+        lines.append(f"not isolable: {mistaken}, because nothing predicts {unknown}")
     return lines
 
 

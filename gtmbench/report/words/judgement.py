@@ -278,7 +278,7 @@ def alarm_events(alarm: Alarm, watch: Watch, what: str) -> list[Event]:
             events.append((judged.time_s, "INFO", judgement_text(judged)))
         before = now
     if alarm.last is not None and events[-1][0] < alarm.last.time_s:
-        events.append((alarm.last.time_s, "INFO", f"last word: {alarm_text(alarm)}"))
+        events.append((alarm.last.time_s, "INFO", f"at the end: {alarm_text(alarm)}"))
     if alarm.ended_s is not None and alarm.end_known_s is not None:
         what = "it is calm again" if alarm.doubt else "the fault has gone"
         events.append((alarm.end_known_s, "INFO", f"{what}, since {alarm.ended_s:.2f} s"))

@@ -105,7 +105,7 @@ def _watch_lines(contents: LogContents) -> list[str]:
     lines = []
     try:
         bank = composed_bank(there, attitude_from_gyros=contents.attitude_from_gyros)
-        lines.append(f"watch it: gtmbench monitor {log} --identify T0:T1    (T0:T1: what of it is healthy, in s)")
+        lines.append(f"watch it: gtmbench monitor {log} --identify T0:T1    (T0:T1: a healthy part, in s)")
         lines.append(f"bank {AUTO}: possible ({bank.title})")
     except InputError as error:
         lines.append(str(error).replace(f"bank {AUTO}", f"bank {AUTO}: no, it", 1))

@@ -41,6 +41,7 @@ from gtmbench.values.record import Span
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3
 _MOST_EVENTS = 8
+_PARTS = {"identified": "part learnt from", "watched": "part watched"}
 _TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that they were
 
 
@@ -77,8 +78,8 @@ def _alarms_text(watched: WatchedLog) -> str:
     """Say which alarms nothing explains, how long was watched, and how few false alarms that shows."""
     passed, bound = passed_alarms(watched), alarm_bound(watched)
     alarms = f"; {counted(passed, 'alarm')} that nothing explains" if passed else ""
-    limit = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
-    return f"{alarms} in {duration_text(watched.armed_hours)} watched{limit} is all that this length shows"
+    rate = "" if bound is None else f": at most {bound:.{0 if bound >= 10.0 else 1}f} false alarms an hour at 95 %"
+    return f"{alarms} in {duration_text(watched.armed_hours)} watched{rate}"
 
 
 def _log_lines(log: FlightLog) -> list[str]:
@@ -108,17 +109,17 @@ def events_lines(events: Sequence[Event]) -> list[str]:
     """Return what a log says of its flight in a line; of many events, a kind's first and last.
 
     >>> events_lines([Event(kind=EventKind.RESET, time_s=3.0, text="attitude by 2 deg")])
-    ['the log tells of: reset at 3.00 s (attitude by 2 deg)']
+    ['the log reports: reset at 3.00 s (attitude by 2 deg)']
     """
     events = [event for event in events if event.kind is not EventKind.COMPLAINT]  # the autopilot's word is told apart
     if not events:
         return []
     if len(events) <= _MOST_EVENTS:
-        return [f"the log tells of: {', '.join(map(event_text, events))}"]
+        return [f"the log reports: {', '.join(map(event_text, events))}"]
     by_kind: dict[str, list[Event]] = {}
     for event in events:
         by_kind.setdefault(event.kind, []).append(event)
-    return [f"the log tells of: {', '.join(map(_events_text, by_kind.values()))}"]
+    return [f"the log reports: {', '.join(map(_events_text, by_kind.values()))}"]
 
 
 def event_text(event: Event) -> str:
@@ -168,7 +169,7 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
     if not is_ready(monitor):
         return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"
-    origin = [f"identified and calibrated on this log: {_spans(on)}"] if on else origin_text(monitor)
+    origin = [f"learnt from this log: {_spans(on)}"] if on else origin_text(monitor)
     origin += attitude_lines(watched.attitude)
     told = isolation_lines(isolability(monitor.bank)) if isinstance(monitor, CalibratedBank) else []
     return [title, *origin, *told, *_score_lines(watched, known), *_explained_lines(watched.check.explained)]
@@ -182,7 +183,7 @@ def attitude_lines(origin: Origin | None) -> list[str]:
     """
     if origin is None:
         return []
-    taken = "taken for driven by the gyros" if origin.is_assumed else "driven by the gyros"
+    taken = "assumed to be computed from the gyros" if origin.is_assumed else "computed from the gyros"
     return [f"attitude: {taken if origin.is_driven else 'of its own'} ({origin.why})"]
 
 
@@ -191,7 +192,7 @@ def _explained_lines(explained: Sequence[Explained]) -> list[str]:
     lines = []
     for where in dict.fromkeys(each.where for each in explained):
         shares = ", ".join(f"{each.output} {_share_text(each.share)}" for each in explained if each.where == where)
-        lines.append(f"slow motion that is explained where {where}: {shares}")
+        lines.append(f"slow motion explained in the {_PARTS.get(where, where)}: {shares}")
     return lines
 
 
@@ -214,7 +215,7 @@ def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:
             lines.append(f"{output} from {', '.join(operator['inputs'])}: {said}")
     for name, score in (watched.watches[0].scores if watched.watches else {}).items():
         threshold = f"{name}: alarm above {score.threshold:.3g} {score.unit}".rstrip()
-        lines.append(f"{threshold}; {_watched_text(name, watched.watches)}; known {known['look_ahead_s']:g} s later")
+        lines.append(f"{threshold}; {_watched_text(name, watched.watches)}; latency {known['look_ahead_s']:g} s")
     return lines
 
 
@@ -224,21 +225,21 @@ def _residual_text(output: str, known: Mapping[str, Any], watches: Sequence[Watc
     parts = [_sizes_text(output, known["rms_residual"], unit, watches)]
     if watches:
         parts.append(_watched_text(output, watches))
-    parts.append(f"known {known['look_ahead_s']:g} s later")
+    parts.append(f"latency {known['look_ahead_s']:g} s")
     if drift is not None:
-        parts.append(f"a drift below {drift:.2g} {per_second(unit)} passes")
+        parts.append(f"drifts slower than {drift:.2g} {per_second(unit)} are not detected")
     return "; ".join(parts)
 
 
 def _sizes_text(output: str, identified: float, unit: str, watches: Sequence[Watch]) -> str:
-    said = "residual " + f"{identified:.3g} {unit}".rstrip() + " RMS where identified"
+    said = "residual " + f"{identified:.3g} {unit}".rstrip() + " RMS in the part learnt from"
     if not watches:
         return said
     residual = rms(watch.residuals[output] for watch in watches)
-    said += f", {residual:.3g} here"
+    said += f", {residual:.3g} in the part watched"
     if output not in watches[0].record:  # no sensor's
         return said
-    return f"{said}, of a signal of {deviation([watch.record[output] for watch in watches]):.3g}"
+    return f"{said}, signal {deviation([watch.record[output] for watch in watches]):.3g}"
 
 
 def _watched_text(name: str, watches: Sequence[Watch]) -> str:
@@ -257,7 +258,7 @@ def _alarms_lines(watched: WatchedLog) -> list[str]:
 def _slow_lines(alarm: Alarm) -> list[str]:
     """Return an alarm of means or gains over tens of seconds, with since when and what is known."""
     named = "" if alarm.isolated_s is None else f"; named at {alarm.isolated_s:.2f} s"
-    ended = "not seen to end" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
+    ended = "its end was not seen" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
         *_witness_lines(alarm),
@@ -286,7 +287,7 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
     if alarm.ended_s is not None:
         known.append(f"{'calm' if alarm.doubt else 'gone'} since {alarm.ended_s:.2f} s")
     elif alarm.candidates:
-        known.append("not seen to end")
+        known.append("its end was not seen")
     if disarmed := disarmed_by(alarm, watch):
         known.append(f"no longer watched: {', '.join(disarmed)}")
     return [f"{alarm.time_s:.2f} s  {what}", *_witness_lines(alarm), *([f"    {'; '.join(known)}"] if known else [])]
@@ -320,17 +321,19 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
         silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
         if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
             return [f"nothing else{_alarms_text(watched)}"]
-        return [silence if watched.armed_hours else "no false-alarm rate is bounded: at no time was an alarm possible"]
+        return [silence if watched.armed_hours else "no false alarm rate is bounded: at no time was an alarm possible"]
     if watched.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
     suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
     bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
-        return [bound, "that is: it raised no alarm; a fault that it can't tell, or that was there before, isn't seen"]
+        return [
+            bound,
+            "this means: it raised no alarm; a fault that it cannot detect, or that was there before, is not found",
+        ]
     slower = "the drifts above" if predicts(watched.monitor) else "it can tell"
     return [
         bound,
-        f"that is: no fault of {', '.join(suspects)} above the thresholds began while watched;",
-        "one that was there from the first sample on is learnt as healthy; "
-        f"one that grows more slowly than {slower} isn't seen",
+        f"this means: no fault of {', '.join(suspects)} above the thresholds began while watched;",
+        f"one from the first sample on is learnt as healthy; one that grows more slowly than {slower} is not detected",
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import groupby
-from typing import Any
+from typing import Any, TypeGuard
 
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
 from gtmbench.detectors.bank.isolability import isolability
@@ -44,7 +44,7 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
     """
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
-    known = {
+    known: dict[str, Any] = {
         "name": monitor.name,
         "channels": list(monitor.channels),
         "suspects": list(monitor.suspects),
@@ -122,10 +122,10 @@ def monitor_lines(monitor: Monitor, watch: Watch) -> list[str]:
     armed = "never armed" if armed_s is None else f"armed at {armed_s:g} s"
     thresholds = [f"{score.name} {score.threshold:.4g} {score.unit}".rstrip() for score in watch.scores.values()]
     if isinstance(monitor, NormMonitor):
-        when = "" if armed_s is None else ", when the norm first stood at or below it"
+        when = "" if armed_s is None else ", when E(k) first was at or below it"
         threshold = f"{monitor.threshold:.4g} {unit_of(monitor.operator.outputs[0])}".rstrip()
         waits = f"look-ahead {monitor.look_ahead_s:g} s, window {monitor.window_s:g} s"
-        return [f"threshold: {threshold}; {armed}{when}", f"an alarm at k is dated (k + w + d) Ts: {waits}"]
+        return [f"threshold: {threshold}; {armed}{when}", f"times of alarms include {waits}"]
     known = f"thresholds: {', '.join(thresholds)}; {armed}" if thresholds else "it shows no score"
     return [f"monitor: {monitor.name}; {known}; delays count look-ahead ({monitor.look_ahead_s:g} s)"]
 
@@ -179,14 +179,15 @@ def residual_rows(monitor: BankMonitor) -> tuple[list[str], list[list[str]], lis
 def facts_text(monitor: BankMonitor) -> list[str]:
     """Return what a monitor stands on, line by line; a line is left out where the monitor doesn't know."""
     return [
-        "shift, energy: what the healthy residual's mean and mean square (1: noise) may do; drift: slower ones pass",
+        "shift, energy: how far a healthy residual's mean and mean square (1: noise) may move; drift: slower ones "
+        "are not detected",
         *origin_text(monitor),
     ]
 
 
 def origin_text(monitor: Monitor) -> list[str]:
     """Return what a monitor was calibrated on, and what its false-alarm rate is worth, as far as it knows."""
-    known = monitor.provenance
+    known: Mapping[str, Any] = monitor.provenance
     lines = [f"calibrated on: {_origin(known)}"] if known or isinstance(monitor, BankMonitor) else []
     if "tolerated_imperfections" in known:
         lines.append(f"imperfections of healthy gyros: {known['tolerated_imperfections']}")
@@ -198,25 +199,30 @@ def origin_text(monitor: Monitor) -> list[str]:
     if _is_number(wanted) and _is_number(bound) and _is_number(hours[1]):
         watched = duration_text(hours[1])
         lines.append(
-            f"false alarms: no more than {bound:.2g} an hour at 95 % from {watched} seen, those that set "
-            f"the thresholds; {wanted:g} an hour is extrapolated from the tails"
+            f"false alarms: {wanted:g} an hour asked for, which extrapolates the tails; the {watched} that set the "
+            f"thresholds show no more than {_rate_text(bound)} an hour (95 %)"
         )
     luck = Luck.told(known)
     if luck is not None:
         lines.append(
-            f"luck: other records like these would set thresholds {luck.median:.2g} times as "
-            f"high or low in the median; 95 % stay within {luck.within:.2g} times"
+            f"luck of these records: others like them would move thresholds by a factor of {luck.median:.2g} "
+            f"(median), {luck.within:.2g} (95 %)"
         )
     return lines
 
 
+def _rate_text(rate: float) -> str:
+    """Write a rate with the digits that count: ``0.11``, ``4.6``, ``120``."""
+    return f"{float(f'{rate:.2g}'):g}"
+
+
 def _thresholds_from(monitor: Monitor, hours: Any) -> str:
     if isinstance(monitor, BankMonitor) and monitor.uncertainties:
-        return "thresholds from the same, each stretch judged by operators that hadn't seen it"
+        return "thresholds from the same, each stretch tested by operators that were not fitted on it"
     return f"thresholds from {duration_text(hours)} of other records"
 
 
-def _is_number(value: Any) -> bool:
+def _is_number(value: Any) -> TypeGuard[float]:
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 

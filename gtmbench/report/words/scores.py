@@ -178,7 +178,7 @@ def _target(scores: Scores) -> str:
 def _thin_lines(scores: Scores) -> list[str]:
     flights = max((one.merits.flights for one in scores.detectors if one.merits), default=0)
     if 0 < flights < 6:
-        return [f"All of it is of {counted(flights, 'flight')}: too few to say how delays would be on others."]
+        return [f"These figures rest on {counted(flights, 'flight')}, too few to say how delays would be on others."]
     return []
 
 

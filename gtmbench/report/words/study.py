@@ -187,7 +187,7 @@ def _expectation_lines(trials: Sequence[Trial]) -> list[str]:
         return []
     differing = [trial for trial in expected if trial.unexpected]
     return [
-        f"as the scenarios expect: {len(expected) - len(differing)} of {len(expected)}",
+        f"expectations met: {len(expected) - len(differing)} of {len(expected)}",
         *(f"not as expected: {trial_text(trial)}: {'; '.join(trial.unexpected)}" for trial in differing),
     ]
 

@@ -300,7 +300,7 @@ def _next(watched: WatchedLog) -> list[str]:
     if watched.outcome is Outcome.UNKNOWN and watched.identified_s:
         return ["--identify SPAN|LOG for more healthy flight; --details for the rest."]
     if watched.outcome is Outcome.FAILED:
-        return ["--report F.html or --record F.rrd to see it; --details for the rest."]
+        return ["--report F.html or --record F.rrd shows it; --details for the rest."]
     return ["--details for the rest, with the sizes of detectable faults."]
 
 

@@ -72,8 +72,8 @@ class Campaign:
     name: str
     title: str
     scenarios: tuple[Scenario, ...]
-    axes: Axes = field(default_factory=dict)
-    healthy: Axes | None = None
+    axes: Mapping[str, Sequence[object]] = field(default_factory=dict)
+    healthy: Mapping[str, Sequence[object]] | None = None
     detectors: tuple[str, ...] = (OWN,)
     isolate: bool = True
     calibration: CalibrationFlights = CALIBRATION
@@ -274,7 +274,7 @@ def _scenarios(name: str, title: str, named: Any, table: dict[str, Any], *, only
     others = [load_scenario(source) for source in _names("scenarios", named, least=0)]
     twice = [other.name for other in others if [one.name for one in others].count(other.name) > 1]
     if twice:
-        raise InputError(f"two scenarios go by the name '{twice[0]}'; rename one file")
+        raise InputError(f"two scenarios have the name '{twice[0]}'; rename one file")
     if "faults" in table:
         return (*others, scenario_of(name, {"title": title, **table}))
     if others and table:

@@ -43,7 +43,7 @@ COLUMNS: Mapping[str, Column] = {
     "look_ahead_s": Column("double", "the part of every delay that the detector waits for samples"),
     **crossings.COLUMNS,
     "peak_ratio": Column(
-        "double", "greatest score over its threshold, since the onset; of a trial that only detects at most 5"
+        "double", "largest test statistic over its threshold since the onset; of a trial that only detects at most 5"
     ),
     "altered_share": Column("double", "of the samples of the fault that it changed"),
     "departure_time_s": Column("double", "when the aircraft departed, in the loop; null: it didn't"),

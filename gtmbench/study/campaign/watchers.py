@@ -72,7 +72,7 @@ def named(campaign: Campaign) -> Named:
             continue
         detector = as_detector(source)
         if detector.name in detectors:
-            raise InputError(f"two detectors go by the name '{detector.name}'; rows couldn't tell them apart")
+            raise InputError(f"two detectors have the name '{detector.name}'; rows couldn't tell them apart")
         detectors[detector.name] = detector
     found = Named(detectors=detectors, own=OWN in campaign.detectors)
     for scenario in campaign.scenarios:

@@ -34,7 +34,7 @@ class Following:
     Attributes
     ----------
     estimator : AttitudeEstimator or None
-        What makes it of the gyros; None where it doesn't follow.
+        What computes it from the gyros; None where it doesn't follow.
     why : str
         Why it follows, or doesn't.
     time_constant : str
@@ -50,13 +50,13 @@ class Following:
         """Two sentences that tell it.
 
         >>> Following(estimator=None, why="it was asked for").text
-        'The attitude stays as it is. Why: it was asked for.'
+        'The attitude stays as it is (it was asked for).'
         """
         does = "stays as it is"
         if self.estimator is not None:
             known = f"{self.estimator.time_constant_s:.3g} s ({self.time_constant})"
-            does = f"follows: an estimator with a time constant of {known} makes it of the gyros"
-        return f"The attitude {does}. Why: {self.why}."
+            does = f"follows the fault: an estimator with a time constant of {known} computes it from the gyros"
+        return f"The attitude {does} ({self.why})."
 
 
 def following_in_log(
@@ -102,7 +102,7 @@ def following_in_log(
         origin = origin_in_logs([read], mapping, spans=[(-math.inf, math.inf)])
         if not origin.is_driven:
             return Following(estimator=None, why=f"the gyros don't drive it: {origin.why}")
-        why = f"that the gyros drive it is assumed, {origin.why}" if origin.is_assumed else origin.why
+        why = f"assumed, {origin.why}" if origin.is_assumed else origin.why
     if told is not None:
         return Following(estimator=told, why=why, time_constant="as given")
     found = time_constant_in_log(read, mapping)

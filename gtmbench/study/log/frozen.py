@@ -90,7 +90,7 @@ def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArr
             before = f"for {usual_s[axis]:.2g} s at most" if usual_s[axis] else "at no time"
             reason = (
                 f"the reading of {gyro} stands at {record[gyro][start]:.3g} deg/s for {lasts_s:.0f} s while both "
-                f"others move; where identified it stood still {before}"
+                f"others move; in the part learnt from it stood still {before}"
             )
             lasts = end == len(record)
             judged = Judgement(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
@@ -39,7 +38,7 @@ class Healthy:
         return [*of_others, self.opened.own.part(self.spans)] if self.spans else of_others
 
     @property
-    def provenance(self) -> dict[str, Any]:
+    def provenance(self) -> dict[str, object]:
         """Where it comes from, as plain values."""
         logs = [other.log for other in self.opened.others] + [self.opened.log] * bool(self.spans)
         return {

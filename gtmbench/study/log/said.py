@@ -353,7 +353,7 @@ def _limits(watches: Sequence[Watch]) -> list[str]:
         return ["nothing of the log is left to watch"]
     reasons = [
         f"the score of {name} stood above its threshold from {watch.record.start_s:.2f} s on and never came down, so "
-        "nothing is told of it: a fault from the beginning, or sensors that it wasn't calibrated for"
+        "it has no verdict: a fault from the beginning, or sensors that it wasn't calibrated for"
         for watch in watches
         for name, score in watch.scores.items()
         if score.is_stuck_above

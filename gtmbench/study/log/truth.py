@@ -168,14 +168,14 @@ def score_log(
     ...     try:
     ...         gb.score_log(log)
     ...     except gb.InputError as error:
-    ...         print("a table tells of none" if "says of no failure" in str(error) else error)
-    a table tells of none
+    ...         print(str(error).partition(": ")[2][:44])
+    the log records no failure that was injected
     """
     path = Path(path)
     log = _opened(path, mapping)
     if not log.injections:
         raise InputError(
-            f"{path}: the log says of no failure that was injected (PX4: vehicle_command 420 or failure_injection, "
+            f"{path}: the log records no failure that was injected (PX4: vehicle_command 420 or failure_injection, "
             "ArduPilot: changes of SIM_GYR... parameters); watch it with gtmbench monitor"
         )
     watcher = prepared(detector)

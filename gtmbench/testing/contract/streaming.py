@@ -47,7 +47,7 @@ def _pushed(stream: Stream, record: Record, edges: Sequence[int], kind: str) -> 
                 f"{chunk.start_s:.3f}..{chunk.end_s:.3f} s"
             )
         before_s = chunk.end_s
-    assert len(stream.alarms) == numbers, f"the stream holds {len(stream.alarms)} alarms and has told of {numbers}"
+    assert len(stream.alarms) == numbers, f"the stream holds {len(stream.alarms)} alarms and has given {numbers}"
 
 
 def _batch(case: Case, record: Record, kind: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -77,7 +77,7 @@ class Case:
 
 
 def contract_case(
-    detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
+    detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> Case:
     """Return a detector calibrated, and a record with a fault, for the properties of the contract.
 

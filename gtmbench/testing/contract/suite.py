@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from gtmbench.faults.fault import Fault
 from gtmbench.testing.contract.calibrating import CALIBRATION
@@ -17,7 +16,7 @@ CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
 
 
 def check_detector(
-    detector: Any, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
+    detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> None:
     """Fail if a detector breaks the contract.
 

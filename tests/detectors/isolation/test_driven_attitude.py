@@ -130,8 +130,8 @@ def test_a_certificate_puts_its_faults_through_the_estimator_and_tells_the_worse
     for row in certificate().rows:
         size, other = row.size or np.inf, alone.of(row.sensor, row.kind).size
         assert size > 1.2 * other  # an attitude that follows hides some of a fault
-    assert "follows" in certificate_lines(certificate())[-1]
-    assert "follows" not in " ".join(certificate_lines(alone))
+    assert "taken to follow" in certificate_lines(certificate())[-1]
+    assert "taken to follow" not in " ".join(certificate_lines(alone))
 
 
 @pytest.mark.parametrize("sensor", GYROS)

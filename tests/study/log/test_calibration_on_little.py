@@ -204,9 +204,9 @@ def gappy(every):
         ([airliner("all").replace("phi", np.zeros(751)).replace("psi", np.zeros(751))], "channel 'p_att' is constant"),
         (
             [airliner("all").replace("q", np.full(751, np.nan))],
-            "751 samples hold too few windows of 5 without a missing one for q",
+            "751 samples are too few for windows of 5 without a missing one of q",
         ),
-        ([gappy(4)], "751 samples hold too few windows of 5 without a missing one for p"),
+        ([gappy(4)], "751 samples are too few for windows of 5 without a missing one of p"),
         ([gappy(9)], r"% of the residual of p is missing, for every missing sample takes those around it along"),
     ],
     ids=["short", "one of them short", "at rest", "not there", "no window", "hardly a window"],

@@ -231,7 +231,7 @@ def test_the_headline_says_which_sensors_are_blind(rows, said):
 def test_a_gyro_whose_end_would_go_unseen_is_told():
     rows = (row("p", None, "deadzone"), row("q", 0.5, "deadzone"), row("r", None, "deadzone"))
     told = certificate_lines(Certificate(rows=rows, watched_s=60.0))[-1]
-    assert told == "  p, r going dead would not have been detected at 90 % of start times"
+    assert told == "  A dead p or r would not have been detected at 90 % of start times"
 
 
 def test_the_table_says_of_each_kind_the_longest_time_that_a_sensor_takes():

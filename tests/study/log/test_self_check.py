@@ -134,7 +134,7 @@ def test_a_column_that_states_another_unit_is_told_with_what_to_type(tmp_path):
 def test_a_ready_monitor_refuses_a_log_that_isnt_what_it_expects(name, tmp_path):
     found = watched(ALL[name].mutate(flight()), tmp_path, ready(), healthy=[])
     assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
-    assert "where watched" in found.reasons[0]
+    assert "in the part watched" in found.reasons[0]
     assert ALL[name].dead or is_cause(ALL[name], found.check.causes[0].changes)
 
 
@@ -177,7 +177,7 @@ def test_a_fault_that_comes_in_is_watched_and_named_not_taken_for_a_wrong_mappin
     assert found.outcome is Outcome.FAILED
     assert {alarm.sensor for alarm in found.alarms} <= {fault.channel, getattr(fault, "other", None), None}
     assert any(fault.channel in alarm.verdict for alarm in found.alarms)
-    assert not any("no alarm tells of it" in reason for reason in found.reasons)
+    assert not any("no alarm was raised by it" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize("onset_s", [20.0, 45.0, 70.0])
@@ -195,7 +195,7 @@ def test_a_channel_that_stands_still_where_watched_is_never_nothing_found(tmp_pa
     stuck = np.where((slow.time_s > 20.0) & (slow.time_s < 22.0), slow["q"][500], slow["q"])
     found = watched(slow.replace("q", stuck), tmp_path)
     assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
-    assert "where identified: q stays at" in found.reasons[0]
+    assert "in the part to learn from: q stays at" in found.reasons[0]
 
 
 def test_what_nothing_explains_isnt_watched_and_what_was_tried_is_said(tmp_path):

@@ -159,7 +159,7 @@ def test_alarms_belong_to_the_failure_in_whose_window_they_are(scores):
 def test_report_json_and_the_commands_table(scores, biased, cli):
     told = score_report(scores)
     assert told[0].startswith("we: 1 of 1 failure found (1 named)")
-    assert told[1] == "the autopilot: 1 of 1 failure told of as a sensor's; 0 false words outside of them"
+    assert told[1] == "the autopilot: 1 of 1 failure reported as a sensor's; 0 false words outside of them"
     row = score_results(scores)["failures"][0]
     assert (row["said"], row["autopilot_delay_s"]) == (NAMED, pytest.approx(6.0))
     (line,) = (line for line in log_report(scores.watched) if line.startswith("injected: q"))
@@ -176,7 +176,7 @@ def test_without_truth_it_is_one_line(cli, tmp_path, flight):
     for name in ("log.bin", "log.csv"):
         found = cli("score", name)
         refused(found)
-        assert "the log says of no failure that was injected" in found[2]
+        assert "the log records no failure that was injected" in found[2]
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ from gtmbench.values.channels import COMMANDS
 from gtmbench.values.pieces import pieces
 from gtmbench.values.record import FloatArray, Record, Span
 
-IDENTIFIED, WATCHED, ALL = "where identified", "where watched", "in all of it"
+IDENTIFIED, WATCHED, ALL = "in the part to learn from", "in the part watched", "in all of it"
 _STILL = 1e-9  # of a channel's unit: it doesn't move
 _COUNT = ("constant", "saturated")  # remarks that count
 
@@ -66,8 +66,8 @@ class Cause:
 class Stop:
     """Why nothing is watched: what is wrong, and in which log and part of it, "" where that is said.
 
-    >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, where identified"))
-    'flight.csv, where identified: q reads 0 all the time: dead, or held'
+    >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, in the part watched"))
+    'flight.csv, in the part watched: q reads 0 all the time: dead, or held'
     """
 
     text: str
@@ -138,7 +138,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     parts : sequence of Part
         One a log.
     where : str
-        What they are: ``where identified``, ``where watched``.
+        What they are: `IDENTIFIED`, `WATCHED` or `ALL`.
     """
     causes: list[Cause] = []
     stops: list[Stop] = []
@@ -156,7 +156,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         if named:
             wrong.append(f"{_either(named)}; {named[0].why}")
         elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
-            wrong.append(f"gyros and attitude don't tell of one motion; {nothing_found_text()}")
+            wrong.append(f"gyros and attitude don't show one motion; {nothing_found_text()}")
         stops += [Stop(text=text, at=at) for text in wrong]
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
@@ -213,7 +213,7 @@ def check_watched(
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
     silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
-    doubts = (*check.doubts, *(f"{text}; no alarm tells of it" for text in silent))
+    doubts = (*check.doubts, *(f"{text}; no alarm was raised by it" for text in silent))
     if not predicts(monitor):
         return replace(check, doubts=doubts)
     before = {each.output: each for each in check.explained}
