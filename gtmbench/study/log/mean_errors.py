@@ -31,7 +31,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 _STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _OF_TURN = 0.05  # of a second's turn
-_LATE = 0.001  # deg of attitude for each (deg/s)^2, in a second
+_LATE, _MOST_DEG = 0.001, 10.0  # deg of attitude for each (deg/s)^2, in a second; what no second adds beyond
 _TAU_S, _BEGINS_DEG = 5.0, 1.0  # an estimator's time constant; by what its attitude is off where the log begins
 _SCATTERS_S = 3  # in which samples' scatter is estimated
 _REMEMBERED = 40  # seconds
@@ -147,7 +147,7 @@ def weights(seconds: ErrorSeconds) -> FloatArray:
     turn = np.linalg.norm(seconds.motion, axis=1)
     # The angle's variance a before each second: a(k + 1) = exp(-2 / tau) a(k) + (late rate(k)^2)^2.
     left = np.exp(-2.0 * SECOND_S / _TAU_S * np.arange(_REMEMBERED))
-    grown = np.nan_to_num(np.square(_LATE * np.square(turn)))
+    grown = np.nan_to_num(np.square(np.minimum(_LATE * np.square(turn), _MOST_DEG)))
     angle = np.convolve(np.concatenate([[_BEGINS_DEG**2], grown[:-1]]), left)[: len(grown)]
     pulled = np.square(_OF_TURN * turn) + angle / _TAU_S**2 + _WANDER_DEG_S**2
     # Ten samples may scatter little by chance; three seconds of them hardly do.
