@@ -1,4 +1,4 @@
-"""What is watched of a log that can't be watched whole: p and q where the heading tells nothing of r, a flight alone."""
+"""Logs that can't be watched whole: p and q where the heading tells nothing of r, and a flight but for its crash."""
 
 from dataclasses import replace
 
