@@ -102,8 +102,8 @@ def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excur
 
 def _crashes(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> list[Excursion]:
     """Return the hard contacts, and the failures that an autopilot tells of, after which the aircraft doesn't fly."""
-    flown_s = _flown_s(watches)
     hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
+    flown_s = _flown_s(watches) if hard else np.zeros(0)
     return [each for each in hard if not _flies_on(flown_s, each.end_s)]
 
 
