@@ -46,9 +46,14 @@ INTRODUCTION = """All of each log, as `gtmbench monitor LOG --detector auto` wat
 The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
 dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`), erlerobot/logs (a name
 has its folders), huangwen0907/File (`hw_`), ArduPilot/UAVLogViewer (`src/assets/vtol.tlog`), joeydouglas/dataflash_logs
-(`jd_`) and AscendEngineering/UpgradeEnergy (`test.ulg`). Those of DependableSystemsLab/DeLorean (`dl_`, `data/`; some
-are attacked, and nothing says which), Alexishere01/mavrik-control (`mavrik_`, `forwardFlight/logs/`) and
-1202martin/pymavlink_tutorial (`martin_`, `logs/`) are of ArduPilot's simulator.
+(`jd_`), AscendEngineering/UpgradeEnergy (`test.ulg`), MarcusUWA/EAICS (`eaics_`, `flight.tlog`), SuWeipeng/ArduPilotLog
+(`suwei_`), Javiercerna/pixhawk-flight-time (`jc_`, `logs/`), ahmadkhanfar/TLOG (`ak_`), jschall/magfit_scaling
+(`jschall_`) and lerlis/RLS-fault-diagnosis-for-RflyMAD (`rfly_`, `data/`: motors that are made to fail). Those of
+DependableSystemsLab/DeLorean (`dl_`, `data/`; some are attacked, and nothing says which), Alexishere01/mavrik-control
+(`mavrik_`, `forwardFlight/logs/`), 1202martin/pymavlink_tutorial (`martin_`, `logs/`), maikbasso/drone-control
+(`maik_`, `logs/`), aiba4531/DarpaTriage (`darpa_`, `logs/`), skapila/Control_Tunning_Project (`skapila_`,
+`ArdupilotRcTraining/logs/`), DaniGitman79/uav-sysid (`dani_`) and Gehtschon/autonomous-soaring (`gehtschon_`) are of
+ArduPilot's simulator.
 
 - *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged after what was learnt from.
   *watched*: the share of these in which residuals could alarm; *or means*: or means over tens of seconds.

@@ -40,6 +40,11 @@ TRUTHS: dict[str, Truth] = {
     "pxf_copter_09-10-2014_30.BIN": Truth("p drifts by 1 deg/s within a minute", ("p",), _WARM),
     "pxf_copter_09-10-2014_31.BIN": Truth("p drifts to -3 deg/s at 371 s", ("p",), _WARM),
     "pxf_copter_8-10-2014_18.BIN": Truth("p drifts to -2.3 deg/s within a minute, and the bank along", ("p",), _WARM),
+    "pxf_copter_8-10-2014_10.BIN": Truth(
+        "p reads 0.9 deg/s at rest before the flight and -1.9 at rest two minutes later",
+        ("p",),
+        "the plot: gyros at rest",
+    ),
     "pxf_copter_15-10-2014_42.BIN": Truth("p drifts to -1.5 deg/s within half a minute", ("p",), _WARM),
     "ekf_failure.ulg": Truth(
         "an estimator fails in flight", (), "its name in PX4/flight-review-rs, and its own messages"

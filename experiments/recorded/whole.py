@@ -220,13 +220,24 @@ def _broken(log: Opened, fault: gb.Fault, attitude: str) -> Opened:
         if record.end_s < fault.onset_s:
             parts.append(record)
             continue
-        broken = gb.inject(record, replace(fault, onset_s=max(fault.onset_s, record.start_s)))
+        broken = gb.inject(record, _from(fault, record.start_s))
         if attitude != ALONE and {*GYROS, *ATTITUDE} <= set(record.channels):
             broken = ESTIMATOR.bent(record, broken)
         parts.append(broken)
     changed = replace(log.log, segments=tuple(parts))
     motion = changed if log.own.motion is log.log else None
     return replace(log, own=OpenedLog(log=changed, motion=motion))
+
+
+def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
+    """Return a fault as it is in a stretch that begins then: a drift has gone on meanwhile."""
+    if fault.onset_s >= start_s:
+        return [fault]
+    later = [replace(fault, onset_s=start_s)]
+    if isinstance(fault, gb.Drift):
+        reached = fault.slope * (start_s - fault.onset_s)
+        later.append(gb.Bias(channel=fault.channel, onset_s=start_s, size=reached))
+    return later
 
 
 def _left(said: Said) -> list[Alarm]:

@@ -97,9 +97,9 @@ class Lesson:
             except InputError as error:
                 self._forget()
                 return None, str(error).replace(f"{path}: ", "").replace(str(path), "the link")
-        if taught.check.stops or not is_ready(taught.monitor):
+        if not (taught.check.passed and is_ready(taught.monitor)):
             self._forget()
-            return None, "; ".join(map(str, taught.check.stops)) or "it is no flight"
+            return None, "; ".join([*map(str, taught.check.stops), *taught.check.doubts]) or "it is no flight"
         (start_s, end_s), *_ = taught.identified_s or ((0.0, 0.0),)
         return taught.monitor, f"learnt from {end_s - start_s:.0f} s"
 

@@ -77,9 +77,7 @@ def but_after_crashes(
     """
     if not any(alarm.doubt for alarm in told):
         return tuple(told)
-    flown_s = _flown_s(watches)
-    hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
-    crashes = [each for each in hard if not _flies_on(flown_s, each.end_s)]
+    crashes = _crashes(watches, excursions)
 
     def put_down(alarm: Alarm) -> Alarm:
         crash = next((each for each in crashes if each.start_s <= alarm.onset_s), None)
@@ -88,6 +86,25 @@ def but_after_crashes(
         return replace(alarm, judgements=(*alarm.judgements, replace(alarm.last, doubt=crash.reason)))
 
     return tuple(map(put_down, told))
+
+
+def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excursion | None:
+    """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does.
+
+    Parameters
+    ----------
+    watches : sequence of Watch
+    excursions : sequence of Excursion
+        Of the whole log.
+    """
+    return min(_crashes(watches, excursions), key=lambda each: each.start_s, default=None)
+
+
+def _crashes(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> list[Excursion]:
+    """Return the hard contacts, and the failures that an autopilot tells of, after which the aircraft doesn't fly."""
+    hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
+    flown_s = _flown_s(watches) if hard else np.zeros(0)
+    return [each for each in hard if not _flies_on(flown_s, each.end_s)]
 
 
 def _flown_s(watches: Sequence[Watch]) -> FloatArray:

@@ -5,20 +5,26 @@ Whatever is wrong where something is learnt stops the watch: the stages behind p
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
+from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
+from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.healthy import Healthy
+from gtmbench.study.log.healthy import Healthy, chosen
 from gtmbench.study.log.identified import LeftOut, undisturbed
-from gtmbench.study.log.opened import Opened
+from gtmbench.study.log.opened import Opened, but_heading
+from gtmbench.study.log.opened import opened as opened_anew
 from gtmbench.study.log.records import outside, whole_s
 from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
 from gtmbench.study.watchers import with_provenance
 from gtmbench.values.record import Record, Span
+
+_R = "r"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,11 +59,39 @@ class Learnt:
 def learnt(healthy: Healthy, progress: Progress) -> Learnt:
     """Calibrate a detector on what is healthy, where the wiring of that is as it should be.
 
+    Where r can't be explained, either it or the heading is wrong: p and q are watched without the heading.
+
     Raises
     ------
     InputError
         Where that is too little, or doesn't allow the false-alarm rate.
     """
+    found = _learnt(healthy, progress)
+    question = healthy.opened.asked
+    without = but_heading(question)
+    is_asked = isinstance(question.watcher, AutoDetector) and without.mapping != question.mapping
+    if not (is_asked and found.check.of_heading):
+        return found
+    with contextlib.suppress(InputError):  # too little to learn from: it stays as it was found
+        others = _learnt(chosen(opened_anew(without)), progress)
+        if not others.check.stops:
+            return _but_r(found, others)
+    return found
+
+
+def _but_r(found: Learnt, others: Learnt) -> Learnt:
+    """Return a monitor of p and q with the doubt that remains of r."""
+    doubt = f"{found.check.of_heading}, so r or the heading is wrong; p and q are watched without the heading"
+    untold = others.opened.unwatched.get(_R)
+    return replace(
+        others,
+        opened=replace(others.opened, unwatched={**others.opened.unwatched, _R: doubt}),
+        check=replace(others.check, doubts=(*others.check.doubts, doubt)),
+        findings=tuple(doubt if finding == untold else finding for finding in others.findings),
+    )
+
+
+def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
     opened, watcher, stretches = healthy.opened, healthy.opened.watcher, healthy.stretches
     if stretches is None or not is_recipe(watcher):
         return Learnt(opened=opened, monitor=watcher, findings=healthy.findings)

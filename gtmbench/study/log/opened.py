@@ -164,10 +164,13 @@ def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
     with contextlib.suppress(InputError):  # whoever opens it to watch it says why
         if {*GYROS, *ATTITUDE} <= set(log_contents(read, mapping=asked.mapping).usable):
             why = no_heading(open_log(read, mapping=asked.mapping, needs=ATTITUDE))
-    if not why:
-        return asked, ()
+    return (but_heading(asked), (f"{why}, so the log is watched without a heading",)) if why else (asked, ())
+
+
+def but_heading(asked: Asked) -> Asked:
+    """Return what is asked of a log without its heading."""
     mapping = (*(text for text in asked.mapping if text.partition("=")[0].strip() != "psi"), f"psi={NONE}")
-    return replace(asked, mapping=mapping), (f"{why}, so the log is watched without a heading",)
+    return replace(asked, mapping=mapping)
 
 
 def _at_own_rate(asked: Asked, read: ReadLog, monitor: Monitor) -> FlightLog:

@@ -148,9 +148,14 @@ def turning_by_second(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]
         gyros = record.matrix(GYROS)
         rates = attitude_rates(record)
         both = np.minimum(*(np.linalg.norm(each - np.nanmedian(each, axis=0), axis=1) for each in (gyros, rates)))
-        rows = [rows for _, rows in rows_by_second(record, record.start_s) if np.isfinite(both[rows]).any()]
-        times_s.append(np.array([record.time_s[part.start] for part in rows]))
-        found.append(np.array([np.sqrt(np.nanmean(np.square(both[part]))) for part in rows]))
+        known = np.isfinite(both)
+        rows = [rows for _, rows in rows_by_second(record, record.start_s) if known[rows].any()]
+        if rows:
+            edges = np.array([[part.start, part.stop] for part in rows]).ravel()
+            of_rows = np.append(np.where(known, np.square(both), 0.0), 0.0), np.append(known, False).astype(np.int_)
+            sums, counts = (np.add.reduceat(each, edges)[::2] for each in of_rows)
+            times_s.append(record.time_s[edges[::2]])
+            found.append(np.sqrt(sums / counts))
     return np.concatenate(times_s), np.concatenate(found)
 
 

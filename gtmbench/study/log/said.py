@@ -23,7 +23,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
-from gtmbench.study.log.contacts import but_after_crashes, over
+from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
 from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
 from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
@@ -144,7 +144,8 @@ def doubted(said: Said, progress: Progress) -> Said:
     watches = [_but_small(watch, learnt) for watch in watches]
     if learnt.opened.bends:
         watches = _but_bent(watches)
-    check = check_watched(said.check, monitor, watches, log, _left_s(learnt))
+    crash = crash_of(watches, said.excursions)
+    check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
     means, turns = _slow(said)

@@ -2,8 +2,8 @@
 
 An estimator integrates its gyros, so a fault shows only in how references pull the attitude back: too slowly for a test
 that looks at seconds. In means over tens of seconds it shows whole. Attitude and gyros part in health, too: references
-wander, turning shows scale errors, and samples that come too seldom alias vibration. So a mean is held against the
-largest where identified, against its own noise, and against the turning meanwhile.
+wander, turning shows scale errors, and samples that come too seldom alias vibration. So calm seconds count for more
+(`mean_errors`), and a mean is held against its own deviation, by as many of them as it ever reached where identified.
 
 What has risen is a doubt at first. Whoever is wrong has been so in one direction: summed up, that is an angle by which
 the attitude would be off if the gyro were right. No estimator's bank or pitch is off by two thirds of a right angle, so
@@ -18,11 +18,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
-from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.excursion import Excursion
 from gtmbench.faults.additive import Bias, Drift
-from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
-from gtmbench.study.log.self_check.motion import attitude_rates
-from gtmbench.study.log.vertical import up_of
+from gtmbench.study.log.mean_errors import ErrorSeconds, MeanErrors, error_seconds, mean_errors, weighted_means
+from gtmbench.study.log.seconds import SECOND_S, trailing_means
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
@@ -30,10 +29,8 @@ SLOW = "mean against the attitude"  # test of such alarms
 LEAST_DEG_S = 0.1  # a mean error that is ever called a failure, where the attitude is an estimator's
 WINDOWS = (10, 30)  # seconds
 _FLOOR_DEG_S = 0.3
-_OF_HEALTHY, _DEVIATIONS, _OF_MOTION = 3.0, 5.0, 0.05
-_KNOWN = 0.8  # of a window
-_FALLS = 1.0 / 3.0  # power of a window's length with which its largest healthy mean falls, at least
-_STEEPEST_DEG = 75.0  # of pitch, for which Euler angles still tell rates
+_OF_HEALTHY, _DEVIATIONS = 3.0, 4.0  # times the largest of healthy means, in deviations; deviations of its own
+_GROWS_AS = 1.0 / 6.0  # power of a window's length: an estimator's wander falls with its cube root, not its root
 _LASTS = 0.5  # of the bound: below, it has ended
 _NAMED_DEG, _HEADING_DEG, _OPEN_DEG = 60.0, 360.0, 90.0  # how far the attitude would be off
 # so long, so much, of so many seconds that are known: less may be warming, or a new calibration
@@ -52,8 +49,10 @@ class SlowMeans:
     start_s : float
     error : FloatArray
         In deg/s, shape (seconds, 3), about what is usual where identified; NaN where nothing is known.
+    weight : FloatArray
+        How much each second tells, shape (seconds, 3).
     bounds : mapping of window to FloatArray
-        What a mean over so many seconds up to each has to exceed, shape (seconds, 3).
+        What a weighted mean over so many seconds up to each has to exceed, shape (seconds, 3).
     is_watched : BoolArray
         Shape (seconds,): not where identified.
     is_driven : bool
@@ -63,6 +62,7 @@ class SlowMeans:
 
     start_s: float
     error: FloatArray = field(repr=False)
+    weight: FloatArray = field(repr=False)
     bounds: Mapping[int, FloatArray] = field(repr=False)
     is_watched: BoolArray = field(repr=False)
     is_driven: bool
@@ -75,8 +75,8 @@ class SlowMeans:
         return float(np.count_nonzero(known & self.is_watched)) * SECOND_S
 
     def mean(self, window: int) -> FloatArray:
-        """Return the means over so many seconds up to each."""
-        return trailing_means(self.error, window, _KNOWN)
+        """Return the weighted means over so many seconds up to each."""
+        return weighted_means(self.error, self.weight, window)
 
     def excess(self, window: int) -> FloatArray:
         """Return how many times their bounds these are."""
@@ -116,17 +116,17 @@ def slow_means(
     [(102.0, 'q failed')]
     """
     start_s = records[0].start_s
-    seconds = _seconds(records, start_s, excursions)
+    seconds = error_seconds(records, start_s, excursions)
     at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
     usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
-    error = beyond_gains(seconds.error, seconds.motion, usual)
-    if np.count_nonzero(usual & np.isfinite(error).any(axis=1)) < FEWEST:
+    errors = mean_errors(seconds, usual)
+    if errors is None:
         return None
-    floor = max(_FLOOR_DEG_S, least_deg_s)
     compared = SlowMeans(
         start_s=start_s,
-        error=error,
-        bounds=_bounds(error, seconds, usual, floor),
+        error=errors.error,
+        weight=errors.weight,
+        bounds=_bounds(errors, usual, max(_FLOOR_DEG_S, least_deg_s)),
         is_watched=~usual,
         is_driven=is_driven,
     )
@@ -199,64 +199,25 @@ def mean_error_deg_s(alarm: Alarm) -> float | None:
     return abs(last.parameters["slope"]) * max(last.time_s - last.parameters.get("onset_s", alarm.onset_s), 0.0)
 
 
-# ---- seconds ----
+# ---- bounds ----
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seconds:
-    """Gyros less the attitude's rates, what the gyros read, the variance of a mean that samples leave, where up is."""
-
-    error: FloatArray  # shape (seconds, 3), as all
-    motion: FloatArray
-    variance: FloatArray
-    up: FloatArray
-
-
-def _seconds(records: Sequence[Record], start_s: float, excursions: Sequence[Excursion]) -> _Seconds:
-    count = int((records[-1].end_s - start_s) / SECOND_S) + 1
-    error, motion, variance, up = (np.full((count, 3), np.nan) for _ in range(4))
-    for record in records:
-        gyros, differences, vertical = record.matrix(GYROS), _differences(record), up_of(record)
-        steep = np.abs(record["theta"]) > _STEEPEST_DEG
-        known = np.isfinite(differences).all(axis=1) & ~steep
-        for second, rows in rows_by_second(record, start_s):
-            there = known[rows]
-            if np.count_nonzero(there) > 0.5 * len(there):
-                part = differences[rows][there]
-                error[second], motion[second] = part.mean(axis=0), gyros[rows][there].mean(axis=0)
-                variance[second] = part.var(axis=0) / len(part)
-                up[second] = np.abs(vertical[rows][there]).mean(axis=0)
-    for each in excursions:
-        if each.reason != MOTION and not each.is_judged:
-            first, last = (int((time_s - start_s) // SECOND_S) for time_s in (each.start_s, each.end_s))
-            error[max(first, 0) : max(last + 1, 0)] = np.nan
-    return _Seconds(error=error, motion=motion, variance=variance, up=up)
-
-
-def _differences(record: Record) -> FloatArray:
-    """Return what each gyro reads more than the attitude turns."""
-    return np.asarray(record.matrix(GYROS) - attitude_rates(record))
-
-
-def _bounds(error: FloatArray, seconds: _Seconds, usual: BoolArray, floor: float) -> dict[int, FloatArray]:
+def _bounds(errors: MeanErrors, usual: BoolArray, floor: float) -> dict[int, FloatArray]:
     """Return what healthy means don't exceed.
 
     Where a window hardly fits into what is healthy, its few means count together with what a shorter one's largest
-    comes to over more seconds: noise falls with the root of their number, an estimator's wander at least with the cube
-    root.
+    comes to.
     """
     bounds: dict[int, FloatArray] = {}
     largest, before = np.full(3, np.inf), WINDOWS[0]
     for window in WINDOWS:
-        means, noise = trailing_means(error, window, _KNOWN), trailing_means(seconds.variance, window, _KNOWN)
-        turning = np.linalg.norm(trailing_means(seconds.motion, window, _KNOWN), axis=1)
+        means, deviation = errors.mean(window), errors.deviation(window)
         within = trailing_means(usual.astype(np.float64), window) == 1.0
-        healthy = np.abs(means[within & np.isfinite(means).any(axis=1)])
+        healthy = np.abs(means / deviation)[within & np.isfinite(means).any(axis=1)]
         own_largest = np.nanmax(healthy, axis=0, initial=0.0)
-        of_shorter = largest * (before / window) ** _FALLS
+        of_shorter = largest * (window / before) ** _GROWS_AS
         largest, before = own_largest if len(healthy) >= window else np.maximum(own_largest, of_shorter), window
-        own = np.maximum(np.maximum(floor, _OF_HEALTHY * largest), _DEVIATIONS * np.sqrt(noise / window))
-        bounds[window] = np.asarray(own + _OF_MOTION * turning[:, np.newaxis])
+        bounds[window] = np.maximum(floor, np.maximum(_OF_HEALTHY * largest, _DEVIATIONS) * deviation)
     return bounds
 
 
@@ -325,7 +286,7 @@ def _summed(compared: SlowMeans, axis: int, onset: int, stop: int) -> float:
     return float(np.nansum(compared.error[onset:stop, axis]) * SECOND_S)
 
 
-def _alarm(number: int, compared: SlowMeans, seconds: _Seconds, fault: _Fault) -> Alarm:
+def _alarm(number: int, compared: SlowMeans, seconds: ErrorSeconds, fault: _Fault) -> Alarm:
     """Return the alarm of an error, with what is known of it as soon as it is."""
     gyro, angle = GYROS[fault.axis], ATTITUDE[fault.axis]
     told_s = compared.start_s + (fault.known + 1) * SECOND_S
@@ -346,7 +307,7 @@ def _alarm(number: int, compared: SlowMeans, seconds: _Seconds, fault: _Fault) -
     )
 
 
-def _judged(compared: SlowMeans, seconds: _Seconds, fault: _Fault, stop: int) -> str | None:
+def _judged(compared: SlowMeans, seconds: ErrorSeconds, fault: _Fault, stop: int) -> str | None:
     """Return who is wrong by what is known until a second: the gyro's name, "" for it or the angle, or None."""
     part = compared.error[fault.onset : stop]
     own = part[np.isfinite(part[:, fault.axis]), fault.axis]

@@ -10,13 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.faults.additive import Bias, Drift
-from gtmbench.study.log.seconds import SECOND_S, IntArray
+from gtmbench.study.log.seconds import SECOND_S, IntArray, trailing_means
 from gtmbench.study.log.slow_means import WINDOWS, SlowMeans
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _WITHIN_S = 60  # of its onset
+_BLOCK = 4096  # onsets that are worked out at a time
+_NOTHING = 1e-12  # of a weighted sum
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,10 +53,11 @@ def slow_size(means: SlowMeans, sensor: str, kind: str, share: float) -> SlowSiz
     >>> from gtmbench.values.record import Record
     >>> level = Record(np.zeros((3000, 6)), channels=[*GYROS, "phi", "theta", "psi"], sample_period_s=0.1)
     >>> means = slow_means([level], healthy=[(0.0, 100.0)], is_driven=False)
-    >>> slow_size(means, "q", "bias", 0.9)
-    SlowSize(size=0.3, within_s=60.0, time_constant_s=None)
+    >>> shown = slow_size(means, "q", "bias", 0.9)
+    >>> round(shown.size, 6), shown.within_s, shown.time_constant_s
+    (0.3, 60.0, None)
     """
-    if sensor not in GYROS or kind not in _INTEGRALS:
+    if sensor not in GYROS or kind not in _RATES:
         return None
     axis = GYROS.index(sensor)
     begins = _begins(means, axis)
@@ -83,31 +86,39 @@ def _size(means: SlowMeans, axis: int, kind: str, begins: IntArray, share: float
 
     A fault may turn against what is there already. Where the monitor was identified, no mean alarms.
     """
-    elapsed = np.arange(_WITHIN_S + 1, dtype=np.float64) * SECOND_S
-    summed = _INTEGRALS[kind](elapsed, tau_s)
-    least = np.full(len(begins), np.inf)
-    for window in WINDOWS:
-        needed = np.nan_to_num(means.bounds[window] + np.abs(means.mean(window)), nan=np.inf, posinf=np.inf)[:, axis]
-        needed = np.concatenate([np.where(means.is_watched, needed, np.inf), np.full(_WITHIN_S, np.inf)])
-        shown = (summed[1:] - summed[np.maximum(np.arange(1, _WITHIN_S + 1) - window, 0)]) / (window * SECOND_S)
-        for later, part in enumerate(shown.tolist()):
-            if part > 0.0:
-                least = np.minimum(least, needed[begins + later] / part)
-    return float(np.quantile(least, share, method="higher"))
+    errors = _RATES[kind](np.asarray((np.arange(_WITHIN_S) + 0.5) * SECOND_S), tau_s)
+    known = np.where(np.isfinite(means.error[:, axis]), means.weight[:, axis], 0.0)
+    ahead = np.lib.stride_tricks.sliding_window_view(np.append(known, np.zeros(_WITHIN_S)), _WITHIN_S)
+    needs = [_needs(means, axis, window, known) for window in WINDOWS]
+    least: list[FloatArray] = []
+    for part in np.split(begins, range(_BLOCK, len(begins), _BLOCK)):
+        # What of an error of 1 the seconds since its onset hold up to each, shape (begins, seconds since).
+        summed = np.cumsum(ahead[part] * errors, axis=1)
+        until, smallest = part[:, np.newaxis] + np.arange(_WITHIN_S), np.full(len(part), np.inf)
+        for window, needed in zip(WINDOWS, needs, strict=True):
+            shown = summed.copy()
+            shown[:, window:] -= summed[:, :-window]
+            sizes = needed[until] / np.maximum(shown, _NOTHING)
+            smallest = np.minimum(smallest, sizes.min(axis=1))
+        least.append(smallest)
+    return float(np.quantile(np.concatenate(least), share, method="higher"))
+
+
+def _needs(means: SlowMeans, axis: int, window: int, known: FloatArray) -> FloatArray:
+    """Return the weighted sum of an error that reaches a window's bound up to each second; infinite where none does."""
+    needed = (means.bounds[window] + np.abs(means.mean(window)))[:, axis] * window * trailing_means(known, window)
+    needed = np.where(means.is_watched & np.isfinite(needed), needed, np.inf)
+    return np.append(needed, np.full(_WITHIN_S, np.inf))
 
 
 def _bias(elapsed_s: FloatArray, tau_s: float | None) -> FloatArray:
-    """Return the integral of what a bias of 1 leaves of a gyro less the attitude's rate."""
-    if tau_s is None:
-        return elapsed_s
-    return np.asarray(elapsed_s - tau_s * (1.0 - np.exp(-elapsed_s / tau_s)))
+    """Return what a bias of 1 leaves of a gyro less the attitude's rate."""
+    return np.ones(len(elapsed_s)) if tau_s is None else np.asarray(1.0 - np.exp(-elapsed_s / tau_s))
 
 
 def _drift(elapsed_s: FloatArray, tau_s: float | None) -> FloatArray:
     """Return the same of a drift of 1 a second."""
-    if tau_s is None:
-        return np.asarray(0.5 * np.square(elapsed_s))
-    return np.asarray(0.5 * np.square(elapsed_s) - tau_s * _bias(elapsed_s, tau_s))
+    return elapsed_s if tau_s is None else np.asarray(elapsed_s - tau_s * _bias(elapsed_s, tau_s))
 
 
-_INTEGRALS = {Bias.kind: _bias, Drift.kind: _drift}
+_RATES = {Bias.kind: _bias, Drift.kind: _drift}

@@ -92,7 +92,7 @@ class WatchedLog:
     attitude : Origin or None
         Whether the attitude was taken for one that the gyros drive, and why; None if the monitor doesn't use one.
     unwatched : mapping of str to str
-        Why gyros aren't watched that the log's channels give no relation.
+        Why gyros aren't watched that the log's channels give no relation, or one that doesn't fit.
     is_assumed_healthy : bool
         Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
 

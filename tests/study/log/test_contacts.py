@@ -95,7 +95,15 @@ def doubtful(onset_s):
 
 def means_of(*alarms):
     none = np.zeros((0, 3))
-    return SlowMeans(start_s=0.0, error=none, bounds={}, is_watched=none[:, 0] > 0.0, is_driven=True, alarms=alarms)
+    return SlowMeans(
+        start_s=0.0,
+        error=none,
+        weight=none,
+        bounds={},
+        is_watched=none[:, 0] > 0.0,
+        is_driven=True,
+        alarms=alarms,
+    )
 
 
 def test_what_means_doubt_after_a_crash_is_put_down_to_it_and_before_it_stays():

@@ -11,7 +11,7 @@ from gtmbench.detectors.predicting import PredictingMonitor
 from gtmbench.detectors.protocol import Watch
 from gtmbench.study.log.self_check.motion import slow_pieces
 from gtmbench.values.pieces import deviation
-from gtmbench.values.record import FloatArray, Record
+from gtmbench.values.record import FloatArray, Record, Span
 
 ENOUGH = 0.5  # of the motion: with the right wiring 0.66 and more, with a wrong one 0.37 and less
 _NOISE = 0.7  # of all of a residual: what is slow in it, at most, where it is noise
@@ -68,14 +68,25 @@ def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Rec
     return found
 
 
-def explained_where_watched(monitor: PredictingMonitor, watches: Sequence[Watch]) -> list[Explained]:
-    """Return what every residual of a sensor explains of what a monitor watched."""
+def explained_where_watched(
+    monitor: PredictingMonitor, watches: Sequence[Watch], left_out: Sequence[Span]
+) -> list[Explained]:
+    """Return what every residual of a sensor explains of what a monitor watched, but for some spans."""
     found = []
     for sensor in monitor.basis.predicts if watches else ():
-        residuals = (watch.residuals[sensor] for watch in watches)  # one by one: they are let go
+        residuals = (_outside(watch, sensor, left_out) for watch in watches)  # one by one: they are let go
         signals = [watch.record[sensor] for watch in watches]
         found.append(_explained(monitor, sensor, "watched", residuals, signals))
     return found
+
+
+def _outside(watch: Watch, sensor: str, left_out: Sequence[Span]) -> FloatArray:
+    """Return a residual without some spans."""
+    residual, time_s = watch.residuals[sensor], watch.record.time_s
+    for start_s, end_s in left_out:
+        within = (time_s >= start_s) & (time_s <= end_s)
+        residual = np.where(within, np.nan, residual) if within.any() else residual
+    return residual
 
 
 def _moments(values: FloatArray, readings: FloatArray) -> tuple[float, float, float, int]:

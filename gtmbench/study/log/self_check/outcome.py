@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
@@ -36,6 +37,8 @@ from gtmbench.values.record import FloatArray, Record, Span
 IDENTIFIED, WATCHED, ALL = "in the part to learn from", "in the part watched", "in all of it"
 _STILL = 1e-9  # of a channel's unit: it doesn't move
 _COUNT = ("constant", "saturated")  # remarks that count
+_R = "r"
+_OTHER_MOTION = "gyros and attitude don't show one motion"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +69,15 @@ class Cause:
 class Stop:
     """Why nothing is watched: what is wrong, and in which log and part of it, "" where that is said.
 
+    `is_motion`: gyros and attitude don't show one motion, and no cause was found.
+
     >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, in the part watched"))
     'flight.csv, in the part watched: q reads 0 all the time: dead, or held'
     """
 
     text: str
     at: str = ""
+    is_motion: bool = False
 
     def __str__(self) -> str:
         return f"{self.at}: {self.text}" if self.at else self.text
@@ -104,6 +110,16 @@ class SelfCheck:
     def passed(self) -> bool:
         """Whether the log is what the monitor expects, as far as was checked."""
         return not self.stops and not self.doubts
+
+    @property
+    def of_heading(self) -> str:
+        """Why it stops, where that may be the heading's alone; "" where it isn't, or doesn't stop."""
+        if self.causes or len(self.stops) != 1:
+            return ""
+        blind = [each for each in self.explained if each.is_blind]
+        if [each.output for each in blind] == [_R]:
+            return unexplained_text(blind[0])
+        return _OTHER_MOTION if self.stops[0].is_motion else ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,9 +171,9 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         named = [_cause(part, guess) for guess in found]
         if named:
             wrong.append(f"{_either(named)}; {named[0].why}")
-        elif where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
-            wrong.append(f"gyros and attitude don't show one motion; {nothing_found_text()}")
         stops += [Stop(text=text, at=at) for text in wrong]
+        if not named and where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
+            stops.append(Stop(text=f"{_OTHER_MOTION}; {nothing_found_text()}", at=at, is_motion=True))
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
@@ -207,22 +223,51 @@ def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Recor
 
 
 def check_watched(
-    check: SelfCheck, monitor: Monitor, watches: Sequence[Watch], log: FlightLog, spans: Sequence[Span]
+    check: SelfCheck,
+    monitor: Monitor,
+    watches: Sequence[Watch],
+    log: FlightLog,
+    spans: Sequence[Span],
+    excursions: Sequence[Excursion],
+    crash: Excursion | None,
 ) -> SelfCheck:
-    """Return a check with what the residuals explain where watched, and the channels that stand still there."""
+    """Return a check with what the residuals explain where watched, and the channels that stand still there.
+
+    What an impact leaves unexplained says nothing of the flight before and after it; what a crash does, nothing of the
+    flight before.
+
+    Parameters
+    ----------
+    check : SelfCheck
+    monitor : Monitor
+    watches : sequence of Watch
+    log : FlightLog
+    spans : sequence of Span
+        What isn't learnt from.
+    excursions : sequence of Excursion
+    crash : Excursion or None
+        The first of them after which the aircraft doesn't fly on.
+    """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
     silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
     doubts = (*check.doubts, *(f"{text}; no alarm was raised by it" for text in silent))
     if not predicts(monitor):
         return replace(check, doubts=doubts)
-    before = {each.output: each for each in check.explained}
-    explained = explained_where_watched(monitor, watches)
-    for each in explained:
-        if each.is_blind and each.output not in told:
-            doubts += (unexplained_text(each),)
-        elif each.output in before and not (each.is_shown or before[each.output].is_shown):
-            doubts += (f"{each.output} moves too little, beside its noise, to show that it is what it is taken for",)
+    identified = {each.output: each for each in check.explained}
+    untold = [
+        (each.start_s, each.end_s)
+        for each in excursions
+        if each is not crash and each.reason != MOTION and (each.is_hard or not each.is_judged)
+    ]
+    explained = before = explained_where_watched(monitor, watches, untold)
+    if crash is not None and any(each.is_blind for each in explained):
+        before = explained_where_watched(monitor, watches, [*untold, (crash.start_s, np.inf)])
+    for whole, flown in zip(explained, before, strict=True):
+        if whole.is_blind and whole.output not in told:
+            doubts += (crashed_text(crash, flown) if crash and not flown.is_blind else unexplained_text(whole),)
+        elif whole.output in identified and not (whole.is_shown or identified[whole.output].is_shown):
+            doubts += (f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for",)
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 
@@ -232,6 +277,14 @@ def unexplained_text(each: Explained) -> str:
     return (
         f"where {each.where}, {share:.0f} % of {each.output}'s slow motion is explained (residual {each.residual:.3g}, "
         f"signal {each.signal:.3g} RMS): what isn't explained can't be watched"
+    )
+
+
+def crashed_text(crash: Excursion, flown: Explained) -> str:
+    """Say that a crash leaves unexplained what was explained before it."""
+    return (
+        f"no fault shows in {flown.output} until {crash.start_s:.1f} s, where {100.0 * flown.share:.0f} % of its slow "
+        f"motion is explained; nothing is told of {crash.reason} and what follows"
     )
 
 
