@@ -334,5 +334,5 @@ def test_a_score_that_stands_above_from_the_start_cant_be_told_and_that_is_said(
     )
     (reason,) = watched.reasons
     assert reason.startswith(
-        "the score of p stood above its threshold from 100.00 s on and never came down, so nothing"
+        "the score of p stood above its threshold from 100.00 s on and never came down, so it has no verdict"
     )
