@@ -1,0 +1,314 @@
+"""Accelerometers, and a GPS where there is one, as the witness between a gyro and an attitude that the gyros drive.
+
+The gyros carry the specific force into the axes in which a stretch began, without any estimator. There it is the
+acceleration less gravity, whose direction stays: a gyro's error turns it. A GPS tells the acceleration; then the
+direction in which the aircraft accelerates shows an error of the yaw gyro, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from gtmbench.checks import number
+from gtmbench.errors import InputError
+from gtmbench.method.heading_witness import FieldOpinion, carried_by
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+
+SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
+_G_M_S2 = 9.80665
+_BLOCK_S = 1.0  # means over which forces are compared
+_COVERED, _PRESENT = 0.7, 0.8  # of a block's rows; of a stretch's blocks
+_GAP_S = 1.1  # between two readings of a GPS, beyond which nothing is known of its velocity
+_DELAY_S = 0.2  # of a GPS; another one, or none, is an error of some tenths of an acceleration's change in a second
+_USUAL_S, _STEP_S = 15.0, 3.0  # healthy stretches that show what is usual, and from one to the next
+_FEWEST = 5  # of these
+_ATTITUDE_DEG, _ERROR_DEG_S = 8.0, 15.0  # a priori: of the attitude where a stretch begins; of a gyro's error
+_STEPS = 4  # of Gauss and Newton
+_SIGMAS, _FLOOR_DEG_S = 2.0, 0.2  # a bound is so many times the worst healthy stretch's deviations and this floor
+_SURE = 1.5  # times the bound: an error that is no healthy one
+_ALONE = 0.5  # of an error, which no other gyro may show
+_FOLLOWS, _AGREES = 0.25, 0.3  # the attitude shows so much of an error at least, and so much more at most
+_OF_HEALTHY = 2.0  # times what healthy stretches leave is left where an error of the gyros explains the rest
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Fit:
+    """How errors of the gyros explain a stretch."""
+
+    errors_deg_s: FloatArray  # means over the stretch, shape (3,), by gyro
+    per_noise: FloatArray  # their deviation for a noise of 1 g in each mean, in deg/s
+    noise_g: float  # RMS of what is left
+
+
+class _Usual(NamedTuple):
+    """What healthy stretches show."""
+
+    middle_deg_s: FloatArray  # shape (3,), as all but the noise
+    deviations: FloatArray  # the largest of them, in the deviations that their noise explains
+    noise_g: float  # the largest
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ForceWitness:
+    """Accelerometers that were learnt on healthy records, with a GPS where the records have one.
+
+    Let C(k) be the rotation that the gyros integrate to since the stretch began, f(k) the specific force in body axes,
+    s(k) = a(k) - g the same by the GPS, in the axes in which the stretch began; without a GPS a = 0, and its noise is
+    what the aircraft accelerates. Of gyros that read w + d where w is true, with an attitude that is off by e at first,
+
+        C(k) f(k) = s(k) + (e + sum_i integral of C e_i d_i dt) x s(k),
+
+    in means over a second. e and d_i = a_i + b_i t are found by least squares, repeated with the gyros less d. What
+    isn't seen, such as the yaw gyro's error where nothing accelerates, keeps a large deviation. Healthy stretches of
+    15 s teach the usual error, how many deviations it strays from that, and the noise.
+
+    Attributes
+    ----------
+    healthy : tuple of Record
+        With p, q, r in deg/s, phi, theta, psi in deg and nx, ny, nz in g; gps_north, gps_east and gps_down in m/s where
+        there is a GPS, NaN in rows without a reading.
+
+    Raises
+    ------
+    InputError
+        If there is no record, or one lacks a channel.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> truth = gb.fly(duration_s=125.0, seed=1)
+    >>> flight = gb.with_gps(gb.measure(truth, noise="t2"), truth, gb.Gps())
+    >>> broken = gb.inject(flight, gb.Bias(channel="p", onset_s=85.0, size=3.0))
+    >>> witness = ForceWitness(healthy=(flight.between(0.0, 80.0),))
+    >>> witness.judge(broken, 85.0, 125.0, gyro="p", error_deg_s=2.0).sensor  # an attitude follows the gyro in part
+    'p'
+    >>> witness.judge(flight, 85.0, 125.0, gyro="p", error_deg_s=2.0).sensor is None  # the attitude turns alone
+    True
+    """
+
+    healthy: tuple[Record, ...]
+
+    def __post_init__(self) -> None:
+        if not self.healthy:
+            raise InputError("no healthy record; give at least one, from which the accelerometers are learnt")
+        for record in self.healthy:
+            check_record(record)
+            record.columns(_NEEDED)
+
+    @cached_property
+    def has_gps(self) -> bool:
+        """Whether a GPS reads in most of what is healthy."""
+        read = [_blocks(record) for record in self.healthy if record.end_s - record.start_s > SHORTEST_S]
+        known = np.concatenate([each.is_known for each in read if each.with_gps] or [np.zeros(0, dtype=bool)])
+        return bool(len(known)) and float(known.mean()) > _PRESENT
+
+    def judge(self, record: Record, start_s: float, end_s: float, *, gyro: str, error_deg_s: float) -> FieldOpinion:
+        """Say whether a gyro is wrong, and by how much.
+
+        Parameters
+        ----------
+        record : Record
+            The channels of `healthy`, at their rate.
+        start_s, end_s : float
+            Since when and until when the gyro and the attitude's rate differ.
+        gyro : str
+            ``p``, ``q`` or ``r``.
+        error_deg_s : float
+            What the gyro reads more than the attitude turns, and more than where healthy, as a mean over that stretch.
+
+        Returns
+        -------
+        FieldOpinion
+            Its sensor is the gyro, or None: that the attitude wanders is never said by accelerometers, on which it
+            relies.
+
+        Raises
+        ------
+        InputError
+            If the record lacks a channel, has another rate, or the stretch isn't in it.
+        """
+        check_record(record)
+        record.columns(_NEEDED)
+        self.healthy[0].check_period(record.sample_period_s, "the healthy records")
+        claimed, axis = number("error_deg_s", error_deg_s), GYROS.index(gyro)
+        stretch = record.between(start_s, end_s)
+        if len(stretch) * stretch.sample_period_s < SHORTEST_S:
+            return _open(f"{end_s - start_s:.3g} s are too short; {SHORTEST_S:g} s are needed")
+        begins = np.zeros((2, 3))
+        begins[1, axis] = claimed
+        fits = [fit for begin in begins if (fit := self._fit(stretch, begin)) is not None]
+        if not fits:
+            return _open("gyros, attitude or accelerometers have gaps there")
+        usual = self._usual
+        if usual is None:
+            return _open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more")
+        return _judged(min(fits, key=lambda fit: fit.noise_g), usual, gyro, claimed)
+
+    def bounds_deg_s(self, length_s: float) -> dict[str, float]:
+        """Return how well a healthy stretch of some length tells each gyro's error, in deg/s; NaN where nothing does.
+
+        A gyro is accused where it is off by one and a half times that, at least.
+        """
+        usual = self._usual
+        fits = list(self._healthy_fits(min(length_s, self._longest_s)))
+        if usual is None or not fits:
+            return dict.fromkeys(GYROS, np.nan)
+        found = np.median([_bounds(fit, usual) for fit in fits], axis=0)
+        return dict(zip(GYROS, found.tolist(), strict=True))
+
+    @property
+    def _longest_s(self) -> float:
+        return max(len(record) * record.sample_period_s for record in self.healthy)
+
+    @cached_property
+    def _usual(self) -> _Usual | None:
+        """What healthy stretches show; None where they are too few."""
+        fits = list(self._healthy_fits(_USUAL_S))
+        if len(fits) < _FEWEST:
+            fits = list(self._healthy_fits(SHORTEST_S))
+        if len(fits) < _FEWEST:
+            return None
+        errors = np.array([fit.errors_deg_s for fit in fits])
+        noise_g = max(fit.noise_g for fit in fits)
+        weights = 1.0 / np.square([fit.per_noise for fit in fits])
+        middle = np.sum(weights * errors, axis=0) / weights.sum(axis=0)
+        deviations = [np.abs(fit.errors_deg_s - middle) / (fit.per_noise * fit.noise_g) for fit in fits]
+        return _Usual(middle, np.maximum(np.max(deviations, axis=0), 1.0), noise_g)
+
+    def _healthy_fits(self, length_s: float) -> Iterator[_Fit]:
+        for record in self.healthy:
+            rows, step = (round(each / record.sample_period_s) for each in (length_s, _STEP_S))
+            for first in range(0, len(record) - rows + 1, max(step, 1)):
+                fit = self._fit(record.part(range(first, first + rows)), np.zeros(3))
+                if fit is not None:
+                    yield fit
+
+    def _fit(self, stretch: Record, begin_deg_s: FloatArray) -> _Fit | None:
+        """Return how errors of the gyros explain a stretch; None where too much is missing."""
+        blocks = _blocks(stretch, with_gps=self.has_gps)
+        if not np.isfinite(stretch.matrix(GYROS)).all() or blocks.is_known.mean() < _PRESENT:
+            return None
+        return _fitted(stretch, blocks, begin_deg_s)
+
+
+_NEEDED = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
+
+
+# ---- what is compared ----
+
+
+class _Blocks(NamedTuple):
+    """Means over a second of a stretch: the rows of each, the specific force by the GPS, and whether both are known."""
+
+    rows: int
+    count: int
+    expected: FloatArray  # in g, in the axes in which the stretch began, shape (blocks, 3)
+    is_known: BoolArray
+    with_gps: bool
+
+
+def _blocks(stretch: Record, *, with_gps: bool = True) -> _Blocks:
+    from scipy.spatial.transform import Rotation  # takes longer than all of ours
+
+    rows = max(round(_BLOCK_S / stretch.sample_period_s), 1)
+    count = len(stretch) // rows
+    read = np.isfinite(stretch.matrix(ACCELEROMETERS)).all(axis=1)[: count * rows]
+    is_known = np.asarray(read.reshape(count, rows).mean(axis=1) > _COVERED)
+    to_earth = Rotation.from_euler("ZYX", stretch.matrix(ATTITUDE[::-1])[0], degrees=True).as_matrix()
+    down = np.tile([0.0, 0.0, 1.0], (count, 1))
+    with_gps = with_gps and set(GPS_VELOCITY) <= set(stretch.channels)
+    if not with_gps:
+        return _Blocks(rows, count, -down @ to_earth, is_known, with_gps)
+    edges_s = stretch.start_s + np.arange(count + 1) * rows * stretch.sample_period_s + _DELAY_S
+    velocity, is_read = _velocity(stretch, edges_s)
+    step_s = rows * stretch.sample_period_s
+    acceleration = np.diff(velocity, axis=0) / (step_s * _G_M_S2)
+    return _Blocks(rows, count, (acceleration - down) @ to_earth, is_known & is_read[1:] & is_read[:-1], with_gps)
+
+
+def _velocity(stretch: Record, at_s: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return a GPS's velocity at some times, and whether readings stand close enough on both sides."""
+    velocity = stretch.matrix(GPS_VELOCITY)
+    there = np.isfinite(velocity).all(axis=1)
+    time_s = stretch.time_s[there]
+    if len(time_s) < 2:
+        return np.zeros((len(at_s), 3)), np.zeros(len(at_s), dtype=bool)
+    laid = np.column_stack([np.interp(at_s, time_s, each) for each in velocity[there].T])
+    behind = np.clip(np.searchsorted(time_s, at_s), 1, len(time_s) - 1)
+    is_within = (at_s >= time_s[0] - _DELAY_S) & (at_s <= time_s[-1] + 2.0 * _DELAY_S)
+    return laid, np.asarray((time_s[behind] - time_s[behind - 1] < _GAP_S) & is_within)
+
+
+def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
+    """Return the errors of attitude and gyros that explain a stretch best, by Gauss and Newton."""
+    period_s, whole = stretch.sample_period_s, blocks.rows * blocks.count
+    rates = np.deg2rad(stretch.matrix(GYROS))
+    force = np.nan_to_num(stretch.matrix(ACCELEROMETERS)[:whole] * [1.0, 1.0, -1.0])
+    growing = np.linspace(-1.0, 1.0, len(stretch))[:, np.newaxis]
+    prior = np.deg2rad([_ATTITUDE_DEG] * 3 + [_ERROR_DEG_S] * 6)
+    found = np.concatenate([np.zeros(3), np.deg2rad(begin_deg_s), np.zeros(3)])
+    expected, known = blocks.expected, blocks.is_known
+    noise = 0.05  # g, of a priori weights
+    for _ in range(_STEPS):
+        path = carried_by(rates - found[3:6] - growing * found[6:], period_s).as_matrix()
+        turned = _means(np.einsum("kij,kj->ki", path[:whole], force), blocks)
+        turns = [np.cumsum(path * each, axis=0) * period_s for each in (1.0, growing[:, :, np.newaxis])]
+        angles = np.concatenate([_means(each[:whole].reshape(whole, 9), blocks).reshape(-1, 3, 3) for each in turns], 2)
+        angles = np.concatenate([np.tile(np.eye(3), (blocks.count, 1, 1)), angles], axis=2)
+        design = np.cross(angles, expected[:, :, np.newaxis], axis=1)[known].reshape(-1, 9)
+        left = (turned - expected - np.cross(found[:3], expected))[known].ravel()
+        weights = np.diag((noise / prior) ** 2)
+        inverse = np.linalg.inv(design.T @ design + weights)
+        step = inverse @ (design.T @ left - weights @ found)
+        found = found + step
+        rest = left - design @ step
+    return _Fit(
+        errors_deg_s=np.rad2deg(found[3:6]),
+        per_noise=np.rad2deg(np.sqrt(np.diag(inverse)[3:6])),
+        noise_g=float(np.sqrt(np.mean(rest**2))) + 1e-6,
+    )
+
+
+def _means(values: FloatArray, blocks: _Blocks) -> FloatArray:
+    """Return means over the rows of each block."""
+    return np.asarray(values.reshape(blocks.count, blocks.rows, -1).mean(axis=1))
+
+
+# ---- what is concluded ----
+
+
+def _bounds(fit: _Fit, usual: _Usual) -> FloatArray:
+    """Return by how much more than usual an error isn't healthy, by gyro."""
+    noise = max(fit.noise_g, 0.5 * usual.noise_g)
+    return np.asarray(_SIGMAS * np.hypot(usual.deviations * fit.per_noise * noise, _FLOOR_DEG_S))
+
+
+def _open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpinion:
+    return FieldOpinion(sensor=None, reason=reason, error_deg_s=error, bound_deg_s=bound)
+
+
+def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion:
+    """Return the opinion about a stretch, given how healthy ones are."""
+    axis = GYROS.index(gyro)
+    errors, bounds = fit.errors_deg_s - usual.middle_deg_s, _bounds(fit, usual)
+    error, bound = float(errors[axis]), float(bounds[axis])
+    if fit.noise_g > _OF_HEALTHY * usual.noise_g:
+        return _open("no steady error of a gyro explains the forces", error, bound)
+    if abs(error) < bound:
+        if abs(claimed) < _SURE * bound:
+            return _open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)
+        return _open(f"{gyro} and the forces turn alike, to {bound:.2g} deg/s", error, bound)
+    others = np.delete(np.maximum(np.abs(errors) - bounds, 0.0), axis)
+    if others.max() > _ALONE * abs(error):
+        return _open("another gyro's error explains the forces, too", error, bound)
+    follows = claimed * error > 0.0 and _FOLLOWS * abs(error) < abs(claimed) + bound
+    if not follows or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < _SURE * bound:
+        return _open(f"by the forces {gyro} is off by {error:.2g} deg/s, by the attitude {claimed:.2g}", error, bound)
+    why = f"{gyro} reads {error:+.2g} deg/s more than the forces turn"
+    return FieldOpinion(sensor=gyro, reason=why, error_deg_s=error, bound_deg_s=bound)
