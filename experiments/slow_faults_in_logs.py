@@ -26,6 +26,7 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.crosscheck.relations import GPS, MAG
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
@@ -61,10 +62,10 @@ def cases(path: Path) -> list[Row]:
         whole = watch_whole(path)
     except gb.GtmbenchError as error:
         return [{"log": path.name, "fault": "", "said": "refused", "told": str(error)[:120]}]
-    said, watched = whole.said, whole.watched
+    watched = whole.watched
     beside = {kind_of(each) for each in whole.learnt.opened.sensors}
     told = " | ".join(_told(alarm) for alarm in watched.alarms)
-    whose: Row = {"log": path.name, "gps": "gps" in beside, "mag": bool(said.witnesses)}
+    whose: Row = {"log": path.name, "gps": GPS in beside, "mag": MAG in beside}
     rows: list[Row] = [{**whose, "fault": "", "said": watched.outcome.name, "told": told, "cpu_s": whole.cpu_s}]
     onset_s = _onset_s(whole)
     if onset_s is None:

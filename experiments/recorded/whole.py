@@ -215,7 +215,7 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
 
 
 def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Opened:
-    """Return an opened log with a fault from its onset on, which an estimator puts into the attitude, where one is given.
+    """Return an opened log with a fault from its onset on, put through an estimator if one is given.
 
     The estimator goes on over gaps as if nothing had moved.
     """

@@ -28,7 +28,8 @@ _GAP_S = 1.1  # between two readings of a GPS, beyond which nothing is known of 
 _DELAY_S = 0.2  # of a GPS; another one, or none, is an error of some tenths of an acceleration's change in a second
 _USUAL_S, _STEP_S = 15.0, 3.0  # healthy stretches that show what is usual, and from one to the next
 _FEWEST = 5  # of these
-_ATTITUDE_DEG, _ERROR_DEG_S = 8.0, 15.0  # a priori: of the attitude where a stretch begins; of a gyro's error
+_LEAST_DEVIATIONS = 2.0  # that few stretches show too seldom
+_ATTITUDE_DEG, _ERROR_DEG_S = 45.0, 15.0  # a priori: of the attitude where a stretch begins; of a gyro's error
 _STEPS = 4  # of Gauss and Newton
 _SIGMAS, _FLOOR_DEG_S = 2.0, 0.2  # a bound is so many times the worst healthy stretch's deviations and this floor
 _SURE = 1.5  # times the bound: an error that is no healthy one
@@ -179,7 +180,7 @@ class ForceWitness:
         weights = 1.0 / np.square([fit.per_noise for fit in fits])
         middle = np.sum(weights * errors, axis=0) / weights.sum(axis=0)
         deviations = [np.abs(fit.errors_deg_s - middle) / (fit.per_noise * fit.noise_g) for fit in fits]
-        return _Usual(middle, np.maximum(np.max(deviations, axis=0), 1.0), noise_g)
+        return _Usual(middle, np.maximum(np.max(deviations, axis=0), _LEAST_DEVIATIONS), noise_g)
 
     def _healthy_fits(self, length_s: float) -> Iterator[_Fit]:
         for record in self.healthy:
@@ -247,27 +248,30 @@ def _velocity(stretch: Record, at_s: FloatArray) -> tuple[FloatArray, BoolArray]
 
 def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     """Return the errors of attitude and gyros that explain a stretch best, by Gauss and Newton."""
+    from scipy.spatial.transform import Rotation  # takes longer than all of ours
+
     period_s, whole = stretch.sample_period_s, blocks.rows * blocks.count
     rates = np.deg2rad(stretch.matrix(GYROS))
     force = np.nan_to_num(stretch.matrix(ACCELEROMETERS)[:whole] * [1.0, 1.0, -1.0])
     growing = np.linspace(-1.0, 1.0, len(stretch))[:, np.newaxis]
     prior = np.deg2rad([_ATTITUDE_DEG] * 3 + [_ERROR_DEG_S] * 6)
     found = np.concatenate([np.zeros(3), np.deg2rad(begin_deg_s), np.zeros(3)])
-    expected, known = blocks.expected, blocks.is_known
+    known, tilt = blocks.is_known, np.eye(3)
     noise = 0.05  # g, of a priori weights
+    weights = np.diag((noise / prior) ** 2)
     for _ in range(_STEPS):
+        expected = blocks.expected @ tilt.T
         path = carried_by(rates - found[3:6] - growing * found[6:], period_s).as_matrix()
         turned = _means(np.einsum("kij,kj->ki", path[:whole], force), blocks)
         turns = [np.cumsum(path * each, axis=0) * period_s for each in (1.0, growing[:, :, np.newaxis])]
         angles = np.concatenate([_means(each[:whole].reshape(whole, 9), blocks).reshape(-1, 3, 3) for each in turns], 2)
         angles = np.concatenate([np.tile(np.eye(3), (blocks.count, 1, 1)), angles], axis=2)
         design = np.cross(angles, expected[:, :, np.newaxis], axis=1)[known].reshape(-1, 9)
-        left = (turned - expected - np.cross(found[:3], expected))[known].ravel()
-        weights = np.diag((noise / prior) ** 2)
+        left = (turned - expected)[known].ravel()
         inverse = np.linalg.inv(design.T @ design + weights)
         step = inverse @ (design.T @ left - weights @ found)
-        found = found + step
-        rest = left - design @ step
+        found, rest = found + step, left - design @ step
+        tilt = Rotation.from_rotvec(step[:3]).as_matrix() @ tilt
     return _Fit(
         errors_deg_s=np.rad2deg(found[3:6]),
         per_noise=np.rad2deg(np.sqrt(np.diag(inverse)[3:6])),

@@ -13,6 +13,8 @@ from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.said import Said, doubted, listened
+from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.slow_means import SLOW, WINDOWS
 
 _APART_S = 6.0  # before an accusation, what is learnt from anew: it has to have listened when the fault begins
 _SOON_S = 10.0  # between the onsets of one fault
@@ -34,20 +36,39 @@ def agreed(said: Said, progress: Progress) -> Said:
     if opened.asked.says_healthy or not said.learnt.identified_s or not accused:
         return said
     first_s, last_s = said.learnt.identified_s[0]
-    until_s = min(alarm.onset_s for alarm in accused) - _APART_S
+    until_s = min(_begun_s(alarm, last_s) for alarm in accused)
     others: list[Alarm] = []
+    still_open: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
-        others = list(_accusing(doubted(listened(learnt(chosen(again), progress), progress), progress)))
+        heard = doubted(listened(learnt(chosen(again), progress), progress), progress)
+        others = list(_accusing(heard))
+        still_open = [alarm for alarm in (heard.means.alarms if heard.means else ()) if alarm.sensor is None]
     doubt = (
         f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {first_s:.0f} to {until_s:.0f} s are"
     )
 
     def doubtful(alarm: Alarm) -> Alarm:
-        is_alone = _accuses(alarm) and not any(_agree(alarm, other) for other in others)
+        told = [*others, *still_open] if _by_witness(alarm) else others
+        is_alone = _accuses(alarm) and not any(_agree(alarm, other) for other in told)
         return with_doubt(alarm, doubt) if is_alone else alarm
 
     return _each(said, doubtful)
+
+
+def _begun_s(alarm: Alarm, last_s: float) -> float:
+    """Return until when another choice may learn: a slow fault began before its mean rose.
+
+    It learns on more than the choice that ends at `last_s` where it can.
+    """
+    until_s = alarm.onset_s - _APART_S
+    earlier_s = until_s - WINDOWS[-1] * SECOND_S
+    return earlier_s if alarm.test == SLOW and earlier_s > last_s else until_s
+
+
+def _by_witness(alarm: Alarm) -> bool:
+    """Tell whether another sensor named it, which rests on no monitor: that it is open by another choice is enough."""
+    return alarm.last is not None and bool(alarm.last.witness)
 
 
 def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
