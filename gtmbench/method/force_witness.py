@@ -22,17 +22,18 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
 
 SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
 _G_M_S2 = 9.80665
-_BLOCK_S = 1.0  # means over which forces are compared
+_BLOCK_S, _STEP_ROWS_S = 1.0, 0.05  # means over which forces are compared; that rotations are integrated in
 _COVERED, _PRESENT = 0.7, 0.8  # of a block's rows; of a stretch's blocks
 _GAP_S = 1.1  # between two readings of a GPS, beyond which nothing is known of its velocity
 _DELAY_S = 0.2  # of a GPS; another one, or none, is an error of some tenths of an acceleration's change in a second
-_USUAL_S, _STEP_S = 15.0, 3.0  # healthy stretches that show what is usual, and from one to the next
+_USUAL_S, _STEP_S = 15.0, 3.0  # healthy stretches that show what is usual, and from one to the next at least
+_MOST = 20  # of these a record
 _FEWEST = 5  # of these
 _LEAST_DEVIATIONS = 2.0  # that few stretches show too seldom
 _ATTITUDE_DEG, _ERROR_DEG_S = 45.0, 15.0  # a priori: of the attitude where a stretch begins; of a gyro's error
 _STEPS = 4  # of Gauss and Newton
 _SIGMAS, _FLOOR_DEG_S = 2.0, 0.2  # a bound is so many times the worst healthy stretch's deviations and this floor
-_SURE = 1.5  # times the bound: an error that is no healthy one
+_SURE = 1.25  # times the bound: an error that is no healthy one
 _ALONE = 0.5  # of an error, which no other gyro may show
 _FOLLOWS, _AGREES = 0.25, 0.3  # the attitude shows so much of an error at least, and so much more at most
 _OF_HEALTHY = 2.0  # times what healthy stretches leave is left where an error of the gyros explains the rest
@@ -154,7 +155,7 @@ class ForceWitness:
     def bounds_deg_s(self, length_s: float) -> dict[str, float]:
         """Return how well a healthy stretch of some length tells each gyro's error, in deg/s; NaN where nothing does.
 
-        A gyro is accused where it is off by one and a half times that, at least.
+        A gyro is accused where it is off by one and a quarter times that, at least.
         """
         usual = self._usual
         fits = list(self._healthy_fits(min(length_s, self._longest_s)))
@@ -185,17 +186,17 @@ class ForceWitness:
     def _healthy_fits(self, length_s: float) -> Iterator[_Fit]:
         for record in self.healthy:
             rows, step = (round(each / record.sample_period_s) for each in (length_s, _STEP_S))
-            for first in range(0, len(record) - rows + 1, max(step, 1)):
+            for first in range(0, len(record) - rows + 1, max(step, (len(record) - rows) // _MOST, 1)):
                 fit = self._fit(record.part(range(first, first + rows)), np.zeros(3))
                 if fit is not None:
                     yield fit
 
     def _fit(self, stretch: Record, begin_deg_s: FloatArray) -> _Fit | None:
         """Return how errors of the gyros explain a stretch; None where too much is missing."""
-        blocks = _blocks(stretch, with_gps=self.has_gps)
-        if not np.isfinite(stretch.matrix(GYROS)).all() or blocks.is_known.mean() < _PRESENT:
+        if not (np.isfinite(stretch.matrix(GYROS)).all() and np.isfinite(stretch.matrix(ATTITUDE)[0]).all()):
             return None
-        return _fitted(stretch, blocks, begin_deg_s)
+        blocks = _blocks(stretch, with_gps=self.has_gps)
+        return _fitted(stretch, blocks, begin_deg_s) if blocks.is_known.mean() >= _PRESENT else None
 
 
 _NEEDED = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
@@ -205,9 +206,13 @@ _NEEDED = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 
 
 class _Blocks(NamedTuple):
-    """Means over a second of a stretch: the rows of each, the specific force by the GPS, and whether both are known."""
+    """Means over a second of a stretch: the rows of each, the specific force by the GPS, and whether both are known.
+
+    Some rows at a time make a step.
+    """
 
     rows: int
+    rows_a_step: int
     count: int
     expected: FloatArray  # in g, in the axes in which the stretch began, shape (blocks, 3)
     is_known: BoolArray
@@ -217,7 +222,8 @@ class _Blocks(NamedTuple):
 def _blocks(stretch: Record, *, with_gps: bool = True) -> _Blocks:
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 
-    rows = max(round(_BLOCK_S / stretch.sample_period_s), 1)
+    rows_a_step = max(int(_STEP_ROWS_S / stretch.sample_period_s), 1)
+    rows = max(round(_BLOCK_S / (rows_a_step * stretch.sample_period_s)), 1) * rows_a_step
     count = len(stretch) // rows
     read = np.isfinite(stretch.matrix(ACCELEROMETERS)).all(axis=1)[: count * rows]
     is_known = np.asarray(read.reshape(count, rows).mean(axis=1) > _COVERED)
@@ -225,12 +231,13 @@ def _blocks(stretch: Record, *, with_gps: bool = True) -> _Blocks:
     down = np.tile([0.0, 0.0, 1.0], (count, 1))
     with_gps = with_gps and set(GPS_VELOCITY) <= set(stretch.channels)
     if not with_gps:
-        return _Blocks(rows, count, -down @ to_earth, is_known, with_gps)
+        return _Blocks(rows, rows_a_step, count, -down @ to_earth, is_known, with_gps)
     edges_s = stretch.start_s + np.arange(count + 1) * rows * stretch.sample_period_s + _DELAY_S
     velocity, is_read = _velocity(stretch, edges_s)
     step_s = rows * stretch.sample_period_s
     acceleration = np.diff(velocity, axis=0) / (step_s * _G_M_S2)
-    return _Blocks(rows, count, (acceleration - down) @ to_earth, is_known & is_read[1:] & is_read[:-1], with_gps)
+    expected = (acceleration - down) @ to_earth
+    return _Blocks(rows, rows_a_step, count, expected, is_known & is_read[1:] & is_read[:-1], with_gps)
 
 
 def _velocity(stretch: Record, at_s: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -250,10 +257,14 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     """Return the errors of attitude and gyros that explain a stretch best, by Gauss and Newton."""
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 
-    period_s, whole = stretch.sample_period_s, blocks.rows * blocks.count
-    rates = np.deg2rad(stretch.matrix(GYROS))
-    force = np.nan_to_num(stretch.matrix(ACCELEROMETERS)[:whole] * [1.0, 1.0, -1.0])
-    growing = np.linspace(-1.0, 1.0, len(stretch))[:, np.newaxis]
+    steps, period_s = blocks.rows * blocks.count // blocks.rows_a_step, blocks.rows_a_step * stretch.sample_period_s
+
+    def by_steps(values: FloatArray) -> FloatArray:
+        return np.asarray(values[: steps * blocks.rows_a_step].reshape(steps, -1, 3).mean(axis=1))
+
+    rates = np.deg2rad(by_steps(stretch.matrix(GYROS)))
+    force = by_steps(_filled(stretch.matrix(ACCELEROMETERS)) * [1.0, 1.0, -1.0])
+    growing = np.linspace(-1.0, 1.0, steps)[:, np.newaxis]
     prior = np.deg2rad([_ATTITUDE_DEG] * 3 + [_ERROR_DEG_S] * 6)
     found = np.concatenate([np.zeros(3), np.deg2rad(begin_deg_s), np.zeros(3)])
     known, tilt = blocks.is_known, np.eye(3)
@@ -262,9 +273,9 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     for _ in range(_STEPS):
         expected = blocks.expected @ tilt.T
         path = carried_by(rates - found[3:6] - growing * found[6:], period_s).as_matrix()
-        turned = _means(np.einsum("kij,kj->ki", path[:whole], force), blocks)
+        turned = _means(np.einsum("kij,kj->ki", path, force), blocks)
         turns = [np.cumsum(path * each, axis=0) * period_s for each in (1.0, growing[:, :, np.newaxis])]
-        angles = np.concatenate([_means(each[:whole].reshape(whole, 9), blocks).reshape(-1, 3, 3) for each in turns], 2)
+        angles = np.concatenate([_means(each.reshape(steps, 9), blocks).reshape(-1, 3, 3) for each in turns], 2)
         angles = np.concatenate([np.tile(np.eye(3), (blocks.count, 1, 1)), angles], axis=2)
         design = np.cross(angles, expected[:, :, np.newaxis], axis=1)[known].reshape(-1, 9)
         left = (turned - expected)[known].ravel()
@@ -279,9 +290,16 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     )
 
 
+def _filled(values: FloatArray) -> FloatArray:
+    """Return values with a line through what is missing; blocks that lack much are left out by whoever asks."""
+    there = np.isfinite(values).all(axis=1)
+    rows = np.arange(len(values))
+    return np.column_stack([np.interp(rows, rows[there], each) for each in values[there].T])
+
+
 def _means(values: FloatArray, blocks: _Blocks) -> FloatArray:
-    """Return means over the rows of each block."""
-    return np.asarray(values.reshape(blocks.count, blocks.rows, -1).mean(axis=1))
+    """Return means over the steps of each block."""
+    return np.asarray(values.reshape(blocks.count, -1, values.shape[1]).mean(axis=1))
 
 
 # ---- what is concluded ----

@@ -28,7 +28,7 @@ R, PSI = "r", "psi"
 BOUND_S = 30.0  # the stretch for which a witness states how well it knows a gyro
 FORCES = "accelerometers"  # the name of what knows p and q
 _LONGEST_S = 60.0  # of a stretch that is asked about: in more time the aircraft turns too far
-_LEAST_DEG_S = 1.0  # a smaller error of a gyro may be warming, or a new calibration
+_LEAST_DEG_S = 1.0  # a smaller error of a gyro may be warming, a new calibration, or iron that isn't known
 _KNOWN = 0.5  # of the seconds in which r and the heading's rate are compared
 
 
@@ -50,6 +50,10 @@ class Witness(Protocol):
     @property
     def bounds_deg_s(self) -> Mapping[str, float]:
         """How well it knows each gyro over `BOUND_S`, in deg/s; NaN where too little is healthy."""
+
+    @property
+    def least_deg_s(self) -> float:
+        """The smallest error for which it names a gyro, in deg/s: a smaller one may be warming."""
 
     def knows(self, gyro: str) -> bool:
         """Tell whether it can be asked about a gyro."""
@@ -87,6 +91,11 @@ class FieldWitness:
     def bounds_deg_s(self) -> Mapping[str, float]:
         """The same, by gyro."""
         return {R: self.bound_deg_s}
+
+    @property
+    def least_deg_s(self) -> float:
+        """The smallest error for which it names r, in deg/s."""
+        return _LEAST_DEG_S
 
     def knows(self, gyro: str) -> bool:
         """Tell whether it can be asked about a gyro."""
@@ -150,7 +159,8 @@ def settled(alarm: Alarm, witnesses: Sequence[Witness], means: SlowMeans | None)
         return _with(alarm, asked[-1][2], _text(asked), doubt=f"{_names(asked)} contradict each other about {gyro}")
     name, opinion, until_s = first
     witness = f"{name}: {opinion.reason}"
-    if opinion.sensor == gyro and abs(opinion.error_deg_s) >= _LEAST_DEG_S:
+    least_deg_s = next(each.least_deg_s for each in known if each.name == name)
+    if opinion.sensor == gyro and abs(opinion.error_deg_s) >= least_deg_s:
         return _with(alarm, until_s, witness, sensor=gyro, candidates=(gyro,), doubt="", reason="")
     if opinion.sensor == PSI and not alarm.doubt:
         return _with(alarm, until_s, witness, sensor=PSI, candidates=(PSI,), doubt="", reason="")

@@ -18,6 +18,8 @@ from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 
+_LEAST_DEG_S = 0.7  # a smaller error of a gyro may be warming, or a new calibration
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoggedForces:
@@ -41,6 +43,11 @@ class LoggedForces:
     def bounds_deg_s(self) -> Mapping[str, float]:
         """How well they know each gyro over `BOUND_S`, in deg/s; NaN where too little is healthy."""
         return self.learnt.bounds_deg_s(BOUND_S)
+
+    @property
+    def least_deg_s(self) -> float:
+        """The smallest error for which they name a gyro, in deg/s."""
+        return _LEAST_DEG_S
 
     def knows(self, gyro: str) -> bool:
         """Tell whether they can be asked about a gyro; of r nothing shows without a GPS."""

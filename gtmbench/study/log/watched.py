@@ -19,6 +19,7 @@ from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
+from gtmbench.study.log.lost_fixes import with_lost_fixes
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -233,4 +234,6 @@ def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
     motion = learnt.opened.own.motion
     moving = () if motion is None else motion.segments
     healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
-    return watched_sensors(learnt.opened.sensors, moving, healthy, learnt.identified_s, said.excursions)
+    sensors = learnt.opened.sensors
+    watched = watched_sensors(sensors, moving, healthy, learnt.identified_s, said.excursions)
+    return with_lost_fixes(watched, sensors, moving, said.excursions)
