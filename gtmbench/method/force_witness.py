@@ -7,7 +7,7 @@ direction in which the aircraft accelerates shows an error of the yaw gyro, too.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -105,10 +105,8 @@ class ForceWitness:
 
     @cached_property
     def has_gps(self) -> bool:
-        """Whether a GPS reads in most of what is healthy."""
-        read = [_blocks(record) for record in self.healthy if record.end_s - record.start_s > SHORTEST_S]
-        known = np.concatenate([each.is_known for each in read if each.with_gps] or [np.zeros(0, dtype=bool)])
-        return bool(len(known)) and float(known.mean()) > _PRESENT
+        """Whether enough healthy stretches have a GPS that reads in most of them."""
+        return self._usual_with_gps is not None
 
     def judge(self, record: Record, start_s: float, end_s: float, *, gyro: str, error_deg_s: float) -> FieldOpinion:
         """Say whether a gyro is wrong, and by how much.
@@ -144,21 +142,24 @@ class ForceWitness:
             return _open(f"{end_s - start_s:.3g} s are too short; {SHORTEST_S:g} s are needed")
         begins = np.zeros((2, 3))
         begins[1, axis] = claimed
-        fits = [fit for begin in begins if (fit := self._fit(stretch, begin)) is not None]
-        if not fits:
-            return _open("gyros, attitude or accelerometers have gaps there")
-        usual = self._usual
-        if usual is None:
+        for usual, with_gps in ((self._usual_with_gps, True), (self._usual_alone, False)):
+            fits = [fit for begin in begins if (fit := _fit(stretch, begin, with_gps=with_gps)) is not None]
+            if usual is not None and fits and (with_gps or axis != _YAW):
+                return _judged(min(fits, key=lambda fit: fit.noise_g), usual, gyro, claimed)
+        if self._usual_alone is None:
             return _open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more")
-        return _judged(min(fits, key=lambda fit: fit.noise_g), usual, gyro, claimed)
+        if axis == _YAW and not self.has_gps:
+            return _open("nothing shows r without a GPS")
+        return _open("gyros, attitude, accelerometers or GPS have gaps there")
 
     def bounds_deg_s(self, length_s: float) -> dict[str, float]:
         """Return how well a healthy stretch of some length tells each gyro's error, in deg/s; NaN where nothing does.
 
         A gyro is accused where it is off by one and a quarter times that, at least.
         """
-        usual = self._usual
-        fits = list(self._healthy_fits(min(length_s, self._longest_s)))
+        with_gps = self.has_gps
+        usual = self._usual_with_gps if with_gps else self._usual_alone
+        fits = list(self._healthy_fits(min(length_s, self._longest_s), with_gps=with_gps))
         if usual is None or not fits:
             return dict.fromkeys(GYROS, np.nan)
         found = np.median([_bounds(fit, usual) for fit in fits], axis=0)
@@ -169,40 +170,46 @@ class ForceWitness:
         return max(len(record) * record.sample_period_s for record in self.healthy)
 
     @cached_property
-    def _usual(self) -> _Usual | None:
-        """What healthy stretches show; None where they are too few."""
-        fits = list(self._healthy_fits(_USUAL_S))
-        if len(fits) < _FEWEST:
-            fits = list(self._healthy_fits(SHORTEST_S))
-        if len(fits) < _FEWEST:
-            return None
-        errors = np.array([fit.errors_deg_s for fit in fits])
-        noise_g = max(fit.noise_g for fit in fits)
-        weights = 1.0 / np.square([fit.per_noise for fit in fits])
-        middle = np.sum(weights * errors, axis=0) / weights.sum(axis=0)
-        deviations = [np.abs(fit.errors_deg_s - middle) / (fit.per_noise * fit.noise_g) for fit in fits]
-        return _Usual(middle, np.maximum(np.max(deviations, axis=0), _LEAST_DEVIATIONS), noise_g)
+    def _usual_with_gps(self) -> _Usual | None:
+        return self._usual(with_gps=True)
 
-    def _healthy_fits(self, length_s: float) -> Iterator[_Fit]:
+    @cached_property
+    def _usual_alone(self) -> _Usual | None:
+        return self._usual(with_gps=False)
+
+    def _usual(self, *, with_gps: bool) -> _Usual | None:
+        """Return what healthy stretches show; None where they are too few."""
+        fits = list(self._healthy_fits(_USUAL_S, with_gps=with_gps))
+        if len(fits) < _FEWEST:
+            fits = list(self._healthy_fits(SHORTEST_S, with_gps=with_gps))
+        return _usual_of(fits) if len(fits) >= _FEWEST else None
+
+    def _healthy_fits(self, length_s: float, *, with_gps: bool) -> Iterator[_Fit]:
         for record in self.healthy:
             rows, step = (round(each / record.sample_period_s) for each in (length_s, _STEP_S))
             for first in range(0, len(record) - rows + 1, max(step, (len(record) - rows) // _MOST, 1)):
-                fit = self._fit(record.part(range(first, first + rows)), np.zeros(3))
+                fit = _fit(record.part(range(first, first + rows)), np.zeros(3), with_gps=with_gps)
                 if fit is not None:
                     yield fit
-
-    def _fit(self, stretch: Record, begin_deg_s: FloatArray) -> _Fit | None:
-        """Return how errors of the gyros explain a stretch; None where too much is missing."""
-        if not (np.isfinite(stretch.matrix(GYROS)).all() and np.isfinite(stretch.matrix(ATTITUDE)[0]).all()):
-            return None
-        blocks = _blocks(stretch, with_gps=self.has_gps)
-        return _fitted(stretch, blocks, begin_deg_s) if blocks.is_known.mean() >= _PRESENT else None
 
 
 _NEEDED = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
 
 
+_YAW = 2
+
+
 # ---- what is compared ----
+
+
+def _fit(stretch: Record, begin_deg_s: FloatArray, *, with_gps: bool) -> _Fit | None:
+    """Return how errors of the gyros explain a stretch; None where too much is missing."""
+    if with_gps and not set(GPS_VELOCITY) <= set(stretch.channels):
+        return None
+    if not (np.isfinite(stretch.matrix(GYROS)).all() and np.isfinite(stretch.matrix(ATTITUDE)[0]).all()):
+        return None
+    blocks = _blocks(stretch, with_gps=with_gps)
+    return _fitted(stretch, blocks, begin_deg_s) if blocks.is_known.mean() >= _PRESENT else None
 
 
 class _Blocks(NamedTuple):
@@ -216,10 +223,9 @@ class _Blocks(NamedTuple):
     count: int
     expected: FloatArray  # in g, in the axes in which the stretch began, shape (blocks, 3)
     is_known: BoolArray
-    with_gps: bool
 
 
-def _blocks(stretch: Record, *, with_gps: bool = True) -> _Blocks:
+def _blocks(stretch: Record, *, with_gps: bool) -> _Blocks:
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 
     rows_a_step = max(int(_STEP_ROWS_S / stretch.sample_period_s), 1)
@@ -229,15 +235,14 @@ def _blocks(stretch: Record, *, with_gps: bool = True) -> _Blocks:
     is_known = np.asarray(read.reshape(count, rows).mean(axis=1) > _COVERED)
     to_earth = Rotation.from_euler("ZYX", stretch.matrix(ATTITUDE[::-1])[0], degrees=True).as_matrix()
     down = np.tile([0.0, 0.0, 1.0], (count, 1))
-    with_gps = with_gps and set(GPS_VELOCITY) <= set(stretch.channels)
     if not with_gps:
-        return _Blocks(rows, rows_a_step, count, -down @ to_earth, is_known, with_gps)
+        return _Blocks(rows, rows_a_step, count, -down @ to_earth, is_known)
     edges_s = stretch.start_s + np.arange(count + 1) * rows * stretch.sample_period_s + _DELAY_S
     velocity, is_read = _velocity(stretch, edges_s)
     step_s = rows * stretch.sample_period_s
     acceleration = np.diff(velocity, axis=0) / (step_s * _G_M_S2)
     expected = (acceleration - down) @ to_earth
-    return _Blocks(rows, rows_a_step, count, expected, is_known & is_read[1:] & is_read[:-1], with_gps)
+    return _Blocks(rows, rows_a_step, count, expected, is_known & is_read[1:] & is_read[:-1])
 
 
 def _velocity(stretch: Record, at_s: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -303,6 +308,16 @@ def _means(values: FloatArray, blocks: _Blocks) -> FloatArray:
 
 
 # ---- what is concluded ----
+
+
+def _usual_of(fits: Sequence[_Fit]) -> _Usual:
+    """Return what healthy fits show: their weighted mean, how far they stray from it, and their noise."""
+    errors, per_noise = (np.array([getattr(fit, name) for fit in fits]) for name in ("errors_deg_s", "per_noise"))
+    noises = np.array([fit.noise_g for fit in fits])
+    weights = 1.0 / np.square(per_noise)
+    middle = np.sum(weights * errors, axis=0) / weights.sum(axis=0)
+    deviations = np.max(np.abs(errors - middle) / (per_noise * noises[:, np.newaxis]), axis=0)
+    return _Usual(middle, np.maximum(deviations, _LEAST_DEVIATIONS), float(noises.max()))
 
 
 def _bounds(fit: _Fit, usual: _Usual) -> FloatArray:

@@ -59,11 +59,16 @@ def agreed(said: Said, progress: Progress) -> Said:
 def _begun_s(alarm: Alarm, last_s: float) -> float:
     """Return until when another choice may learn: a slow fault began before its mean rose.
 
-    It learns on more than the choice that ends at `last_s` where it can.
+    It learns on more than the choice that ends at `last_s` where it can. Where it can't, what another sensor measured
+    stands, and anything else is held against a choice that may hold the fault's beginning.
     """
     until_s = alarm.onset_s - _APART_S
+    if alarm.test != SLOW:
+        return until_s
     earlier_s = until_s - WINDOWS[-1] * SECOND_S
-    return earlier_s if alarm.test == SLOW and earlier_s > last_s else until_s
+    if earlier_s > last_s:
+        return earlier_s
+    return last_s if _by_witness(alarm) else until_s
 
 
 def _by_witness(alarm: Alarm) -> bool:

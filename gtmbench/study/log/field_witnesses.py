@@ -193,12 +193,12 @@ def _opinions(alarm: Alarm, gyro: str, witness: Witness, means: SlowMeans) -> It
             continue
         edges = np.linspace(start_s, stop_s, int(np.ceil((stop_s - start_s) / _LONGEST_S)) + 1)
         for span in pairwise(edges.tolist()):
-            claimed = _claimed(means, GYROS.index(gyro), span)
+            claimed = claimed_deg_s(means, GYROS.index(gyro), span)
             if np.isfinite(claimed):
                 yield witness.name, witness.judge(record, gyro, span, claimed), span[1]
 
 
-def _claimed(means: SlowMeans, axis: int, span: Span) -> float:
+def claimed_deg_s(means: SlowMeans, axis: int, span: Span) -> float:
     """Return what a gyro reads more than the attitude turns, in deg/s; NaN where too little of it is known."""
     first, stop = (round((time_s - means.start_s) / SECOND_S) for time_s in span)
     part = means.error[max(first, 0) : stop, axis]

@@ -1,24 +1,32 @@
 """The accelerometers of a log, and its GPS, as the witness between a gyro and its angle.
 
-They need the attitude only where a stretch begins, before most of what a gyro's fault bends.
+They need the attitude only where a stretch begins. They are asked where something else left a gyro or its angle open;
+and where nothing rose, over half a minute and a minute, for they may know a gyro better than a restless attitude does.
+There, too, a gyro is named only where the attitude differs from it the same way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.crosscheck.relations import ACCEL, GPS
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.method.force_witness import SHORTEST_S, ForceWitness
 from gtmbench.method.heading_witness import FieldOpinion
-from gtmbench.study.log.field_witnesses import BOUND_S, FORCES
+from gtmbench.study.log.field_witnesses import BOUND_S, FORCES, claimed_deg_s
 from gtmbench.study.log.other_sensors import kind_of
+from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 
 _LEAST_DEG_S = 0.7  # a smaller error of a gyro may be warming, or a new calibration
+_WINDOWS_S, _EVERY_S = (30.0, 60.0), 15.0  # that are asked about where nothing rose
+_TIMES = 2  # windows of a length in a row that have to accuse a gyro
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,3 +96,60 @@ def force_witnesses(
             learnt=ForceWitness(healthy=tuple(map(beside, taught))),
         ),
     )
+
+
+def found_by_forces(witnesses: Sequence[LoggedForces], means: SlowMeans, last_s: float) -> tuple[Alarm, ...]:
+    """Return an alarm of each gyro that accelerometers accuse where no mean of it rose.
+
+    Parameters
+    ----------
+    witnesses : sequence of LoggedForces
+    means : SlowMeans
+        What each gyro reads more than the attitude turns, with its alarms.
+    last_s : float
+        Until when was learnt.
+    """
+    found: list[Alarm] = []
+    for witness in witnesses:
+        for gyro in filter(witness.knows, GYROS):
+            alarm = _first_accusation(witness, gyro, means, last_s, len(means.alarms) + len(found))
+            if alarm is not None and not any(gyro in each.candidates and not each.has_passed for each in means.alarms):
+                found.append(alarm)
+    return tuple(found)
+
+
+def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float, number: int) -> Alarm | None:
+    """Return an alarm of the first windows in a row that accuse a gyro; None where none do."""
+    told = [
+        (span, opinion)
+        for window_s in _WINDOWS_S
+        for span, opinion in _accusations(witness, gyro, means, last_s, window_s)
+    ]
+    if not told:
+        return None
+    span, opinion = min(told, key=lambda each: each[0][1])
+    judged = Judgement(
+        time_s=span[1],
+        sensor=gyro,
+        candidates=(gyro,),
+        kind="bias",
+        parameters={"size": opinion.error_deg_s, "onset_s": span[0]},
+        witness=f"{witness.name}: {opinion.reason}",
+    )
+    return Alarm(number=number, time_s=span[1], onset_s=span[0], source=gyro, test=SLOW, judgements=(judged,))
+
+
+def _accusations(
+    witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float, window_s: float
+) -> Iterator[tuple[Span, FieldOpinion]]:
+    """Give the windows of a length that accuse a gyro together with those before them."""
+    in_a_row = 0
+    for record in witness.records:
+        for start_s in np.arange(max(record.start_s, last_s), record.end_s - window_s, _EVERY_S).tolist():
+            span = (start_s, start_s + window_s)
+            claimed = claimed_deg_s(means, GYROS.index(gyro), span)
+            opinion = witness.judge(record, gyro, span, claimed) if np.isfinite(claimed) else None
+            is_accused = opinion is not None and opinion.sensor == gyro and abs(opinion.error_deg_s) >= _LEAST_DEG_S
+            in_a_row = in_a_row + 1 if is_accused else 0
+            if opinion is not None and in_a_row >= _TIMES:
+                yield span, opinion

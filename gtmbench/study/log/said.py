@@ -25,7 +25,7 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.contacts import but_after_crashes, over
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
-from gtmbench.study.log.force_witnesses import force_witnesses
+from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
@@ -243,12 +243,15 @@ def _settled(said: Said) -> Said:
         return said
     healthy = healthy_of(learnt, motion)
     fields = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy)
-    witnesses = (*fields, *force_witnesses(learnt.opened.sensors, motion.segments, healthy))
+    forces = force_witnesses(learnt.opened.sensors, motion.segments, healthy)
+    witnesses = (*fields, *forces)
     watches = [
         replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
         for watch in said.watches
     ]
     told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
+    found = but_after_crashes(found_by_forces(forces, told, learnt.identified_s[-1][1]), watches, said.excursions)
+    told = replace(told, alarms=(*told.alarms, *found))
     return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
 
 
