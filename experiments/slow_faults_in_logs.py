@@ -97,11 +97,12 @@ def _result(whole: Whole, fault: gb.Fault, tau_s: float) -> Row | None:
     except gb.InputError:
         return None
     told = alarms_after(said_of(replace(whole.learnt, opened=broken)), whole.said, fault.onset_s)
-    without = [replace(each, judgements=tuple(j for j in each.judgements if not j.witness)) for each in told]
+    own = [replace(each, judgements=tuple(j for j in each.judgements if not j.witness)) for each in told]
+    without = [each for each in own if each.judgements and not each.has_passed]
     found_s = min((alarm.time_s - fault.onset_s for alarm in told), default=np.nan)
     return {
         "said": verdict_on(told, fault.channel),
-        "without": verdict_on([each for each in without if not each.has_passed], fault.channel),
+        "without": verdict_on(without, fault.channel),
         "found_s": found_s,
         "told": " | ".join(map(_told, told))[:600],
     }

@@ -8,7 +8,7 @@ direction in which the aircraft accelerates shows an error of the yaw gyro, too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -34,8 +34,9 @@ _ATTITUDE_DEG, _ERROR_DEG_S = 45.0, 15.0  # a priori: of the attitude where a st
 _STEPS = 4  # of Gauss and Newton
 _SIGMAS, _FLOOR_DEG_S = 2.0, 0.2  # a bound is so many times the worst healthy stretch's deviations and this floor
 _SURE = 1.25  # times the bound: an error that is no healthy one
-_ALONE = 0.5  # of an error, which no other gyro may show
+_ALONE, _EACH_HALF = 0.5, 0.25  # of an error, which no other gyro may show; which each half of the time shows
 _FOLLOWS, _AGREES = 0.25, 0.3  # the attitude shows so much of an error at least, and so much more at most
+_LEAST_NOISE_G = 1e-3
 _OF_HEALTHY = 2.0  # times what healthy stretches leave is left where an error of the gyros explains the rest
 
 
@@ -46,6 +47,7 @@ class _Fit:
     errors_deg_s: FloatArray  # means over the stretch, shape (3,), by gyro
     per_noise: FloatArray  # their deviation for a noise of 1 g in each mean, in deg/s
     noise_g: float  # RMS of what is left
+    strength_g: float  # RMS of it along the force, which no turn changes
 
 
 class _Usual(NamedTuple):
@@ -53,7 +55,8 @@ class _Usual(NamedTuple):
 
     middle_deg_s: FloatArray  # shape (3,), as all but the noise
     deviations: FloatArray  # the largest of them, in the deviations that their noise explains
-    noise_g: float  # the largest
+    noise_g: float  # the largest, as is the next
+    strength_g: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -144,8 +147,14 @@ class ForceWitness:
         begins[1, axis] = claimed
         for usual, with_gps in ((self._usual_with_gps, True), (self._usual_alone, False)):
             fits = [fit for begin in begins if (fit := _fit(stretch, begin, with_gps=with_gps)) is not None]
-            if usual is not None and fits and (with_gps or axis != _YAW):
-                return _judged(min(fits, key=lambda fit: fit.noise_g), usual, gyro, claimed)
+            if usual is None or not fits or not (with_gps or axis != _YAW):
+                continue
+            opinion = _judged(min(fits, key=lambda fit: fit.noise_g), usual, gyro, claimed)
+            if opinion.sensor == gyro and not _is_steady(stretch, opinion.error_deg_s, axis, usual, with_gps=with_gps):
+                return replace(
+                    opinion, sensor=None, reason="the error isn't in both halves: accelerometers may be wrong"
+                )
+            return opinion
         if self._usual_alone is None:
             return _open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more")
         if axis == _YAW and not self.has_gps:
@@ -220,7 +229,7 @@ class _Blocks(NamedTuple):
 
     rows: int
     rows_a_step: int
-    count: int
+    number: int
     expected: FloatArray  # in g, in the axes in which the stretch began, shape (blocks, 3)
     is_known: BoolArray
 
@@ -231,13 +240,13 @@ def _blocks(stretch: Record, *, with_gps: bool) -> _Blocks:
     rows_a_step = max(int(_STEP_ROWS_S / stretch.sample_period_s), 1)
     rows = max(round(_BLOCK_S / (rows_a_step * stretch.sample_period_s)), 1) * rows_a_step
     count = len(stretch) // rows
-    read = np.isfinite(stretch.matrix(ACCELEROMETERS)).all(axis=1)[: count * rows]
-    is_known = np.asarray(read.reshape(count, rows).mean(axis=1) > _COVERED)
+    read = np.isfinite(stretch.matrix(ACCELEROMETERS)[: count * rows]).all(axis=1).reshape(count, rows)
+    is_known = np.asarray(read.mean(axis=1) > _COVERED)
     to_earth = Rotation.from_euler("ZYX", stretch.matrix(ATTITUDE[::-1])[0], degrees=True).as_matrix()
     down = np.tile([0.0, 0.0, 1.0], (count, 1))
     if not with_gps:
         return _Blocks(rows, rows_a_step, count, -down @ to_earth, is_known)
-    edges_s = stretch.start_s + np.arange(count + 1) * rows * stretch.sample_period_s + _DELAY_S
+    edges_s = stretch.start_s + _DELAY_S + np.arange(count + 1.0) * (rows * stretch.sample_period_s)
     velocity, is_read = _velocity(stretch, edges_s)
     step_s = rows * stretch.sample_period_s
     acceleration = np.diff(velocity, axis=0) / (step_s * _G_M_S2)
@@ -262,7 +271,7 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     """Return the errors of attitude and gyros that explain a stretch best, by Gauss and Newton."""
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 
-    steps, period_s = blocks.rows * blocks.count // blocks.rows_a_step, blocks.rows_a_step * stretch.sample_period_s
+    steps, period_s = blocks.rows * blocks.number // blocks.rows_a_step, blocks.rows_a_step * stretch.sample_period_s
 
     def by_steps(values: FloatArray) -> FloatArray:
         return np.asarray(values[: steps * blocks.rows_a_step].reshape(steps, -1, 3).mean(axis=1))
@@ -281,17 +290,20 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
         turned = _means(np.einsum("kij,kj->ki", path, force), blocks)
         turns = [np.cumsum(path * each, axis=0) * period_s for each in (1.0, growing[:, :, np.newaxis])]
         angles = np.concatenate([_means(each.reshape(steps, 9), blocks).reshape(-1, 3, 3) for each in turns], 2)
-        angles = np.concatenate([np.tile(np.eye(3), (blocks.count, 1, 1)), angles], axis=2)
+        angles = np.concatenate([np.tile(np.eye(3), (blocks.number, 1, 1)), angles], axis=2)
         design = np.cross(angles, expected[:, :, np.newaxis], axis=1)[known].reshape(-1, 9)
         left = (turned - expected)[known].ravel()
         inverse = np.linalg.inv(design.T @ design + weights)
         step = inverse @ (design.T @ left - weights @ found)
         found, rest = found + step, left - design @ step
         tilt = Rotation.from_rotvec(step[:3]).as_matrix() @ tilt
+    along = expected[known] / np.linalg.norm(expected[known], axis=1)[:, np.newaxis]
+    strength = np.sum(rest.reshape(-1, 3) * along, axis=1)
     return _Fit(
         errors_deg_s=np.rad2deg(found[3:6]),
         per_noise=np.rad2deg(np.sqrt(np.diag(inverse)[3:6])),
-        noise_g=float(np.sqrt(np.mean(rest**2))) + 1e-6,
+        noise_g=float(np.sqrt(np.mean(rest**2))) + _LEAST_NOISE_G,
+        strength_g=float(np.sqrt(np.mean(strength**2))) + _LEAST_NOISE_G,
     )
 
 
@@ -304,7 +316,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 def _means(values: FloatArray, blocks: _Blocks) -> FloatArray:
     """Return means over the steps of each block."""
-    return np.asarray(values.reshape(blocks.count, -1, values.shape[1]).mean(axis=1))
+    return np.asarray(values.reshape(blocks.number, -1, values.shape[1]).mean(axis=1))
 
 
 # ---- what is concluded ----
@@ -317,13 +329,26 @@ def _usual_of(fits: Sequence[_Fit]) -> _Usual:
     weights = 1.0 / np.square(per_noise)
     middle = np.sum(weights * errors, axis=0) / weights.sum(axis=0)
     deviations = np.max(np.abs(errors - middle) / (per_noise * noises[:, np.newaxis]), axis=0)
-    return _Usual(middle, np.maximum(deviations, _LEAST_DEVIATIONS), float(noises.max()))
+    strength_g = max(fit.strength_g for fit in fits)
+    return _Usual(middle, np.maximum(deviations, _LEAST_DEVIATIONS), float(noises.max()), strength_g)
 
 
 def _bounds(fit: _Fit, usual: _Usual) -> FloatArray:
     """Return by how much more than usual an error isn't healthy, by gyro."""
     noise = max(fit.noise_g, 0.5 * usual.noise_g)
     return np.asarray(_SIGMAS * np.hypot(usual.deviations * fit.per_noise * noise, _FLOOR_DEG_S))
+
+
+def _is_steady(stretch: Record, error_deg_s: float, axis: int, usual: _Usual, *, with_gps: bool) -> bool:
+    """Tell whether both halves of a stretch show a part of an error, as a step of an accelerometer doesn't."""
+    middle, begin = len(stretch) // 2, np.zeros(3)
+    begin[axis] = error_deg_s
+    for rows in (range(middle), range(middle, len(stretch))):
+        fit = _fit(stretch.part(rows), begin, with_gps=with_gps)
+        own = np.nan if fit is None else fit.errors_deg_s[axis] - usual.middle_deg_s[axis]
+        if not own * np.sign(error_deg_s) > _EACH_HALF * abs(error_deg_s):
+            return False
+    return True
 
 
 def _open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpinion:
@@ -337,6 +362,8 @@ def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion
     error, bound = float(errors[axis]), float(bounds[axis])
     if fit.noise_g > _OF_HEALTHY * usual.noise_g:
         return _open("no steady error of a gyro explains the forces", error, bound)
+    if fit.strength_g > _OF_HEALTHY * usual.strength_g:
+        return _open("the force's strength changes, so accelerometers may be wrong", error, bound)
     if abs(error) < bound:
         if abs(claimed) < _SURE * bound:
             return _open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)

@@ -77,13 +77,25 @@ def test_without_a_gps_r_hardly_shows():
     assert bounds["r"] > 2.0 * with_it["r"]
 
 
-@pytest.mark.parametrize("size", [0.5, -0.3])
-def test_a_broken_accelerometer_accuses_no_gyro(size):
-    """A step of it looks like another tilt at once, which no steady turn explains."""
-    broken = gb.inject(flight(), gb.Bias(channel="ny", onset_s=ONSET_S + 15.0, size=size))
+ACCELEROMETER_FAULTS = [
+    gb.Bias(channel="ny", onset_s=ONSET_S + 15.0, size=0.5),
+    gb.Bias(channel="nx", onset_s=ONSET_S + 20.0, size=-0.3),
+    gb.Bias(channel="nz", onset_s=ONSET_S + 20.0, size=-0.5),
+    gb.Drift(channel="ny", onset_s=ONSET_S, slope=0.02),
+    gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.03),
+    gb.Jam(channel="nz", onset_s=ONSET_S),
+    gb.Noise(channel="ny", onset_s=ONSET_S, deviation=0.5),
+    gb.ScaleFactor(channel="nz", onset_s=ONSET_S, factor=0.5),
+]
+
+
+@pytest.mark.parametrize("gps", [True, False])
+@pytest.mark.parametrize("fault", ACCELEROMETER_FAULTS, ids=lambda fault: f"{fault.kind} of {fault.channel}")
+def test_a_broken_accelerometer_accuses_no_gyro_whatever_the_attitude_follows(fault, gps):
+    broken = gb.inject(flight(gps=gps), fault)
     for gyro in GYROS:
-        for claimed in (-2.0, 2.0):
-            assert witness().judge(broken, ONSET_S, END_S, gyro=gyro, error_deg_s=claimed).sensor is None
+        for claimed in (-2.0, -0.7, 0.7, 2.0):
+            assert witness(gps=gps).judge(broken, ONSET_S, END_S, gyro=gyro, error_deg_s=claimed).sensor is None
 
 
 def test_an_error_that_the_attitude_doesnt_show_likewise_stays_open():

@@ -244,7 +244,7 @@ def _settled(said: Said) -> Said:
     healthy = healthy_of(learnt, motion)
     fields = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy)
     forces = force_witnesses(learnt.opened.sensors, motion.segments, healthy)
-    witnesses = (*fields, *forces)
+    witnesses: tuple[Witness, ...] = (*fields, *forces)
     watches = [
         replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
         for watch in said.watches
