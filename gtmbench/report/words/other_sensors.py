@@ -13,7 +13,7 @@ from gtmbench.detectors.crosscheck.relations import ACCEL, ALPHA, ALTITUDE, ATT,
 from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.report.words.units import capitalised
-from gtmbench.study.log.lost_fixes import FIX
+from gtmbench.study.log.gps_itself import FIX, JUMP
 from gtmbench.study.log.other_sensors import Limit, WatchedSensor, kind_of, not_told_apart, possible
 
 NAMES = {
@@ -61,6 +61,8 @@ def sensor_why(sensor: WatchedSensor) -> str:
     reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
     if alarm.test == FIX:
         return f"From {alarm.onset_s:.1f} s on the {NAMES[GPS]} tells no place{reason}."
+    if alarm.test == JUMP and alarm.last is not None:
+        return f"Alarm at {alarm.onset_s:.1f} s by the {NAMES[GPS]} itself: {alarm.last.reason}."
     return f"Alarm at {alarm.time_s:.2f} s by {alarm.source}{named}{reason}."
 
 
@@ -175,6 +177,9 @@ def _alarm_text(sensor: WatchedSensor, alarm: Alarm) -> str:
     if alarm.test == FIX and alarm.last is not None:
         lost = f"no fix from {alarm.onset_s:.1f} s{end}: {alarm.last.reason}"
         return f"{lost}; may be no fault: {alarm.doubt}" if alarm.doubt else f"failed: {lost}"
+    if alarm.test == JUMP and alarm.last is not None:
+        told = f"may be no fault ({alarm.doubt})" if alarm.doubt else "failed"
+        return f"{told} at {alarm.onset_s:.1f} s: {alarm.last.reason}"
     span = f"from {alarm.time_s:.1f} s{end}, {alarm.source}"
     if alarm.sensor == sensor.kind and not alarm.doubt:
         return f"{'disturbed' if sensor.kind == MAG else 'failed'} {span}"

@@ -17,9 +17,9 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
 from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
+from gtmbench.study.log.gps_itself import with_itself
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
-from gtmbench.study.log.lost_fixes import with_lost_fixes
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -236,4 +236,4 @@ def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
     healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
     sensors = learnt.opened.sensors
     watched = watched_sensors(sensors, moving, healthy, learnt.identified_s, said.excursions)
-    return with_lost_fixes(watched, sensors, moving, said.excursions)
+    return with_itself(watched, sensors, moving, learnt.identified_s, said.excursions)
