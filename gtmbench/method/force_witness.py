@@ -24,6 +24,7 @@ SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
 _G_M_S2 = 9.80665
 _BLOCK_S, _STEP_ROWS_S = 1.0, 0.05  # means over which forces are compared; that rotations are integrated in
 _COVERED, _PRESENT = 0.7, 0.8  # of a block's rows; of a stretch's blocks
+_GYROS_PRESENT = 0.98  # of a stretch's rows, for a turn that isn't read is an error
 _GAP_S = 1.1  # between two readings of a GPS, beyond which nothing is known of its velocity
 _DELAY_S = 0.2  # of a GPS; another one, or none, is an error of some tenths of an acceleration's change in a second
 _USUAL_S, _STEP_S = 15.0, 3.0  # healthy stretches that show what is usual, and from one to the next at least
@@ -215,7 +216,8 @@ def _fit(stretch: Record, begin_deg_s: FloatArray, *, with_gps: bool) -> _Fit | 
     """Return how errors of the gyros explain a stretch; None where too much is missing."""
     if with_gps and not set(GPS_VELOCITY) <= set(stretch.channels):
         return None
-    if not (np.isfinite(stretch.matrix(GYROS)).all() and np.isfinite(stretch.matrix(ATTITUDE)[0]).all()):
+    known = float(np.isfinite(stretch.matrix(GYROS)).all(axis=1).mean())
+    if known < _GYROS_PRESENT or not np.isfinite(stretch.matrix(ATTITUDE)[0]).all():
         return None
     blocks = _blocks(stretch, with_gps=with_gps)
     return _fitted(stretch, blocks, begin_deg_s) if blocks.is_known.mean() >= _PRESENT else None
@@ -276,7 +278,7 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
     def by_steps(values: FloatArray) -> FloatArray:
         return np.asarray(values[: steps * blocks.rows_a_step].reshape(steps, -1, 3).mean(axis=1))
 
-    rates = np.deg2rad(by_steps(stretch.matrix(GYROS)))
+    rates = np.deg2rad(by_steps(_filled(stretch.matrix(GYROS))))
     force = by_steps(_filled(stretch.matrix(ACCELEROMETERS)) * [1.0, 1.0, -1.0])
     growing = np.linspace(-1.0, 1.0, steps)[:, np.newaxis]
     prior = np.deg2rad([_ATTITUDE_DEG] * 3 + [_ERROR_DEG_S] * 6)

@@ -9,6 +9,7 @@ from dataclasses import replace
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.field_witnesses import FORCES
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
@@ -24,7 +25,7 @@ def agreed(said: Said, progress: Progress) -> Said:
     """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
 
     The other choice is all that was flown before the first accusation: a fault shows by both. What came before that,
-    taxi and standing, teaches no choice anything.
+    taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no second choice.
 
     Parameters
     ----------
@@ -38,19 +39,15 @@ def agreed(said: Said, progress: Progress) -> Said:
     first_s, last_s = said.learnt.identified_s[0]
     until_s = min(_begun_s(alarm, last_s) for alarm in accused)
     others: list[Alarm] = []
-    still_open: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
-        heard = doubted(listened(learnt(chosen(again), progress), progress), progress)
-        others = list(_accusing(heard))
-        still_open = [alarm for alarm in (heard.means.alarms if heard.means else ()) if alarm.sensor is None]
+        others = list(_accusing(doubted(listened(learnt(chosen(again), progress), progress), progress)))
     doubt = (
         f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {first_s:.0f} to {until_s:.0f} s are"
     )
 
     def doubtful(alarm: Alarm) -> Alarm:
-        told = [*others, *still_open] if _by_witness(alarm) else others
-        is_alone = _accuses(alarm) and not any(_agree(alarm, other) for other in told)
+        is_alone = _accuses(alarm) and not any(_agree(alarm, other) for other in others)
         return with_doubt(alarm, doubt) if is_alone else alarm
 
     return _each(said, doubtful)
@@ -59,21 +56,11 @@ def agreed(said: Said, progress: Progress) -> Said:
 def _begun_s(alarm: Alarm, last_s: float) -> float:
     """Return until when another choice may learn: a slow fault began before its mean rose.
 
-    It learns on more than the choice that ends at `last_s` where it can. Where it can't, what another sensor measured
-    stands, and anything else is held against a choice that may hold the fault's beginning.
+    It learns on more than the choice that ends at `last_s` where it can.
     """
     until_s = alarm.onset_s - _APART_S
-    if alarm.test != SLOW:
-        return until_s
     earlier_s = until_s - WINDOWS[-1] * SECOND_S
-    if earlier_s > last_s:
-        return earlier_s
-    return last_s if _by_witness(alarm) else until_s
-
-
-def _by_witness(alarm: Alarm) -> bool:
-    """Tell whether another sensor named it, which rests on no monitor: that it is open by another choice is enough."""
-    return alarm.last is not None and bool(alarm.last.witness)
+    return earlier_s if alarm.test == SLOW and earlier_s > last_s else until_s
 
 
 def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
@@ -92,8 +79,13 @@ def _accusing(said: Said) -> Iterator[Alarm]:
 
 
 def _accuses(alarm: Alarm) -> bool:
-    """Tell whether an alarm must be a fault; of missing samples no model tells."""
-    return alarm.test != MISSING and alarm.is_first and alarm.accuses
+    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and forces need none."""
+    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_forces(alarm)
+
+
+def _by_forces(alarm: Alarm) -> bool:
+    """Tell whether accelerometers named it: forces and attitude measured one error, whatever a monitor learnt."""
+    return alarm.last is not None and alarm.last.witness.startswith(f"{FORCES}: ")
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:
