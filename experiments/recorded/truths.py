@@ -58,7 +58,4 @@ TRUTHS: dict[str, Truth] = {
     "pxf_copter_26-11-2014_181.BIN": Truth(
         "from 91.9 s on the GPS tells of up to 78 m/s, 300 m up and down", ("gps",), "the plot, beside accelerometers"
     ),
-    "pxf_copter_14-11-2014_118.BIN": Truth(
-        "at 498.4 s the GPS's velocity jumps by 12 m/s", ("gps",), "the plot, beside accelerometers"
-    ),
 }

@@ -39,18 +39,18 @@ _YAW = 2
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOpinion:
-    """What the magnetometer says about a yaw gyro that turns otherwise than the heading.
+    """What a magnetometer says about a yaw gyro that turns otherwise than the heading, or accelerometers about a gyro.
 
     Attributes
     ----------
     sensor : str or None
-        "r": the gyro is wrong. "psi": the gyro is right, so the heading wanders. "magnetometer": its field isn't the
-        Earth's alone. None: it can't tell.
+        "r", or of accelerometers "p" or "q", too: the gyro is wrong. "psi": the gyro is right, so the heading wanders.
+        "magnetometer": its field isn't the Earth's alone. None: it can't tell.
     reason : str
         Why.
     error_deg_s : float
-        What r reads more than the field turns, and more than where healthy, as a mean over the stretch; NaN where it
-        isn't known.
+        What the gyro reads more than the field or the force turns, and more than where healthy, as a mean over the
+        stretch; NaN where it isn't known.
     bound_deg_s : float
         What healthy stretches of that length don't exceed; NaN where it isn't known.
 

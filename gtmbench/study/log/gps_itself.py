@@ -15,14 +15,14 @@ from gtmbench.detectors.crosscheck.relations import ACCEL, GPS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.other_sensors import Flown, WatchedSensor, flown_of, kind_of, out_of_ordinary
-from gtmbench.values.record import Record, Span
+from gtmbench.values.record import Record
 
 FIX, JUMP = "fix", "velocity jump"  # sources and tests of such alarms
 _LASTS_S = 5.0  # a fix that is back sooner may have been skipped by the receiver
 _G_M_S2 = 9.80665
-_JUMP_M_S, _JUMP_M_S2, _OF_HEALTHY = 4.0, 25.0, 3.0  # at least; and times the largest step where healthy
+_JUMP_M_S, _JUMP_M_S2 = 4.0, 25.0  # at least
 _LONGEST_S = 0.55  # between two readings of which the second may have jumped
-_FORCE_G, _ABOUT_S = 2.0, 0.5  # more is read by accelerometers in an impact; so long before and behind
+_FORCE_G, _BEFORE_S, _BEHIND_S = 2.0, 5.0, 0.5  # more is read in an impact, which may turn an antenna to the ground
 _BEYOND = 1.5  # times the largest acceleration that the force they read, and gravity, allow
 
 
@@ -30,7 +30,6 @@ def with_itself(
     watched: Sequence[WatchedSensor],
     sensors: Sequence[SensorReadings],
     moving: Sequence[Record],
-    learnt_s: Sequence[Span],
     excursions: Sequence[Excursion],
 ) -> tuple[WatchedSensor, ...]:
     """Return sensors with an alarm for each fix that a GPS lost and each jump of its velocity, in time.
@@ -41,8 +40,6 @@ def with_itself(
         One for one.
     moving : sequence of Record
         The log, with p, q, r, phi, theta and psi.
-    learnt_s : sequence of (start, end)
-        What is taken for healthy: there its velocity takes its usual steps.
     excursions : sequence of Excursion
         Contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
@@ -52,7 +49,7 @@ def with_itself(
     def told(sensor: SensorReadings) -> Iterator[Alarm]:
         yield from _lost(sensor, flown)
         if forces is not None:
-            yield from _jumps(sensor, forces, learnt_s)
+            yield from _jumps(sensor, forces)
 
     def beside(each: WatchedSensor, sensor: SensorReadings) -> WatchedSensor:
         found = [_doubted(alarm, flown) for alarm in told(sensor)]
@@ -73,20 +70,15 @@ def _lost(sensor: SensorReadings, flown: Flown) -> Iterator[Alarm]:
             yield _alarm(FIX, (lost.start_s, lost.end_s), lost.start_s + _LASTS_S, why)
 
 
-def _jumps(sensor: SensorReadings, forces: SensorReadings, learnt_s: Sequence[Span]) -> Iterator[Alarm]:
-    """Give the first of the velocity's steps that no aircraft takes and no accelerometer felt."""
+def _jumps(sensor: SensorReadings, forces: SensorReadings) -> Iterator[Alarm]:
+    """Give the first of the velocity's steps that no aircraft takes and no accelerometer felt, healthy part or not."""
     time_s, steps_s = sensor.time_s[1:], np.diff(sensor.time_s)
     jumps = np.linalg.norm(np.diff(sensor.values, axis=0), axis=1)
-    healthy = np.any([(time_s > start_s) & (time_s <= end_s) for start_s, end_s in learnt_s], axis=0)
-    if not learnt_s or not healthy.any():
-        return
-    usual = float(jumps[healthy & (steps_s <= _LONGEST_S)].max(initial=0.0))
-    bounds = np.maximum(np.maximum(_JUMP_M_S, _JUMP_M_S2 * steps_s), _OF_HEALTHY * usual)
     felt = np.linalg.norm(forces.values, axis=1)
-    after = time_s > max(end_s for _, end_s in learnt_s)
-    for row in np.flatnonzero((jumps > bounds) & (steps_s <= _LONGEST_S) & after):
+    bounds = np.maximum(_JUMP_M_S, _JUMP_M_S2 * steps_s)
+    for row in np.flatnonzero((jumps > bounds) & (steps_s <= _LONGEST_S)):
         at_s, step_s = float(time_s[row]), float(steps_s[row])
-        about = felt[(forces.time_s > at_s - step_s - _ABOUT_S) & (forces.time_s < at_s + _ABOUT_S)]
+        about = felt[(forces.time_s > at_s - _BEFORE_S) & (forces.time_s < at_s + _BEHIND_S)]
         rate_g = jumps[row] / step_s / _G_M_S2
         if len(about) and about.max() < _FORCE_G and rate_g > _BEYOND * (about.max() + 1.0):
             why = (

@@ -236,4 +236,4 @@ def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
     healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
     sensors = learnt.opened.sensors
     watched = watched_sensors(sensors, moving, healthy, learnt.identified_s, said.excursions)
-    return with_itself(watched, sensors, moving, learnt.identified_s, said.excursions)
+    return with_itself(watched, sensors, moving, said.excursions)
