@@ -371,7 +371,7 @@ def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion
             return _open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)
         return _open(f"{gyro} and the forces turn alike, to {bound:.2g} deg/s", error, bound)
     others = np.delete(np.maximum(np.abs(errors) - bounds, 0.0), axis)
-    if others.max() > _ALONE * abs(error):
+    if others.max() > (0.0 if axis == _YAW else _ALONE * abs(error)):  # a bent attitude turns the GPS's axes
         return _open("another gyro's error explains the forces, too", error, bound)
     follows = claimed * error > 0.0 and _FOLLOWS * abs(error) < abs(claimed) + bound
     if not follows or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < _SURE * bound:

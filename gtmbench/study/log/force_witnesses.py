@@ -98,27 +98,34 @@ def force_witnesses(
     )
 
 
-def found_by_forces(witnesses: Sequence[LoggedForces], means: SlowMeans, last_s: float) -> tuple[Alarm, ...]:
-    """Return an alarm of each gyro that accelerometers accuse where no mean of it rose.
+def found_by_forces(
+    witnesses: Sequence[LoggedForces], means: SlowMeans, told: Sequence[Alarm], last_s: float
+) -> tuple[Alarm, ...]:
+    """Return an alarm of the first gyro that accelerometers accuse where nothing else rose before.
+
+    No second sensor is named by an attitude that the first one bent.
 
     Parameters
     ----------
     witnesses : sequence of LoggedForces
     means : SlowMeans
-        What each gyro reads more than the attitude turns, with its alarms.
+        What each gyro reads more than the attitude turns.
+    told : sequence of Alarm
+        All that was said of gyros and angles.
     last_s : float
         Until when was learnt.
     """
-    found: list[Alarm] = []
-    for witness in witnesses:
-        for gyro in filter(witness.knows, GYROS):
-            alarm = _first_accusation(witness, gyro, means, last_s, len(means.alarms) + len(found))
-            if alarm is not None and not any(gyro in each.candidates and not each.has_passed for each in means.alarms):
-                found.append(alarm)
-    return tuple(found)
+    before_s = min((alarm.onset_s for alarm in told if not alarm.has_passed), default=np.inf)
+    found = [
+        alarm
+        for witness in witnesses
+        for gyro in filter(witness.knows, GYROS)
+        if (alarm := _first_accusation(witness, gyro, means, last_s)) is not None and alarm.time_s < before_s
+    ]
+    return (min(found, key=lambda alarm: alarm.time_s),) if found else ()
 
 
-def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float, number: int) -> Alarm | None:
+def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float) -> Alarm | None:
     """Return an alarm of the first windows in a row that accuse a gyro; None where none do."""
     told = [
         (span, opinion)
@@ -136,7 +143,9 @@ def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s
         parameters={"size": opinion.error_deg_s, "onset_s": span[0]},
         witness=f"{witness.name}: {opinion.reason}",
     )
-    return Alarm(number=number, time_s=span[1], onset_s=span[0], source=gyro, test=SLOW, judgements=(judged,))
+    return Alarm(
+        number=len(means.alarms), time_s=span[1], onset_s=span[0], source=gyro, test=SLOW, judgements=(judged,)
+    )
 
 
 def _accusations(

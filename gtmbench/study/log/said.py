@@ -250,7 +250,9 @@ def _settled(said: Said) -> Said:
         for watch in said.watches
     ]
     told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
-    found = but_after_crashes(found_by_forces(forces, told, learnt.identified_s[-1][1]), watches, said.excursions)
+    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains))
+    found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
+    found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))
     return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
 

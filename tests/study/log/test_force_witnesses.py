@@ -62,7 +62,7 @@ def told(fault, *, asked=True):
     means = slow_means([record], healthy=HEALTHY, is_driven=True)
     witnesses = force_witnesses(sensors, [record], [record.between(*HEALTHY[0])]) if asked else ()
     means = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
-    return [*means.alarms, *found_by_forces(witnesses, means, HEALTHY[0][1])]
+    return [*means.alarms, *found_by_forces(witnesses, means, means.alarms, HEALTHY[0][1])]
 
 
 SLOW_FAULTS = [
