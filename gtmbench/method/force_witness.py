@@ -34,7 +34,8 @@ _LEAST_DEVIATIONS = 2.0  # that few stretches show too seldom
 _ATTITUDE_DEG, _ERROR_DEG_S = 45.0, 15.0  # a priori: of the attitude where a stretch begins; of a gyro's error
 _STEPS = 4  # of Gauss and Newton
 _SIGMAS, _FLOOR_DEG_S = 2.0, 0.2  # a bound is so many times the worst healthy stretch's deviations and this floor
-_SURE = 1.25  # times the bound: an error that is no healthy one
+_OF_TURNING = 0.05  # of what a circling aircraft turns may be errors of scale and axes
+_SURE, _SURE_OF_YAW = 1.25, 2.0  # times the bound: an error that is no healthy one
 _ALONE, _EACH_HALF = 0.5, 0.25  # of an error, which no other gyro may show; which each half of the time shows
 _FOLLOWS, _AGREES = 0.25, 0.3  # the attitude shows so much of an error at least, and so much more at most
 _LEAST_NOISE_G = 1e-3
@@ -49,6 +50,7 @@ class _Fit:
     per_noise: FloatArray  # their deviation for a noise of 1 g in each mean, in deg/s
     noise_g: float  # RMS of what is left
     strength_g: float  # RMS of it along the force, which no turn changes
+    turning_deg_s: float  # the size of the mean of all rates, less the errors
 
 
 class _Usual(NamedTuple):
@@ -165,7 +167,7 @@ class ForceWitness:
     def bounds_deg_s(self, length_s: float) -> dict[str, float]:
         """Return how well a healthy stretch of some length tells each gyro's error, in deg/s; NaN where nothing does.
 
-        A gyro is accused where it is off by one and a quarter times that, at least.
+        A gyro is accused where it is off by one and a quarter times that, at least; r by twice that.
         """
         with_gps = self.has_gps
         usual = self._usual_with_gps if with_gps else self._usual_alone
@@ -301,7 +303,9 @@ def _fitted(stretch: Record, blocks: _Blocks, begin_deg_s: FloatArray) -> _Fit:
         tilt = Rotation.from_rotvec(step[:3]).as_matrix() @ tilt
     along = expected[known] / np.linalg.norm(expected[known], axis=1)[:, np.newaxis]
     strength = np.sum(rest.reshape(-1, 3) * along, axis=1)
+    turning = np.rad2deg(rates.mean(axis=0) - found[3:6])
     return _Fit(
+        turning_deg_s=float(np.linalg.norm(turning)),
         errors_deg_s=np.rad2deg(found[3:6]),
         per_noise=np.rad2deg(np.sqrt(np.diag(inverse)[3:6])),
         noise_g=float(np.sqrt(np.mean(rest**2))) + _LEAST_NOISE_G,
@@ -338,7 +342,8 @@ def _usual_of(fits: Sequence[_Fit]) -> _Usual:
 def _bounds(fit: _Fit, usual: _Usual) -> FloatArray:
     """Return by how much more than usual an error isn't healthy, by gyro."""
     noise = max(fit.noise_g, 0.5 * usual.noise_g)
-    return np.asarray(_SIGMAS * np.hypot(usual.deviations * fit.per_noise * noise, _FLOOR_DEG_S))
+    own = _SIGMAS * np.hypot(usual.deviations * fit.per_noise * noise, _FLOOR_DEG_S)
+    return np.asarray(own + _OF_TURNING * fit.turning_deg_s)
 
 
 def _is_steady(stretch: Record, error_deg_s: float, axis: int, usual: _Usual, *, with_gps: bool) -> bool:
@@ -362,19 +367,20 @@ def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion
     axis = GYROS.index(gyro)
     errors, bounds = fit.errors_deg_s - usual.middle_deg_s, _bounds(fit, usual)
     error, bound = float(errors[axis]), float(bounds[axis])
+    sure = bound * (_SURE_OF_YAW if axis == _YAW else _SURE)
     if fit.noise_g > _OF_HEALTHY * usual.noise_g:
         return _open("no steady error of a gyro explains the forces", error, bound)
     if fit.strength_g > _OF_HEALTHY * usual.strength_g:
         return _open("the force's strength changes, so accelerometers may be wrong", error, bound)
     if abs(error) < bound:
-        if abs(claimed) < _SURE * bound:
+        if abs(claimed) < sure:
             return _open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)
         return _open(f"{gyro} and the forces turn alike, to {bound:.2g} deg/s", error, bound)
     others = np.delete(np.maximum(np.abs(errors) - bounds, 0.0), axis)
     if others.max() > (0.0 if axis == _YAW else _ALONE * abs(error)):  # a bent attitude turns the GPS's axes
         return _open("another gyro's error explains the forces, too", error, bound)
     follows = claimed * error > 0.0 and _FOLLOWS * abs(error) < abs(claimed) + bound
-    if not follows or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < _SURE * bound:
+    if not follows or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < sure:
         return _open(f"by the forces {gyro} is off by {error:.2g} deg/s, by the attitude {claimed:.2g}", error, bound)
     why = f"{gyro} reads {error:+.2g} deg/s more than the forces turn"
     return FieldOpinion(sensor=gyro, reason=why, error_deg_s=error, bound_deg_s=bound)

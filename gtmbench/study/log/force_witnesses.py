@@ -2,7 +2,7 @@
 
 They need the attitude only where a stretch begins. They are asked where something else left a gyro or its angle open;
 and where nothing rose, over half a minute and a minute, for they may know a gyro better than a restless attitude does.
-There, too, a gyro is named only where the attitude differs from it the same way.
+There, too, p or q is named only where the attitude differs from it the same way.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def found_by_forces(
 ) -> tuple[Alarm, ...]:
     """Return an alarm of the first gyro that accelerometers accuse where nothing else rose before.
 
-    No second sensor is named by an attitude that the first one bent.
+    No second sensor is named by an attitude that the first one bent; and none of r, which only a GPS's turns show.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def found_by_forces(
     found = [
         alarm
         for witness in witnesses
-        for gyro in filter(witness.knows, GYROS)
+        for gyro in GYROS[:2]
         if (alarm := _first_accusation(witness, gyro, means, last_s)) is not None and alarm.time_s < before_s
     ]
     return (min(found, key=lambda alarm: alarm.time_s),) if found else ()
