@@ -38,6 +38,7 @@ def opinion(fault, gyro, claimed, seed=1, *, gps=True):
 @pytest.mark.parametrize("gyro", GYROS)
 @pytest.mark.parametrize("size", [2.0, -5.0])
 def test_an_error_of_a_gyro_is_measured_and_named_with_a_gps(seed, gyro, size):
+    size *= 1.5 if gyro == "r" else 1.0  # which is accused by twice the bound
     told = opinion(gb.Bias(channel=gyro, onset_s=ONSET_S, size=size), gyro, 0.7 * size, seed)
     assert told.error_deg_s == pytest.approx(size, abs=told.bound_deg_s)
     assert told.sensor == gyro

@@ -68,7 +68,7 @@ def told(fault, *, asked=True):
 SLOW_FAULTS = [
     gb.Bias(channel="p", onset_s=ONSET_S, size=1.0),
     gb.Bias(channel="q", onset_s=ONSET_S, size=-1.0),
-    gb.Bias(channel="r", onset_s=ONSET_S, size=1.5),
+    gb.Bias(channel="r", onset_s=ONSET_S, size=3.5),
     gb.Drift(channel="p", onset_s=ONSET_S, slope=-0.015),
     gb.Drift(channel="q", onset_s=ONSET_S, slope=0.02),
 ]
