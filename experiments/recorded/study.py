@@ -82,7 +82,7 @@ def of_log(name: str, said: WatchedLog) -> Row:
     """Return what is said of a log as it is, and whether that is right where it is known to hold a failure."""
     left_s, armed_s, watched_s = coverage(said)
     truth = TRUTHS.get(name)
-    accused = {alarm.sensor for alarm in said.alarms if alarm.accuses}
+    accused = {alarm.sensor for alarm in said.alarms if alarm.accuses} | {each.kind for each in said.failed_sensors}
     return {
         "rate_hz": 1.0 / said.log.sample_period_s,
         "logged_s": sum(len(record) * said.log.sample_period_s for record in said.log.segments),

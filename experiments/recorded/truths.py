@@ -27,6 +27,8 @@ class Truth:
 
 _PLOT = "the plot: at rest, 1 g stays along one axis while the attitude tumbles"
 _WARM = "the plot: gyro less attitude rate, at rest and in flight"
+_FIX = "the plot: the GPS's satellites, 5 to 11 and from one message to the next none, while the aircraft flies"
+_LOST = "the GPS loses its fix at {} s{}"
 _OFFSET = "p and q read {} deg/s at rest: gyros that nobody calibrated drive the attitude"
 
 TRUTHS: dict[str, Truth] = {
@@ -37,13 +39,13 @@ TRUTHS: dict[str, Truth] = {
     "pxf_copter_7-9-2014_7.BIN": Truth(_OFFSET.format("-9"), ("p", "q"), _PLOT),
     "pxf_copter_7-9-2014_9.BIN": Truth(_OFFSET.format("-12"), ("p", "q"), _PLOT),
     "pxf_rover_25-8-2014_61.BIN": Truth(_OFFSET.format("-24"), ("p", "q"), _PLOT),
-    "pxf_copter_09-10-2014_30.BIN": Truth("p drifts by 1 deg/s within a minute", ("p",), _WARM),
-    "pxf_copter_09-10-2014_31.BIN": Truth("p drifts to -3 deg/s at 371 s", ("p",), _WARM),
+    "pxf_copter_09-10-2014_30.BIN": Truth("p drifts by 1 deg/s within a minute; the GPS restarts", ("p", "gps"), _WARM),
+    "pxf_copter_09-10-2014_31.BIN": Truth("p drifts to -3 deg/s at 371 s; the GPS restarts", ("p", "gps"), _WARM),
     "pxf_copter_8-10-2014_18.BIN": Truth("p drifts to -2.3 deg/s within a minute, and the bank along", ("p",), _WARM),
     "pxf_copter_8-10-2014_10.BIN": Truth(
-        "p reads 0.9 deg/s at rest before the flight and -1.9 at rest two minutes later",
-        ("p",),
-        "the plot: gyros at rest",
+        "p reads 0.9 deg/s at rest before the flight and -1.9 after it; the GPS loses its fix at 281.1 s",
+        ("p", "gps"),
+        "the plot: gyros at rest, and the GPS's satellites",
     ),
     "pxf_copter_15-10-2014_42.BIN": Truth("p drifts to -1.5 deg/s within half a minute", ("p",), _WARM),
     "ekf_failure.ulg": Truth(
@@ -51,5 +53,13 @@ TRUTHS: dict[str, Truth] = {
     ),
     "hw_log_log_2_UnknownDate.bin": Truth(
         "the estimator's bias of r diverges", ("r", "psi"), "ArduPilot/ardupilot, issue 8931"
+    ),
+    "pxf_copter_6-11-2014_GPS_issues1.BIN": Truth(_LOST.format("96.5", " for good"), ("gps",), _FIX),
+    "pxf_copter_6-11-2014_GPS_issues2.BIN": Truth(_LOST.format("57.3", " for a minute"), ("gps",), _FIX),
+    "pxf_copter_6-11-2014_GPS_issues3.BIN": Truth(_LOST.format("215.6", " for 7 s"), ("gps",), _FIX),
+    "pxf_copter_6-11-2014_Loiter_RTL.bin": Truth(_LOST.format("97.0", " for 7 s"), ("gps",), _FIX),
+    "pxf_copter_09-10-2014_25.BIN": Truth(_LOST.format("166.2", ", and seven times more"), ("gps",), _FIX),
+    "pxf_copter_26-11-2014_181.BIN": Truth(
+        "from 91.9 s on the GPS tells of up to 78 m/s, 300 m up and down", ("gps",), "the plot, beside accelerometers"
     ),
 }

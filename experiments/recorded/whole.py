@@ -123,7 +123,7 @@ def watch_whole(path: Path) -> Whole:
         least_error_deg_s=LEAST_DEG_S,
     )
     known = learnt(chosen(opened(question)), silent)
-    said = _said(known)
+    said = said_of(known)
     watched = concluded(said)
     return Whole(path=path, learnt=known, said=said, watched=watched, cpu_s=time.process_time() - began)
 
@@ -166,7 +166,8 @@ def coverage(watched: WatchedLog) -> tuple[float, float, float]:
     return float(len(whole)), float(len(whole & armed)), float(len(whole & (armed | means)))
 
 
-def _said(known: Learnt) -> Said:
+def said_of(known: Learnt) -> Said:
+    """Return what is said of a log by what was learnt on it."""
     return agreed(doubted(listened(known, silent), silent), silent)
 
 
@@ -194,12 +195,12 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
     sized: dict[str, Any] = {name: sign * value for name, value in parameters.items()}
     fault = fault_type(channel=sensor, onset_s=onset_s, **sized)
     try:
-        broken = _broken(whole.learnt.opened, fault, attitude)
+        broken = broken_log(whole.learnt.opened, fault, None if attitude == ALONE else ESTIMATOR)
     except InputError:
         return
-    said = _said(replace(whole.learnt, opened=broken))
-    new = _new(_left(said), _left(whole.said), onset_s)
-    verdict = _verdict(new, sensor)
+    said = said_of(replace(whole.learnt, opened=broken))
+    new = alarms_after(said, whole.said, onset_s)
+    verdict = verdict_on(new, sensor)
     yield Tried(
         sensor=sensor,
         fault=kind,
@@ -213,16 +214,19 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
     )
 
 
-def _broken(log: Opened, fault: gb.Fault, attitude: str) -> Opened:
-    """Return an opened log with a fault from its onset on; the estimator goes on over gaps as if nothing had moved."""
+def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Opened:
+    """Return an opened log with a fault from its onset on, put through an estimator if one is given.
+
+    The estimator goes on over gaps as if nothing had moved.
+    """
     parts = []
     for record in log.log.segments:
         if record.end_s < fault.onset_s:
             parts.append(record)
             continue
         broken = gb.inject(record, _from(fault, record.start_s))
-        if attitude != ALONE and {*GYROS, *ATTITUDE} <= set(record.channels):
-            broken = ESTIMATOR.bent(record, broken)
+        if estimator is not None and {*GYROS, *ATTITUDE} <= set(record.channels):
+            broken = estimator.bent(record, broken)
         parts.append(broken)
     changed = replace(log.log, segments=tuple(parts))
     motion = changed if log.own.motion is log.log else None
@@ -245,14 +249,15 @@ def _left(said: Said) -> list[Alarm]:
     return [alarm for alarm in told if not alarm.has_passed]
 
 
-def _new(alarms: Sequence[Alarm], before: Sequence[Alarm], onset_s: float) -> list[Alarm]:
+def alarms_after(said: Said, before: Said, onset_s: float) -> list[Alarm]:
     """Return the alarms after an onset that weren't there without the fault."""
-    was = {(alarm.source, alarm.test, alarm.time_s, alarm.verdict) for alarm in before}
-    late = [alarm for alarm in alarms if alarm.time_s >= onset_s]
+    was = {(alarm.source, alarm.test, alarm.time_s, alarm.verdict) for alarm in _left(before)}
+    late = [alarm for alarm in _left(said) if alarm.time_s >= onset_s]
     return [alarm for alarm in late if (alarm.source, alarm.test, alarm.time_s, alarm.verdict) not in was]
 
 
-def _verdict(alarms: Sequence[Alarm], sensor: str) -> str:
+def verdict_on(alarms: Sequence[Alarm], sensor: str) -> str:
+    """Return what alarms say of a sensor that is broken."""
     sure = [alarm for alarm in alarms if not alarm.doubt]
     if any(sensor not in alarm.candidates or alarm.sensor not in (None, sensor) for alarm in sure):
         return WRONG

@@ -26,7 +26,7 @@ _FEWEST = 10  # rows
 # topics, and what their fields mean, by what is estimated or tested; of each the first that a log has
 _BIASES: Sequence[tuple[str, Mapping[str, str], float]] = (
     (r"estimator_sensor_bias(#0)?", {name: f"gyro_bias[{axis}]" for axis, name in enumerate(GYROS)}, 180.0 / np.pi),
-    (r"(X|N)KF1(#0)?", dict(zip(GYROS, ("GX", "GY", "GZ"), strict=True)), 1.0),
+    (r"(X|N)KF1(#0)?|EKF1", dict(zip(GYROS, ("GX", "GY", "GZ"), strict=True)), 1.0),
 )
 _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
     (
@@ -51,6 +51,10 @@ _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
     (
         r"(X|N)KF4(#0)?",
         {"magnetometer": ("SM",), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},
+    ),
+    (  # of 2014
+        r"EKF4",
+        {"magnetometer": ("SMX", "SMY", "SMZ"), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},
     ),
 )
 

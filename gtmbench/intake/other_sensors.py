@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
 from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mapping
 from gtmbench.intake.read import ReadLog
@@ -60,6 +61,8 @@ class SensorReadings:
         In the channels' units, shape (readings, channels).
     is_late : bool
         Whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated.
+    lost : tuple of LostFix
+        When it lost its fix at once, of a GPS.
     """
 
     name: str
@@ -68,6 +71,7 @@ class SensorReadings:
     time_s: FloatArray = field(repr=False)
     values: FloatArray = field(repr=False)
     is_late: bool = False
+    lost: tuple[LostFix, ...] = ()
 
     def beside(self, record: Record) -> Record:
         """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
@@ -175,6 +179,7 @@ class _Columns(NamedTuple):
     values: FloatArray
     is_late: bool = False
     stamps_s: FloatArray | None = None  # instead of the clock's
+    lost: tuple[LostFix, ...] = ()
 
 
 def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
@@ -225,18 +230,21 @@ def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str
         if _PX4_GPS.fullmatch(topic) and set(_PX4_VELOCITY) <= own.keys():
             read = [own[name].values() for name in _PX4_VELOCITY]
             fix = own["fix_type"].values() >= _FIX_3D if "fix_type" in own else np.isfinite(read[0])
-            return _of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix)
+            return _with_lost(_of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix), own, fix, raw)
         # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
         if _ARDUPILOT_GPS.fullmatch(topic) and {"Spd", "GCrs", "VZ", "Status"} <= own.keys():
             speed, course = own["Spd"].values(), np.deg2rad(own["GCrs"].values())
             read = [speed * np.cos(course), speed * np.sin(course), own["VZ"].values()]
-            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, own["Status"].values() >= _FIX_3D)
-            return gps._replace(stamps_s=0.001 * own["T"].values()) if "T" in own else gps
+            fix = own["Status"].values() >= _FIX_3D
+            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, fix)
+            gps = gps._replace(stamps_s=0.001 * own["T"].values()) if "T" in own else gps
+            return _with_lost(gps, own, fix, raw)
     return None
 
 
 _PX4_VELOCITY = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
-_GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T")
+_SATELLITES = ("satellites_used", "NSats")
+_GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T", *_SATELLITES)
 
 
 def _of_columns(series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
@@ -251,6 +259,15 @@ def _of_topic(
 ) -> _Columns:
     values = np.where(fix[:, np.newaxis], np.column_stack(read), np.nan)
     return _Columns(GPS_VELOCITY, tuple(f"{topic}.{name}" for name in names), first.clock, values, is_late=True)
+
+
+def _with_lost(gps: _Columns, own: Mapping[str, RawSeries], fix: BoolArray, raw: RawLog) -> _Columns:
+    """Return a GPS with when it lost its fix at once, where its messages tell the number of its satellites."""
+    counted = next((own[name] for name in _SATELLITES if name in own), None)
+    time_s = raw.clocks.get(gps.clock) if gps.stamps_s is None else gps.stamps_s
+    if counted is None or time_s is None:
+        return gps
+    return gps._replace(lost=lost_fixes(time_s, fix, counted.values()))
 
 
 def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
@@ -293,6 +310,7 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
         time_s=time_s[is_read],
         values=values[is_read],
         is_late=told.is_late,
+        lost=told.lost,
     )
 
 

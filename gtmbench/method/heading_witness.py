@@ -39,18 +39,18 @@ _YAW = 2
 
 @dataclass(frozen=True, kw_only=True)
 class FieldOpinion:
-    """What the magnetometer says about a yaw gyro that turns otherwise than the heading.
+    """What a magnetometer says about a yaw gyro that turns otherwise than the heading, or accelerometers about a gyro.
 
     Attributes
     ----------
     sensor : str or None
-        "r": the gyro is wrong. "psi": the gyro is right, so the heading wanders. "magnetometer": its field isn't the
-        Earth's alone. None: it can't tell.
+        "r", or of accelerometers "p" or "q", too: the gyro is wrong. "psi": the gyro is right, so the heading wanders.
+        "magnetometer": its field isn't the Earth's alone. None: it can't tell.
     reason : str
         Why.
     error_deg_s : float
-        What r reads more than the field turns, and more than where healthy, as a mean over the stretch; NaN where it
-        isn't known.
+        What the gyro reads more than the field or the force turns, and more than where healthy, as a mean over the
+        stretch; NaN where it isn't known.
     bound_deg_s : float
         What healthy stretches of that length don't exceed; NaN where it isn't known.
 
@@ -254,7 +254,7 @@ def _fit(stretch: Record, usual_share: float) -> _Fit | None:
     strength = float(np.linalg.norm(field, axis=1).mean())
     if strength == 0.0:
         return None
-    path = _integrated(rates, stretch.sample_period_s)
+    path = carried_by(rates, stretch.sample_period_s)
     carried = path[read]
     turned = carried.apply(field) / strength
     errors, left = np.empty(3), np.empty(3)
@@ -262,7 +262,7 @@ def _fit(stretch: Record, usual_share: float) -> _Fit | None:
         rate = carried.apply(np.cross(np.eye(3)[axis], field)) / strength
         errors[axis], left[axis] = _explained(turned, rate, time_s)
     size = _second_means(np.linalg.norm(field, axis=1)[:, np.newaxis], time_s)[:, 0]
-    corrected = _integrated(rates - np.array([0.0, 0.0, errors[_YAW]]), stretch.sample_period_s)
+    corrected = carried_by(rates - np.array([0.0, 0.0, errors[_YAW]]), stretch.sample_period_s)
     turns = [float(np.rad2deg(each.magnitude().max())) for each in (path, corrected)]
     return _Fit(
         errors_deg_s=np.rad2deg(errors),
@@ -273,7 +273,7 @@ def _fit(stretch: Record, usual_share: float) -> _Fit | None:
     )
 
 
-def _integrated(rates: FloatArray, period_s: float) -> Rotation:
+def carried_by(rates: FloatArray, period_s: float) -> Rotation:
     """Return C(k), from body axes at row k to those at row 0, by the mean of the gyros at both ends of a step."""
     from scipy.spatial.transform import Rotation  # takes longer than all of ours
 

@@ -128,6 +128,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "cross_check",
         "magnetometer_in_logs",
         "other_sensors_in_logs",
+        "slow_faults_in_logs",
         "lost_samples",
         "small_uavs",
         "yardstick",
@@ -245,7 +246,7 @@ def alarm(sensor, *candidates, doubt=""):
     ],
 )
 def test_what_is_said_of_a_fault_of_q_is_summed_up(alarms, said):
-    assert defined_in("recorded/whole")["_verdict"](alarms, "q") == said
+    assert defined_in("recorded/whole")["verdict_on"](alarms, "q") == said
 
 
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():

@@ -27,7 +27,7 @@ from gtmbench.report.words.other_sensors import sensor_table
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
-from gtmbench.study.log.field_witnesses import FieldWitness
+from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog
 from gtmbench.study.log.watched import WatchedLog
@@ -167,9 +167,12 @@ def _estimator(word: EstimatorWord) -> Mapping[str, Any]:
     return of | {"smallest": float(word.values.min()), "largest": float(word.values.max())}
 
 
-def _witness(witness: FieldWitness) -> Mapping[str, Any]:
-    bound = None if np.isnan(witness.bound_deg_s) else witness.bound_deg_s
-    return {"name": witness.name, "columns": witness.columns, "bound_deg_s": bound}
+def _witness(witness: Witness) -> Mapping[str, Any]:
+    """Return who is asked about gyros, and how well it knows each, in deg/s; None where too little is healthy."""
+    known = {gyro: size for gyro, size in witness.bounds_deg_s.items() if witness.knows(gyro)}
+    bounds = {gyro: None if np.isnan(size) else size for gyro, size in known.items()}
+    of_r = bounds.get("r")
+    return {"name": witness.name, "columns": witness.columns, "bound_deg_s": of_r, "bounds_deg_s": bounds}
 
 
 def score_results(scores: ScoredLog) -> dict[str, Any]:

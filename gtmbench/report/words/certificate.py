@@ -10,7 +10,7 @@ from gtmbench.checks import listed
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
-from gtmbench.study.log.field_witnesses import BOUND_S, FieldWitness
+from gtmbench.study.log.field_witnesses import BOUND_S, Witness
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
@@ -77,17 +77,17 @@ def certificate_title(certificate: Certificate) -> str:
     )
 
 
-def witness_lines(witnesses: Sequence[FieldWitness]) -> list[str]:
-    """Return which magnetometers are asked between r and psi, and how well they know r; nothing without any."""
+def witness_lines(witnesses: Sequence[Witness]) -> list[str]:
+    """Return who is asked which of a gyro and its angle is wrong, and how well they know gyros; nothing without any."""
     if not witnesses:
         return []
-    told = [
-        f"{each.name} (too little is healthy to know r)"
-        if np.isnan(each.bound_deg_s)
-        else f"{each.name} (knows r to {each.bound_deg_s:.2g} deg/s)"
-        for each in witnesses
-    ]
-    return [f"asked where r or psi is left open, over {BOUND_S:g} s: {', '.join(told)}"]
+    told = []
+    for each in witnesses:
+        bounds = {gyro: size for gyro, size in each.bounds_deg_s.items() if each.knows(gyro)}
+        known = ", ".join(f"{gyro} to {size:.2g}" for gyro, size in bounds.items() if np.isfinite(size))
+        unknown = f"too little is healthy to know {listed(list(bounds), 'or')}"
+        told.append(f"{each.name} ({f'knows {known} deg/s' if known else unknown})")
+    return [f"asked where a gyro or its angle is left open, over {BOUND_S:g} s: {'; '.join(told)}"]
 
 
 def certificate_notes(certificate: Certificate) -> list[str]:

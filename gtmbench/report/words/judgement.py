@@ -19,7 +19,7 @@ from gtmbench.report.words.units import per_second, with_error
 from gtmbench.study.log.gains import GAIN
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET = "onset_s"
@@ -201,6 +201,21 @@ def slow_text(alarm: Alarm) -> str:
     if alarm.test == GAIN:
         return f"the gain of {alarm.source} against the attitude's rate"
     return f"the mean of {alarm.source} less the attitude's rate"
+
+
+def witness_text(alarm: Alarm) -> str:
+    """Say who was asked which of a gyro and its angle is wrong, and what that tells; "" where nobody was.
+
+    >>> judged = Judgement(time_s=30.0, sensor="p", candidates=("p",), witness="accelerometers: p reads +2 deg/s more")
+    >>> witness_text(Alarm(number=0, time_s=12.0, onset_s=10.0, source="p", judgements=(judged,)))
+    'asked between p and phi: accelerometers: p reads +2 deg/s more'
+    """
+    last = alarm.last
+    if last is None or not last.witness:
+        return ""
+    pairs = zip(GYROS, ATTITUDE, strict=True)
+    asked = next((pair for pair in pairs if {*pair} & {*last.candidates}), (GYROS[2], ATTITUDE[2]))
+    return f"asked between {' and '.join(asked)}: {last.witness}"
 
 
 def counting_alarm(trial: Trial) -> Alarm | None:

@@ -27,7 +27,7 @@ from gtmbench.report.log_findings import (
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
-from gtmbench.report.words.judgement import alarm_text, slow_text, source_text
+from gtmbench.report.words.judgement import alarm_text, slow_text, source_text, witness_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
@@ -268,8 +268,8 @@ def _slow_lines(alarm: Alarm) -> list[str]:
 
 def _witness_lines(alarm: Alarm) -> list[str]:
     """Return which witness was asked, and what it tells; nothing where none was."""
-    witness = "" if alarm.last is None else alarm.last.witness
-    return [f"    asked between r and psi: {witness}"] if witness else []
+    witness = witness_text(alarm)
+    return [f"    {witness}"] if witness else []
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:

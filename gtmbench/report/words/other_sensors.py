@@ -13,6 +13,7 @@ from gtmbench.detectors.crosscheck.relations import ACCEL, ALPHA, ALTITUDE, ATT,
 from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.report.words.units import capitalised
+from gtmbench.study.log.gps_itself import FIX, JUMP
 from gtmbench.study.log.other_sensors import Limit, WatchedSensor, kind_of, not_told_apart, possible
 
 NAMES = {
@@ -42,9 +43,14 @@ def failed_sensors_text(failed: Sequence[WatchedSensor]) -> str:
     for each in failed:
         alarm = each.failed
         assert alarm is not None  # whoever asks has looked
-        how = "is disturbed from {:.1f} s on" if each.kind == MAG else "failed at {:.1f} s"
-        told.append(f"the {_named(each)} {how.format(alarm.time_s)}")
+        told.append(f"the {_named(each)} {_how(each, alarm)}")
     return f"{capitalised('; '.join(told))}." if told else ""
+
+
+def _how(sensor: WatchedSensor, alarm: Alarm) -> str:
+    if alarm.test == FIX:
+        return f"lost its fix at {alarm.onset_s:.1f} s"
+    return f"is disturbed from {alarm.time_s:.1f} s on" if sensor.kind == MAG else f"failed at {alarm.time_s:.1f} s"
 
 
 def sensor_why(sensor: WatchedSensor) -> str:
@@ -53,6 +59,10 @@ def sensor_why(sensor: WatchedSensor) -> str:
     assert alarm is not None  # whoever asks has looked
     named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
     reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
+    if alarm.test == FIX:
+        return f"From {alarm.onset_s:.1f} s on the {NAMES[GPS]} tells no place{reason}."
+    if alarm.test == JUMP and alarm.last is not None:
+        return f"Alarm at {alarm.onset_s:.1f} s by the {NAMES[GPS]} itself: {alarm.last.reason}."
     return f"Alarm at {alarm.time_s:.2f} s by {alarm.source}{named}{reason}."
 
 
@@ -164,6 +174,12 @@ def _limit_text(limit: Limit) -> str:
 def _alarm_text(sensor: WatchedSensor, alarm: Alarm) -> str:
     """Say when something was seen, and whether it is this sensor's."""
     end = "" if alarm.ended_s is None else f" to {alarm.ended_s:.1f} s"
+    if alarm.test == FIX and alarm.last is not None:
+        lost = f"no fix from {alarm.onset_s:.1f} s{end}: {alarm.last.reason}"
+        return f"{lost}; may be no fault: {alarm.doubt}" if alarm.doubt else f"failed: {lost}"
+    if alarm.test == JUMP and alarm.last is not None:
+        told = f"may be no fault ({alarm.doubt})" if alarm.doubt else "failed"
+        return f"{told} at {alarm.onset_s:.1f} s: {alarm.last.reason}"
     span = f"from {alarm.time_s:.1f} s{end}, {alarm.source}"
     if alarm.sensor == sensor.kind and not alarm.doubt:
         return f"{'disturbed' if sensor.kind == MAG else 'failed'} {span}"

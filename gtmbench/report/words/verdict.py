@@ -26,7 +26,7 @@ from gtmbench.report.log_findings import (
     stretches,
 )
 from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.judgement import kind_text, slow_text, source_text
+from gtmbench.report.words.judgement import kind_text, slow_text, source_text, witness_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
 from gtmbench.report.words.units import capitalised, counted, duration_text
@@ -217,8 +217,8 @@ def _why(watched: WatchedLog) -> list[str]:
 
 def _by_witness(alarm: Alarm) -> str:
     """Return which witness was asked, and what it tells; nothing where none was."""
-    witness = "" if alarm.last is None else alarm.last.witness
-    return f"; asked between r and psi: {witness}" if witness else ""
+    witness = witness_text(alarm)
+    return f"; {witness}" if witness else ""
 
 
 def _certainty(watched: WatchedLog) -> list[str]:

@@ -9,10 +9,13 @@ from dataclasses import replace
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.field_witnesses import FORCES
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.said import Said, doubted, listened
+from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.slow_means import SLOW, WINDOWS
 
 _APART_S = 6.0  # before an accusation, what is learnt from anew: it has to have listened when the fault begins
 _SOON_S = 10.0  # between the onsets of one fault
@@ -22,7 +25,7 @@ def agreed(said: Said, progress: Progress) -> Said:
     """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
 
     The other choice is all that was flown before the first accusation: a fault shows by both. What came before that,
-    taxi and standing, teaches no choice anything.
+    taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no second choice.
 
     Parameters
     ----------
@@ -34,7 +37,7 @@ def agreed(said: Said, progress: Progress) -> Said:
     if opened.asked.says_healthy or not said.learnt.identified_s or not accused:
         return said
     first_s, last_s = said.learnt.identified_s[0]
-    until_s = min(alarm.onset_s for alarm in accused) - _APART_S
+    until_s = min(_begun_s(alarm, last_s) for alarm in accused)
     others: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
@@ -48,6 +51,16 @@ def agreed(said: Said, progress: Progress) -> Said:
         return with_doubt(alarm, doubt) if is_alone else alarm
 
     return _each(said, doubtful)
+
+
+def _begun_s(alarm: Alarm, last_s: float) -> float:
+    """Return until when another choice may learn: a slow fault began before its mean rose.
+
+    It learns on more than the choice that ends at `last_s` where it can.
+    """
+    until_s = alarm.onset_s - _APART_S
+    earlier_s = until_s - WINDOWS[-1] * SECOND_S
+    return earlier_s if alarm.test == SLOW and earlier_s > last_s else until_s
 
 
 def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
@@ -66,8 +79,13 @@ def _accusing(said: Said) -> Iterator[Alarm]:
 
 
 def _accuses(alarm: Alarm) -> bool:
-    """Tell whether an alarm must be a fault; of missing samples no model tells."""
-    return alarm.test != MISSING and alarm.is_first and alarm.accuses
+    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and forces need none."""
+    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_forces(alarm)
+
+
+def _by_forces(alarm: Alarm) -> bool:
+    """Tell whether accelerometers named it: forces and attitude measured one error, whatever a monitor learnt."""
+    return alarm.last is not None and alarm.last.witness.startswith(f"{FORCES}: ")
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:

@@ -1,17 +1,18 @@
-"""Which is wrong, the yaw gyro or the heading, by the magnetometers of a log.
+"""Which is wrong, a gyro or its angle, by the sensors of a log that no gyro drives.
 
-An estimator's heading follows its yaw gyro, so what they differ by tells no side. A magnetometer that is read raw is
-driven by no gyro in flight (before take-off, PX4 takes a constant off by means of the gyros). It is asked after the
-fact, about all of the time in which they differ, and only about that: it raises no alarm, and withdraws no name.
+An estimator's attitude follows its gyros, so what they differ by tells no side. A magnetometer that is read raw is
+driven by no gyro in flight (before take-off, PX4 takes a constant off by means of the gyros), and knows r;
+accelerometers know p and q, and r where a GPS tells how the aircraft accelerates. They are asked after the fact, about
+all of the time in which gyro and angle differ, and only about that: they raise no alarm, and withdraw no name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -20,13 +21,45 @@ from gtmbench.intake.magnetometers import FieldReadings
 from gtmbench.method.heading_witness import MAGNETOMETER_ITSELF, SHORTEST_S, FieldOpinion, HeadingWitness
 from gtmbench.study.log.seconds import SECOND_S
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
 
 R, PSI = "r", "psi"
-BOUND_S = 30.0  # the stretch for which a witness states how well it knows r
+BOUND_S = 30.0  # the stretch for which a witness states how well it knows a gyro
+FORCES = "accelerometers"  # the name of what knows p and q
 _LONGEST_S = 60.0  # of a stretch that is asked about: in more time the aircraft turns too far
-_LEAST_DEG_S = 1.0  # a smaller error of a gyro may be warming, or a new calibration
+_LEAST_DEG_S = 1.0  # a smaller error of a gyro may be warming, a new calibration, or iron that isn't known
 _KNOWN = 0.5  # of the seconds in which r and the heading's rate are compared
+
+
+class Witness(Protocol):
+    """A sensor of a log, or several, that is asked which of a gyro and its angle is wrong."""
+
+    @property
+    def name(self) -> str:
+        """What the log calls it."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The log's columns that it reads."""
+
+    @property
+    def records(self) -> tuple[Record, ...]:
+        """The log's segments with its channels."""
+
+    @property
+    def bounds_deg_s(self) -> Mapping[str, float]:
+        """How well it knows each gyro over `BOUND_S`, in deg/s; NaN where too little is healthy."""
+
+    @property
+    def least_deg_s(self) -> float:
+        """The smallest error for which it names a gyro, in deg/s: a smaller one may be warming."""
+
+    def knows(self, gyro: str) -> bool:
+        """Tell whether it can be asked about a gyro."""
+
+    def judge(self, record: Record, gyro: str, span: Span, error_deg_s: float) -> FieldOpinion:
+        """Say which is wrong in a span of one of its records, where a gyro reads so much more than its angle turns."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,6 +87,25 @@ class FieldWitness:
         """How well it knows r over `BOUND_S`, in deg/s; NaN where too little is healthy."""
         return self.learnt.bound_deg_s(BOUND_S)
 
+    @property
+    def bounds_deg_s(self) -> Mapping[str, float]:
+        """The same, by gyro."""
+        return {R: self.bound_deg_s}
+
+    @property
+    def least_deg_s(self) -> float:
+        """The smallest error for which it names r, in deg/s."""
+        return _LEAST_DEG_S
+
+    def knows(self, gyro: str) -> bool:
+        """Tell whether it can be asked about a gyro."""
+        return gyro == R
+
+    def judge(self, record: Record, gyro: str, span: Span, error_deg_s: float) -> FieldOpinion:
+        """Say which is wrong, r or the heading."""
+        assert gyro == R
+        return self.learnt.judge(record, *span, error_deg_s=error_deg_s)
+
 
 def field_witnesses(
     magnetometers: Sequence[FieldReadings], segments: Sequence[Record], healthy: Sequence[Record]
@@ -80,33 +132,36 @@ def field_witnesses(
     )
 
 
-def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | None) -> Alarm:
-    """Return an alarm that leaves r or psi open with what magnetometers say of it; any other as it is.
+def settled(alarm: Alarm, witnesses: Sequence[Witness], means: SlowMeans | None) -> Alarm:
+    """Return an alarm that leaves a gyro or its angle open with what witnesses say of it; any other as it is.
 
-    All of them are asked about each part of the time. r is named where one accuses it and none measures another error
-    of it, even one that itself can't tell. psi is named where it was either of the two; where that is in doubt, the
-    doubt stays and says that the heading wanders.
+    All of them are asked about each part of the time. The gyro is named where one accuses it and none measures another
+    error of it, even one that itself can't tell. psi is named where it was either of r and psi; where that is in doubt,
+    the doubt stays and says that the heading wanders.
 
     Parameters
     ----------
     alarm : Alarm
-    witnesses : sequence of FieldWitness
+    witnesses : sequence of Witness
     means : SlowMeans or None
-        What r reads more than the heading turns, second by second.
+        What each gyro reads more than the attitude turns, second by second.
     """
-    if means is None or not witnesses or not _is_open(alarm):
+    gyro = _open_gyro(alarm)
+    if means is None or gyro is None:
         return alarm
-    asked = [opinion for witness in witnesses for opinion in _opinions(alarm, witness, means)]
+    known = [witness for witness in witnesses if witness.knows(gyro)]
+    asked = [opinion for witness in known for opinion in _opinions(alarm, gyro, witness, means)]
     said = {opinion.sensor for _, opinion, _ in asked} - {None}
     if not said:
         return _open(alarm, asked)
     first = next(each for each in asked if each[1].sensor is not None)
     if len(said) > 1 or any(_contradict(first, other) for other in asked):
-        return _with(alarm, asked[-1][2], _text(asked), doubt="magnetometers contradict each other about r")
+        return _with(alarm, asked[-1][2], _text(asked), doubt=f"{_names(asked)} contradict each other about {gyro}")
     name, opinion, until_s = first
     witness = f"{name}: {opinion.reason}"
-    if opinion.sensor == R and abs(opinion.error_deg_s) >= _LEAST_DEG_S:
-        return _with(alarm, until_s, witness, sensor=R, candidates=(R,), doubt="", reason="")
+    least_deg_s = next(each.least_deg_s for each in known if each.name == name)
+    if opinion.sensor == gyro and abs(opinion.error_deg_s) >= least_deg_s:
+        return _with(alarm, until_s, witness, sensor=gyro, candidates=(gyro,), doubt="", reason="")
     if opinion.sensor == PSI and not alarm.doubt:
         return _with(alarm, until_s, witness, sensor=PSI, candidates=(PSI,), doubt="", reason="")
     if opinion.sensor == PSI:
@@ -119,34 +174,42 @@ def settled(alarm: Alarm, witnesses: Sequence[FieldWitness], means: SlowMeans | 
 _Said = tuple[str, FieldOpinion, float]  # who said it, what, and when that could be known
 
 
-def _is_open(alarm: Alarm) -> bool:
-    """Tell whether r or psi is wrong, by what is known, or may be, by means that can tell no more."""
+def _open_gyro(alarm: Alarm) -> str | None:
+    """Return the gyro that is wrong, or its angle, by what is known, or may be by means that can tell no more."""
     last = alarm.last
-    if last is None or last.sensor is not None or R not in last.candidates or not {*last.candidates} <= {R, PSI}:
-        return False
-    return alarm.test == SLOW or not last.doubt
+    if last is None or last.sensor is not None or not (alarm.test == SLOW or not last.doubt):
+        return None
+    pairs = zip(GYROS, ATTITUDE, strict=True)
+    candidates = {*last.candidates}
+    return next((gyro for gyro, angle in pairs if gyro in candidates <= {gyro, angle}), None)
 
 
-def _opinions(alarm: Alarm, witness: FieldWitness, means: SlowMeans) -> Iterator[_Said]:
-    """Give what a magnetometer says of each part of the time in which r and the heading differ."""
+def _opinions(alarm: Alarm, gyro: str, witness: Witness, means: SlowMeans) -> Iterator[_Said]:
+    """Give what a witness says of each part of the time in which a gyro and its angle differ."""
     until_s = np.inf if alarm.ended_s is None else alarm.ended_s
     for record in witness.records:
         start_s, stop_s = max(record.start_s, alarm.onset_s), min(record.end_s, until_s)
         if stop_s - start_s < SHORTEST_S + record.sample_period_s:
             continue
         edges = np.linspace(start_s, stop_s, int(np.ceil((stop_s - start_s) / _LONGEST_S)) + 1)
-        for first_s, last_s in pairwise(edges.tolist()):
-            claimed = _claimed(means, (first_s, last_s))
+        for span in pairwise(edges.tolist()):
+            claimed = claimed_deg_s(means, GYROS.index(gyro), span)
             if np.isfinite(claimed):
-                yield witness.name, witness.learnt.judge(record, first_s, last_s, error_deg_s=claimed), last_s
+                yield witness.name, witness.judge(record, gyro, span, claimed), span[1]
 
 
-def _claimed(means: SlowMeans, span: Span) -> float:
-    """Return what r reads more than the heading turns, in deg/s; NaN where too little of it is known."""
+def claimed_deg_s(means: SlowMeans, axis: int, span: Span) -> float:
+    """Return what a gyro reads more than the attitude turns, in deg/s; NaN where too little of it is known."""
     first, stop = (round((time_s - means.start_s) / SECOND_S) for time_s in span)
-    part = means.error[max(first, 0) : stop, 2]
+    part = means.error[max(first, 0) : stop, axis]
     known = part[np.isfinite(part)]
     return float(known.mean()) if len(known) > _KNOWN * max(len(part), 1) else np.nan
+
+
+def _names(asked: Sequence[_Said]) -> str:
+    """Return who was asked; magnetometers together."""
+    names = dict.fromkeys(name if name == FORCES else "magnetometers" for name, _, _ in asked)
+    return " and ".join(names)
 
 
 def _contradict(one: _Said, other: _Said) -> bool:
@@ -158,7 +221,7 @@ def _contradict(one: _Said, other: _Said) -> bool:
 
 
 def _open(alarm: Alarm, asked: Sequence[_Said]) -> Alarm:
-    """Return an alarm that stays open, with why the magnetometers can't tell."""
+    """Return an alarm that stays open, with why the witnesses can't tell."""
     return _with(alarm, asked[-1][2], _text(asked)) if asked else alarm
 
 

@@ -96,7 +96,7 @@ class WatchedSensor:
         return next((alarm for alarm in self.alarms if alarm.sensor == self.kind and not alarm.doubt), None)
 
 
-class _Flown(NamedTuple):
+class Flown(NamedTuple):
     """Where a log's flight isn't ordinary, and the seconds in which it moves."""
 
     excursions: tuple[Excursion, ...]
@@ -152,13 +152,18 @@ def watched_sensors(
     plain, fields = ([each for each in used if (kind_of(each) == MAG) == is_mag] for is_mag in (False, True))
     told = [_told([*plain, *beside], moving, healthy, learnt_s) for beside in [[each] for each in fields] or [[]]]
     own = {id(each): told[place] for place, each in enumerate(fields)}
-    flown = _Flown(excursions=tuple(excursions), lively_s=_lively_s(moving))
+    flown = flown_of(moving, excursions)
     return tuple(
         _unwatched(each, hovers[id(each)])
         if id(each) in hovers
         else _watched(each, own.get(id(each), told[0]), [one for one in told if one is not None], flown)
         for each in sensors
     )
+
+
+def flown_of(moving: Sequence[Record], excursions: Sequence[Excursion]) -> Flown:
+    """Return where a log's flight isn't ordinary, and when it moves."""
+    return Flown(excursions=tuple(excursions), lively_s=_lively_s(moving))
 
 
 def kind_of(sensor: SensorReadings) -> str:
@@ -244,7 +249,7 @@ def _lively_s(moving: Sequence[Record]) -> FloatArray:
     return seconds_s[turning > LIVELY_DEG_S]
 
 
-def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Told], flown: _Flown) -> WatchedSensor:
+def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Told], flown: Flown) -> WatchedSensor:
     """Return what is told of a sensor; of a magnetometer also by what the log's others say."""
     if told is None:
         return _unwatched(sensor, "its healthy readings are too few to learn from, or have nothing beside them")
@@ -260,7 +265,7 @@ def _watched(sensor: SensorReadings, told: _Told | None, all_told: Sequence[_Tol
     open_s = np.inf
     for alarm, watch in settled:
         judged = _doubted(alarm, watch, flown, open_s)
-        if (judged.sensor != kind or judged.doubt) and not _out_of_ordinary(alarm, flown):
+        if (judged.sensor != kind or judged.doubt) and not out_of_ordinary(alarm, flown):
             open_s = min(open_s, alarm.time_s)
         if _is_about(judged, kind):
             alarms.append(judged)
@@ -351,7 +356,7 @@ def _largest(told: _Told, axis: str, span: Span) -> float:
     return float(known.max()) if len(known) else np.inf
 
 
-def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
+def _doubted(alarm: Alarm, watch: Watch, flown: Flown, open_s: float) -> Alarm:
     """Return an alarm with why it may be no fault: it is short, begins out of the ordinary, or isn't the first.
 
     Where sensors contradicted each other before, at `open_s`, and nothing came of that, the flight isn't what was
@@ -359,7 +364,7 @@ def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
     """
     if alarm.sensor is None:
         return alarm
-    why = _out_of_ordinary(alarm, flown) or _why_doubted(alarm, watch, open_s)
+    why = out_of_ordinary(alarm, flown) or _why_doubted(alarm, watch, open_s)
     if not why:
         return alarm
     last = alarm.last
@@ -367,7 +372,7 @@ def _doubted(alarm: Alarm, watch: Watch, flown: _Flown, open_s: float) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, replace(last, doubt=why)))
 
 
-def _out_of_ordinary(alarm: Alarm, flown: _Flown) -> str:
+def out_of_ordinary(alarm: Alarm, flown: Flown) -> str:
     """Return what the flight does where an alarm begins, or before it names a sensor, if that may be its cause."""
     named_s = alarm.time_s if alarm.isolated_s is None else alarm.isolated_s
     for each in flown.excursions:

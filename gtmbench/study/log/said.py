@@ -24,7 +24,8 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
-from gtmbench.study.log.field_witnesses import FieldWitness, field_witnesses, settled
+from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
+from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
@@ -65,8 +66,8 @@ class Said:
         log, or the log hasn't both.
     gains : Gains or None
         How far gyros and attitude turn over tens of seconds; None as `means` is.
-    witnesses : tuple of FieldWitness
-        The magnetometers that were asked where r or psi was left open.
+    witnesses : tuple of Witness
+        The magnetometers and accelerometers that were asked where a gyro or its angle was left open.
     standing : tuple of Alarm
         Gyros that read a turn while the aircraft stands.
     frozen : tuple of Alarm
@@ -83,7 +84,7 @@ class Said:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     gains: Gains | None = field(default=None, repr=False)
-    witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    witnesses: tuple[Witness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     findings: tuple[str, ...]
@@ -236,17 +237,24 @@ def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:
 
 
 def _settled(said: Said) -> Said:
-    """Ask the log's magnetometers where r or psi is left open."""
+    """Ask the log's magnetometers and accelerometers where a gyro or its angle is left open."""
     learnt, means = said.learnt, said.means
     motion = learnt.opened.own.motion
     if means is None or motion is None:  # r and psi aren't compared
         return said
-    witnesses = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy_of(learnt, motion))
+    healthy = healthy_of(learnt, motion)
+    fields = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy)
+    forces = force_witnesses(learnt.opened.sensors, motion.segments, healthy)
+    witnesses: tuple[Witness, ...] = (*fields, *forces)
     watches = [
         replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
         for watch in said.watches
     ]
     told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
+    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains))
+    found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
+    found = but_after_crashes(found, watches, said.excursions)
+    told = replace(told, alarms=(*told.alarms, *found))
     return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
 
 

@@ -15,8 +15,9 @@ from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
-from gtmbench.study.log.field_witnesses import FieldWitness
+from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
+from gtmbench.study.log.gps_itself import with_itself
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
@@ -74,7 +75,7 @@ class WatchedLog:
         log, or rests on no attitude.
     gains : Gains or None
         Between what the gain of each gyro against the attitude lies, over 20 s; None as `means` is.
-    witnesses : tuple of FieldWitness
+    witnesses : tuple of Witness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
     sensors : tuple of WatchedSensor
@@ -123,7 +124,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     gains: Gains | None = field(default=None, repr=False)
-    witnesses: tuple[FieldWitness, ...] = field(default=(), repr=False)
+    witnesses: tuple[Witness, ...] = field(default=(), repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
@@ -235,4 +236,6 @@ def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
     motion = learnt.opened.own.motion
     moving = () if motion is None else motion.segments
     healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
-    return watched_sensors(learnt.opened.sensors, moving, healthy, learnt.identified_s, said.excursions)
+    sensors = learnt.opened.sensors
+    watched = watched_sensors(sensors, moving, healthy, learnt.identified_s, said.excursions)
+    return with_itself(watched, sensors, moving, said.excursions)

@@ -147,7 +147,7 @@ def test_a_log_says_on_which_witness_a_name_rests(watched):
     open_ones = [alarm for alarm in without.alarms if alarm.sensor is None and alarm.candidates[:1] == ("r",)]
     assert {alarm.sensor for alarm in by.alarms} <= {None, "r"}
     text = "\n".join(detail_lines(by))
-    assert "asked where r or psi is left open, over 30 s: MAG (knows r to " in text
+    assert "asked where a gyro or its angle is left open, over 30 s: MAG (knows r to " in text
     results = log_results(by)
     (witness,) = results["witnesses"]
     assert (witness["name"], witness["columns"][0]) == ("MAG", "MAG.MagX")

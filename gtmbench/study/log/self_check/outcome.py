@@ -275,8 +275,8 @@ def unexplained_text(each: Explained) -> str:
     """Say how little of a sensor's motion is explained."""
     share = 100.0 * max(each.share, 0.0) if np.isfinite(each.share) else 0.0
     return (
-        f"in the part {each.where}, {share:.0f} % of {each.output}'s slow motion is explained (residual {each.residual:.3g}, "
-        f"signal {each.signal:.3g} RMS): what isn't explained can't be watched"
+        f"in the part {each.where}, {share:.0f} % of {each.output}'s slow motion is explained "
+        f"(residual {each.residual:.3g}, signal {each.signal:.3g} RMS): what isn't explained can't be watched"
     )
 
 
