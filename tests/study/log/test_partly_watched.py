@@ -106,4 +106,4 @@ def test_what_a_crash_leaves_unexplained_is_a_doubt_of_what_follows_alone(monito
     told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about], crash)
     (doubt,) = told.doubts
     assert doubt.startswith("no fault shows in p until 129.5 s, where ")
-    assert doubt.endswith(f"nothing is told of {FAILURE} and what follows")
+    assert doubt.endswith(f"{FAILURE} and what follows are not judged")

@@ -284,7 +284,7 @@ def crashed_text(crash: Excursion, flown: Explained) -> str:
     """Say that a crash leaves unexplained what was explained before it."""
     return (
         f"no fault shows in {flown.output} until {crash.start_s:.1f} s, where {100.0 * flown.share:.0f} % of its slow "
-        f"motion is explained; nothing is told of {crash.reason} and what follows"
+        f"motion is explained; {crash.reason} and what follows are not judged"
     )
 
 
