@@ -70,11 +70,11 @@ def sensor_lines(sensors: Sequence[WatchedSensor]) -> list[str]:
     """Return a line a sensor that no gyro enters, and what was seen of it; nothing without any."""
     if not sensors:
         return []
-    lines = ["sensors that no gyro enters, and from which error over 2 s on each contradicts others:"]
+    lines = ["other sensors, and the error over 2 s from which on each contradicts the rest:"]
     for each in sensors:
         lines.append(f"  {_named(each)}: {_compared(each)}")
         if each.alike:
-            lines.append(f"    hardly told from {listed([NAMES[other] for other in each.alike], 'or')}")
+            lines.append(f"    its errors look like those of {listed([NAMES[other] for other in each.alike], 'or')}")
         lines += [f"    reads nothing from {start_s:.1f} to {end_s:.1f} s" for start_s, end_s in each.silent_s]
         lines += [f"    {_alarm_text(each, alarm)}" for alarm in each.alarms[:_MOST]]
         if len(each.alarms) > _MOST:
@@ -100,9 +100,9 @@ def possible_lines(sensors: Sequence[SensorReadings]) -> list[str]:
         else:
             itself = ["its own strength"] * (kind == MAG)
             said = f"against {listed([*itself, *(NAMES[other] for other in against)], 'and')}"
-        hardly = f"; hardly told from {listed(alike, 'or')}" if alike else ""
+        hardly = f"; its errors look like those of {listed(alike, 'or')}" if alike else ""
         lines.append(f"  {NAMES[kind]} ({each.name}): {said}{hardly}")
-    return ["sensors that no gyro enters, and what each can be compared with:", *lines]
+    return ["other sensors, and what each can be compared with:", *lines]
 
 
 def estimator_lines(words: Sequence[EstimatorWord]) -> list[str]:

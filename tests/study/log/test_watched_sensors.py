@@ -198,7 +198,7 @@ def test_what_can_be_compared_and_told_apart_by_structure(flight):
     assert len(possible({kind_of(each) for each in sensors})) == 7
     assert not_told_apart(possible(["accelerometers", "altitude"]), "altitude") == ("accelerometers", "attitude")
     assert possible_lines([sensors[3]]) == [
-        "sensors that no gyro enters, and what each can be compared with:",
+        "other sensors, and what each can be compared with:",
         "  pressure altitude (BARO): not watched: the log has nothing to compare it with",
     ]
 
