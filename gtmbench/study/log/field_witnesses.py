@@ -146,12 +146,16 @@ def settled(alarm: Alarm, witnesses: Sequence[Witness], means: SlowMeans | None)
     means : SlowMeans or None
         What each gyro reads more than the attitude turns, second by second.
     """
-    gyro = _open_gyro(alarm)
+    gyro = open_gyro(alarm)
     if means is None or gyro is None:
         return alarm
     known = [witness for witness in witnesses if witness.knows(gyro)]
-    asked = [opinion for witness in known for opinion in _opinions(alarm, gyro, witness, means)]
-    said = {opinion.sensor for _, opinion, _ in asked} - {None}
+    asked, said = [], set()
+    for at_least_s in (0.0, BOUND_S) if alarm.test == SLOW else (0.0,):  # a slow fault began before its mean rose
+        asked = [opinion for witness in known for opinion in _opinions(alarm, gyro, witness, means, at_least_s)]
+        said = {opinion.sensor for _, opinion, _ in asked} - {None}
+        if said:
+            break
     if not said:
         return _open(alarm, asked)
     first = next(each for each in asked if each[1].sensor is not None)
@@ -174,7 +178,7 @@ def settled(alarm: Alarm, witnesses: Sequence[Witness], means: SlowMeans | None)
 _Said = tuple[str, FieldOpinion, float]  # who said it, what, and when that could be known
 
 
-def _open_gyro(alarm: Alarm) -> str | None:
+def open_gyro(alarm: Alarm) -> str | None:
     """Return the gyro that is wrong, or its angle, by what is known, or may be by means that can tell no more."""
     last = alarm.last
     if last is None or last.sensor is not None or not (alarm.test == SLOW or not last.doubt):
@@ -184,11 +188,12 @@ def _open_gyro(alarm: Alarm) -> str | None:
     return next((gyro for gyro, angle in pairs if gyro in candidates <= {gyro, angle}), None)
 
 
-def _opinions(alarm: Alarm, gyro: str, witness: Witness, means: SlowMeans) -> Iterator[_Said]:
-    """Give what a witness says of each part of the time in which a gyro and its angle differ."""
+def _opinions(alarm: Alarm, gyro: str, witness: Witness, means: SlowMeans, at_least_s: float) -> Iterator[_Said]:
+    """Give what a witness says of each part of the time in which a gyro and its angle differ, or of so many seconds."""
     until_s = np.inf if alarm.ended_s is None else alarm.ended_s
     for record in witness.records:
-        start_s, stop_s = max(record.start_s, alarm.onset_s), min(record.end_s, until_s)
+        stop_s = min(record.end_s, until_s)
+        start_s = max(record.start_s, min(alarm.onset_s, stop_s - at_least_s))
         if stop_s - start_s < SHORTEST_S + record.sample_period_s:
             continue
         edges = np.linspace(start_s, stop_s, int(np.ceil((stop_s - start_s) / _LONGEST_S)) + 1)

@@ -18,7 +18,7 @@ from gtmbench.detectors.crosscheck.relations import ACCEL, GPS
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.method.force_witness import SHORTEST_S, ForceWitness
 from gtmbench.method.heading_witness import FieldOpinion
-from gtmbench.study.log.field_witnesses import BOUND_S, FORCES, claimed_deg_s
+from gtmbench.study.log.field_witnesses import BOUND_S, FORCES, claimed_deg_s, open_gyro
 from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -103,7 +103,8 @@ def found_by_forces(
 ) -> tuple[Alarm, ...]:
     """Return an alarm of the first gyro that accelerometers accuse where nothing else rose before.
 
-    No second sensor is named by an attitude that the first one bent; and none of r, which only a GPS's turns show.
+    No second sensor is named by an attitude that the first one bent; and none of r, which only a GPS's turns show. What
+    left this gyro or its angle open doesn't stand in the way.
 
     Parameters
     ----------
@@ -115,14 +116,19 @@ def found_by_forces(
     last_s : float
         Until when was learnt.
     """
-    before_s = min((alarm.onset_s for alarm in told if not alarm.has_passed), default=np.inf)
     found = [
         alarm
         for witness in witnesses
         for gyro in GYROS[:2]
-        if (alarm := _first_accusation(witness, gyro, means, last_s)) is not None and alarm.time_s < before_s
+        if (alarm := _first_accusation(witness, gyro, means, last_s)) is not None
+        and alarm.time_s < min((each.onset_s for each in told if _is_of_another(each, gyro)), default=np.inf)
     ]
     return (min(found, key=lambda alarm: alarm.time_s),) if found else ()
+
+
+def _is_of_another(alarm: Alarm, gyro: str) -> bool:
+    """Tell whether an alarm that lasts is of more than a gyro and its angle, of which it can't tell the one."""
+    return not alarm.has_passed and open_gyro(alarm) != gyro
 
 
 def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float) -> Alarm | None:
