@@ -22,7 +22,7 @@ from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.bent import BENT, are_bent
+from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
@@ -255,7 +255,16 @@ def _settled(said: Said) -> Said:
     found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
     found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))
+    if learnt.opened.attitude is not None and learnt.opened.attitude.is_driven:
+        watches = [_but_behind(watch, told.alarms) for watch in watches]
     return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
+
+
+def _but_behind(watch: Watch, named: Sequence[Alarm]) -> Watch:
+    """Return a watch that doubts whom it accuses after means over tens of seconds named another gyro."""
+    doubts = [doubt_behind(alarm, named) for alarm in watch.alarms]
+    pairs = zip(watch.alarms, doubts, strict=True)
+    return replace(watch, alarms=tuple(with_doubt(alarm, doubt) if doubt else alarm for alarm, doubt in pairs))
 
 
 def _but_small(watch: Watch, learnt: Learnt) -> Watch:
