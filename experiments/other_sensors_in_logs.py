@@ -12,9 +12,7 @@ report.md and cases.csv into DIR, and ends with code 1 where a sensor is named t
 
 from __future__ import annotations
 
-import argparse
 import sys
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -28,7 +26,6 @@ import cross_check
 import gtmbench as gb
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALTITUDE, GPS, MAG, TAS
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.asked import asked
@@ -40,6 +37,7 @@ from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.other_sensors import WatchedSensor, kind_of
 from gtmbench.study.log.said import Said, doubted, listened
 from gtmbench.study.log.watched import WatchedLog, concluded, sensors_of
+from recorded.groups import studied_groups
 
 SHARE, LEFT_S = 0.33, 15.0  # of what is left goes by before a fault; what has to be left then
 FLOWN_S = 300.0  # of synthetic flights
@@ -201,30 +199,11 @@ def report(rows: pd.DataFrame) -> list[str]:
 
 def main() -> int:
     """Watch, sum up, write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="*", type=Path)
-    parser.add_argument("--synthetic", default="")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("experiments/reports/other_sensors_in_logs"))
-    given = parser.parse_args()
-    groups = {each.name: sorted(path for path in each.rglob("*") if path.is_file()) for each in given.folders}
-    with tempfile.TemporaryDirectory() as folder:
-        if given.synthetic:
-            first, last = (int(each) for each in given.synthetic.split(":"))
-            groups[f"synthetic, seeds {first} to {last - 1}"] = synthetic(Path(folder), range(first, last))
-        if not groups:
-            parser.error("neither a folder nor --synthetic is given; give folders of logs or --synthetic FIRST:LAST")
-        text, found = ["# Sensors that no gyro enters, in recorded flights", INTRODUCTION], []
-        for name, paths in groups.items():
-            results = spread(cases, paths, processes=given.processes, step="logs", progress=silent)
-            rows = pd.DataFrame([row for each in results for row in each])
-            found.append(rows.assign(group=name))
-            text += [f"## {name}", *filter(None, report(rows))]
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
-    everything = pd.concat(found)
-    everything.to_csv(given.out / "cases.csv", index=False)
-    print("\n\n".join(text))
+    head, out = (
+        ["# Sensors that no gyro enters, in recorded flights", INTRODUCTION],
+        Path("experiments/reports/other_sensors_in_logs"),
+    )
+    everything = studied_groups(__doc__, head, out, cases=cases, synthetic=synthetic, report=report)
     return int(everything["said"].isin(["accused", "wrong"]).any())
 
 

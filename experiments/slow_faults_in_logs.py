@@ -13,10 +13,8 @@ tables at 10 Hz, whose attitude a filter of 20 s makes of the gyros.
 
 from __future__ import annotations
 
-import argparse
 import sys
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -27,11 +25,10 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.relations import GPS, MAG
-from gtmbench.jobs.processes import spread
-from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
+from recorded.groups import studied_groups
 from recorded.whole import NAMED, NOTHING, WRONG, Whole, alarms_after, broken_log, said_of, verdict_on, watch_whole
 
 SHARE, LEFT_S, REACHED_S = 0.25, 30.0, 60.0  # before an onset; what has to be left; when a drift is reached, at most
@@ -161,31 +158,11 @@ def report(rows: pd.DataFrame) -> list[str]:
 
 def main() -> int:
     """Watch, sum up, write."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", nargs="*", type=Path)
-    parser.add_argument("--synthetic", default="")
-    parser.add_argument("--processes", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("experiments/reports/slow_faults_in_logs"))
-    given = parser.parse_args()
-    groups: dict[str, Sequence[Path]]
-    groups = {each.name: sorted(path for path in each.rglob("*") if path.is_file()) for each in given.folders}
-    with tempfile.TemporaryDirectory() as folder:
-        if given.synthetic:
-            first, last = (int(each) for each in given.synthetic.split(":"))
-            groups[f"synthetic, seeds {first} to {last - 1}"] = synthetic(Path(folder), range(first, last))
-        if not groups:
-            parser.error("neither a folder nor --synthetic is given; give folders of logs or --synthetic FIRST:LAST")
-        text, found = ["# Slow faults of gyros in recorded flights", INTRODUCTION], []
-        for name, paths in groups.items():
-            results = spread(cases, paths, processes=given.processes, step="logs", progress=silent)
-            rows = pd.DataFrame([row for each in results for row in each])
-            found.append(rows.assign(group=name))
-            text += [f"## {name}", *filter(None, report(rows))]
-    given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
-    everything = pd.concat(found)
-    everything.to_csv(given.out / "cases.csv", index=False)
-    print("\n\n".join(text))
+    head, out = (
+        ["# Slow faults of gyros in recorded flights", INTRODUCTION],
+        Path("experiments/reports/slow_faults_in_logs"),
+    )
+    everything = studied_groups(__doc__, head, out, cases=cases, synthetic=synthetic, report=report)
     return int((everything["said"] == WRONG).any())
 
 

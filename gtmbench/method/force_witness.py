@@ -16,12 +16,11 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.method.heading_witness import FieldOpinion, carried_by
-from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS
+from gtmbench.method.heading_witness import FieldOpinion, carried_by, left_open
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, G_M_S2, GPS_VELOCITY, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
 
 SHORTEST_S = 10.0  # of a stretch on which a slow error can be judged
-_G_M_S2 = 9.80665
 _BLOCK_S, _STEP_ROWS_S = 1.0, 0.05  # means over which forces are compared; that rotations are integrated in
 _COVERED, _PRESENT = 0.7, 0.8  # of a block's rows; of a stretch's blocks
 _GYROS_PRESENT = 0.98  # of a stretch's rows, for a turn that isn't read is an error
@@ -145,7 +144,7 @@ class ForceWitness:
         claimed, axis = number("error_deg_s", error_deg_s), GYROS.index(gyro)
         stretch = record.between(start_s, end_s)
         if len(stretch) * stretch.sample_period_s < SHORTEST_S:
-            return _open(f"{end_s - start_s:.3g} s are too short; {SHORTEST_S:g} s are needed")
+            return left_open(f"{end_s - start_s:.3g} s are too short; {SHORTEST_S:g} s are needed")
         begins = np.zeros((2, 3))
         begins[1, axis] = claimed
         for usual, with_gps in ((self._usual_with_gps, True), (self._usual_alone, False)):
@@ -159,10 +158,10 @@ class ForceWitness:
                 )
             return opinion
         if self._usual_alone is None:
-            return _open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more")
+            return left_open(f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more")
         if axis == _YAW and not self.has_gps:
-            return _open("nothing shows r without a GPS")
-        return _open("gyros, attitude, accelerometers or GPS have gaps there")
+            return left_open("nothing shows r without a GPS")
+        return left_open("gyros, attitude, accelerometers or GPS have gaps there")
 
     def bounds_deg_s(self, length_s: float) -> dict[str, float]:
         """Return how well a healthy stretch of some length tells each gyro's error, in deg/s; NaN where nothing does.
@@ -253,7 +252,7 @@ def _blocks(stretch: Record, *, with_gps: bool) -> _Blocks:
     edges_s = stretch.start_s + _DELAY_S + np.arange(count + 1.0) * (rows * stretch.sample_period_s)
     velocity, is_read = _velocity(stretch, edges_s)
     step_s = rows * stretch.sample_period_s
-    acceleration = np.diff(velocity, axis=0) / (step_s * _G_M_S2)
+    acceleration = np.diff(velocity, axis=0) / (step_s * G_M_S2)
     expected = (acceleration - down) @ to_earth
     return _Blocks(rows, rows_a_step, count, expected, is_known & is_read[1:] & is_read[:-1])
 
@@ -358,10 +357,6 @@ def _is_steady(stretch: Record, error_deg_s: float, axis: int, usual: _Usual, *,
     return True
 
 
-def _open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpinion:
-    return FieldOpinion(sensor=None, reason=reason, error_deg_s=error, bound_deg_s=bound)
-
-
 def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion:
     """Return the opinion about a stretch, given how healthy ones are."""
     axis = GYROS.index(gyro)
@@ -369,18 +364,20 @@ def _judged(fit: _Fit, usual: _Usual, gyro: str, claimed: float) -> FieldOpinion
     error, bound = float(errors[axis]), float(bounds[axis])
     sure = bound * (_SURE_OF_YAW if axis == _YAW else _SURE)
     if fit.noise_g > _OF_HEALTHY * usual.noise_g:
-        return _open("no steady error of a gyro explains the forces", error, bound)
+        return left_open("no steady error of a gyro explains the forces", error, bound)
     if fit.strength_g > _OF_HEALTHY * usual.strength_g:
-        return _open("the force's strength changes, so accelerometers may be wrong", error, bound)
+        return left_open("the force's strength changes, so accelerometers may be wrong", error, bound)
     if abs(error) < bound:
         if abs(claimed) < sure:
-            return _open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)
-        return _open(f"{gyro} and the forces turn alike, to {bound:.2g} deg/s", error, bound)
+            return left_open(f"{gyro} is known to {bound:.2g} deg/s only", error, bound)
+        return left_open(f"{gyro} and the forces turn alike, to {bound:.2g} deg/s", error, bound)
     others = np.delete(np.maximum(np.abs(errors) - bounds, 0.0), axis)
     if others.max() > (0.0 if axis == _YAW else _ALONE * abs(error)):  # a bent attitude turns the GPS's axes
-        return _open("another gyro's error explains the forces, too", error, bound)
+        return left_open("another gyro's error explains the forces, too", error, bound)
     follows = claimed * error > 0.0 and _FOLLOWS * abs(error) < abs(claimed) + bound
     if not follows or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < sure:
-        return _open(f"by the forces {gyro} is off by {error:.2g} deg/s, by the attitude {claimed:.2g}", error, bound)
+        return left_open(
+            f"by the forces {gyro} is off by {error:.2g} deg/s, by the attitude {claimed:.2g}", error, bound
+        )
     why = f"{gyro} reads {error:+.2g} deg/s more than the forces turn"
     return FieldOpinion(sensor=gyro, reason=why, error_deg_s=error, bound_deg_s=bound)

@@ -153,13 +153,13 @@ class HeadingWitness:
         stretch = record.between(start_s, end_s)
         length_s = len(stretch) * stretch.sample_period_s
         if length_s < SHORTEST_S:
-            return _open(f"{length_s:.3g} s are too short for the magnetometer; it needs {SHORTEST_S:g} s")
+            return left_open(f"{length_s:.3g} s are too short for the magnetometer; it needs {SHORTEST_S:g} s")
         fit = _fit(stretch, self._usual_share)
         if fit is None:
-            return _open("gyros or magnetometer have gaps there")
+            return left_open("gyros or magnetometer have gaps there")
         usual, is_as_long = self._usual(length_s)
         if len(usual) < _FEWEST:
-            return _open(
+            return left_open(
                 f"it needs {_FEWEST} healthy stretches of {SHORTEST_S:g} s or more, and there are {len(usual)}"
             )
         opinion = _judged(fit, usual, claimed, length_s)
@@ -201,7 +201,8 @@ class HeadingWitness:
 _NEEDED = (*GYROS, *MAGNETOMETER)
 
 
-def _open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpinion:
+def left_open(reason: str, error: float = np.nan, bound: float = np.nan) -> FieldOpinion:
+    """Return the opinion of a witness that can't tell."""
     return FieldOpinion(sensor=None, reason=reason, error_deg_s=error, bound_deg_s=bound)
 
 
@@ -214,25 +215,27 @@ def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -
     turn_deg = max(each.turn_deg for each in usual)
     if fit.turn_deg > _OF_TURN * turn_deg + _TURN_DEG:  # uncalibrated iron shows in other attitudes
         why = f"the aircraft turns by {fit.turn_deg:.0f} deg, and by {turn_deg:.0f} deg at most in healthy stretches"
-        return _open(why, error, bound)
+        return left_open(why, error, bound)
     if fit.strength > strength:
         why = f"the field's strength changes by {100.0 * fit.strength:.2g} %, healthy at most {100.0 * strength:.2g} %"
         return FieldOpinion(sensor=MAGNETOMETER_ITSELF, reason=why, error_deg_s=error, bound_deg_s=bound)
     if abs(claimed) < _SURE * bound:
-        return _open(f"the magnetometer knows r to {bound:.2g} deg/s only", error, bound)
+        return left_open(f"the magnetometer knows r to {bound:.2g} deg/s only", error, bound)
     if fit.left[_YAW] > left:
-        return _open("no steady error of r explains how the field turns", error, bound)
+        return left_open("no steady error of r explains how the field turns", error, bound)
     if abs(error) <= bound:
         why = f"r and the field turn alike, to {bound:.2g} deg/s"
         return FieldOpinion(sensor="psi", reason=why, error_deg_s=error, bound_deg_s=bound)
     # a heading that the gyro drives follows it, so that it shows less of the error than the field does
     if claimed * error < 0.0 or abs(claimed) > bound + (1.0 + _AGREES) * abs(error) or abs(error) < _SURE * bound:
-        return _open(f"by the field r is off by {error:.2g} deg/s, by the heading {claimed:.2g} deg/s", error, bound)
+        return left_open(
+            f"by the field r is off by {error:.2g} deg/s, by the heading {claimed:.2g} deg/s", error, bound
+        )
     if fit.left[_YAW] ** 2 > _BETTER * np.delete(fit.left, _YAW).min() ** 2:
-        return _open("an error of another gyro explains the field as well", error, bound)
+        return left_open("an error of another gyro explains the field as well", error, bound)
     angle = min(abs(error) * length_s, 180.0)
     if _PARABOLA * fit.across * (1.0 - np.cos(np.deg2rad(angle / 2.0))) < _SECANT * left:
-        return _open(f"a disturbance of the magnetometer may turn the field by {angle:.0f} deg, too", error, bound)
+        return left_open(f"a disturbance of the magnetometer may turn the field by {angle:.0f} deg, too", error, bound)
     why = f"r reads {error:+.2g} deg/s more than the field turns"
     return FieldOpinion(sensor="r", reason=why, error_deg_s=error, bound_deg_s=bound)
 

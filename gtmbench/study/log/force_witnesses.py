@@ -133,14 +133,11 @@ def _is_of_another(alarm: Alarm, gyro: str) -> bool:
 
 def _first_accusation(witness: LoggedForces, gyro: str, means: SlowMeans, last_s: float) -> Alarm | None:
     """Return an alarm of the first windows in a row that accuse a gyro; None where none do."""
-    told = [
-        (span, opinion)
-        for window_s in _WINDOWS_S
-        for span, opinion in _accusations(witness, gyro, means, last_s, window_s)
-    ]
+    each = (next(_accusations(witness, gyro, means, last_s, window_s), None) for window_s in _WINDOWS_S)
+    told = [first for first in each if first is not None]
     if not told:
         return None
-    span, opinion = min(told, key=lambda each: each[0][1])
+    span, opinion = min(told, key=lambda first: first[0][1])
     judged = Judgement(
         time_s=span[1],
         sensor=gyro,

@@ -15,11 +15,11 @@ from gtmbench.detectors.crosscheck.relations import ACCEL, GPS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.other_sensors import Flown, WatchedSensor, flown_of, kind_of, out_of_ordinary
+from gtmbench.values.channels import G_M_S2
 from gtmbench.values.record import Record
 
 FIX, JUMP = "fix", "velocity jump"  # sources and tests of such alarms
 _LASTS_S = 5.0  # a fix that is back sooner may have been skipped by the receiver
-_G_M_S2 = 9.80665
 _JUMP_M_S, _JUMP_M_S2 = 4.0, 25.0  # at least
 _LONGEST_S = 0.55  # between two readings of which the second may have jumped
 _FORCE_G, _BEFORE_S, _BEHIND_S = 2.0, 5.0, 0.5  # more is read in an impact, which may turn an antenna to the ground
@@ -79,7 +79,7 @@ def _jumps(sensor: SensorReadings, forces: SensorReadings) -> Iterator[Alarm]:
     for row in np.flatnonzero((jumps > bounds) & (steps_s <= _LONGEST_S)):
         at_s, step_s = float(time_s[row]), float(steps_s[row])
         about = felt[(forces.time_s > at_s - _BEFORE_S) & (forces.time_s < at_s + _BEHIND_S)]
-        rate_g = jumps[row] / step_s / _G_M_S2
+        rate_g = jumps[row] / step_s / G_M_S2
         if len(about) and about.max() < _FORCE_G and rate_g > _BEYOND * (about.max() + 1.0):
             why = (
                 f"its velocity jumps by {jumps[row]:.1f} m/s within {step_s:.2g} s, by {rate_g:.1f} g, "

@@ -108,6 +108,11 @@ class Opened:
     unwatched: Mapping[str, str]
 
     @property
+    def is_driven(self) -> bool:
+        """Whether the gyros drive the attitude; False where nothing rests on that."""
+        return self.attitude is not None and self.attitude.is_driven
+
+    @property
     def log(self) -> FlightLog:
         """The log that is watched."""
         return self.own.log

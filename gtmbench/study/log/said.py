@@ -203,19 +203,18 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
         return None, None
     healthy = _healthy_spans(learnt)
-    is_driven = opened.attitude is not None and opened.attitude.is_driven
     means = slow_means(
         motion.segments,
         healthy=healthy,
         excursions=said.excursions,
-        is_driven=is_driven,
+        is_driven=opened.is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
     )
     turns = gains(
         motion.segments,
         healthy=healthy,
         excursions=said.excursions,
-        is_driven=is_driven,
+        is_driven=opened.is_driven,
         names=opened.imus is None,
     )
     return means, turns
@@ -255,7 +254,7 @@ def _settled(said: Said) -> Said:
     found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
     found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))
-    if learnt.opened.attitude is not None and learnt.opened.attitude.is_driven:
+    if learnt.opened.is_driven:
         watches = [_but_behind(watch, told.alarms) for watch in watches]
     return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
 
@@ -269,9 +268,9 @@ def _but_behind(watch: Watch, named: Sequence[Alarm]) -> Watch:
 
 def _but_small(watch: Watch, learnt: Learnt) -> Watch:
     """Return a watch whose alarms doubt mean errors that an estimator has of its own, where the gyros drive one."""
-    attitude, least_deg_s = learnt.opened.attitude, learnt.opened.asked.least_error_deg_s
-    if attitude is None or not attitude.is_driven:
+    if not learnt.opened.is_driven:
         return watch
+    least_deg_s = learnt.opened.asked.least_error_deg_s
     return replace(watch, alarms=tuple(_or_small(alarm, least_deg_s) for alarm in watch.alarms))
 
 
