@@ -32,7 +32,7 @@ from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE, is_straighter
-from gtmbench.detectors.isolation.suspect import Suspect
+from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.fault import Fault
@@ -51,6 +51,7 @@ _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the first seconds; and a row judged
 _RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
 _OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
+_OTHER_AXES = 6.0  # of -2 log likelihood: of a gyro's wrong gain, against its angle's
 _VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
 _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test; what plainly stands still
 _QUIET = 0.5  # of the thresholds: what has passed leaves no more
@@ -140,7 +141,8 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         likeliest = ranking[0].channel if ranking else told.candidates[0]
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
-    best, rivals, untestable = explained[0], _rivals(case, explained), _untestable(case)
+    best, untestable = explained[0], _untestable(case)
+    rivals = (*_rivals(case, explained), *_of_other_gain(case, explained[0]))
     order = tuple(dict.fromkeys([*rivals, *untestable]))
     if best.channel in ANGLES and best.kind in _RATES:
         order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
@@ -231,7 +233,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     best = good[0]
     strays = [] if first.sensor is not None else _strays(case, best)
     excess = whose_excess(case, best.channel) if best.is_absorbing and first.sensor is None else None
-    order = (*_rivals(case, good, excess), *_freer(case, best))
+    order = (*_rivals(case, good, excess), *_freer(case, best), *_of_other_gain(case, best))
     holder = _holder(case, good, strays, excess)
     if holder is not None:
         is_near = holder.channel in order or strays
@@ -278,13 +280,13 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
     """Return the suspects that the best doesn't decisively beat, likeliest first; or that likely hold the excess."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
-    resembled = _OF_GYROS if first.channel in GYROS else _RESEMBLED
+    resembles = first.kind in (_OF_GYROS if first.channel in GYROS else _RESEMBLED) or first.channel in case.driving
 
     def is_near(channel: str, fit: FittedHypothesis) -> bool:
         is_alike = _are_same(case, good, first.channel, channel) or _is_coarse(case, first, channel)
         if fit.bic < first.bic + (_ALIKE if is_alike else DECISIVE):
             return True
-        is_early = first.kind in resembled and not case.is_telling and channel in axis_of(first.channel)
+        is_early = resembles and not case.is_telling and channel in axis_of(first.channel)
         if is_early and fit.bic < first.bic + _EARLY + _EARLY_ROW * (case.judged.stop - case.judged.start):
             return True
         if fit.is_held and not first.is_held and case.surprises.get(channel, 0.0) > _PLAIN:
@@ -333,6 +335,29 @@ def _freer(case: Case, best: FittedHypothesis) -> tuple[str, ...]:
     most = _left_elsewhere(case, best.channel, best.estimator) - _FREELY
     others = [name for name in case.suspects if name not in axis_of(best.channel)]
     return tuple(name for name in others if _left_elsewhere(case, name, None) < most)
+
+
+def _of_other_gain(case: Case, best: FittedHypothesis) -> tuple[str, ...]:
+    """Return the angle that may read 1/g of itself where its gyro, which drives the attitude, would read g of its turn.
+
+    About the gyro's own axis both look the same. An angle enters the other axes' rates, too, and tells there.
+    """
+    if best.channel not in case.driving or best.kind not in ("scale_factor", "sign_flip"):
+        return ()
+    (angle,) = (name for name in axis_of(best.channel) if name in ANGLES)
+    suspect = suspect_through(case, angle, None)
+    factor = best.parameters.get("factor", -1.0)
+    if suspect is None or abs(factor) < _DEAD:
+        return ()
+    of_gyro, of_angle = (_energies(case, left, best.channel) for left in (best.left, suspect.rescaled(1.0 / factor)))
+    return (angle,) if of_angle < of_gyro + _OTHER_AXES else ()
+
+
+def _energies(case: Case, left: Left, channel: str) -> float:
+    """Return what is left of the other axes' residuals once a fault is undone."""
+    undone = dict(zip(left.outputs, left.white, strict=True))
+    others = (output for output in case.residuals.raw if output not in axis_of(channel))
+    return sum(energy(undone.get(output, case.white[output][case.judged])) for output in others)
 
 
 def _left_elsewhere(case: Case, channel: str, estimator: AttitudeEstimator | None) -> float:

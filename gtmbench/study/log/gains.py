@@ -14,7 +14,7 @@ samples that come seldom, and filters, make a gain that isn't 1 and hangs a litt
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -25,6 +25,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.method.regression.slow import HALF, interpolated, slow
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.study.log.self_check.motion import attitude_rates
+from gtmbench.study.log.wrong_angles import SURE, for_the_gyro
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
@@ -103,13 +104,13 @@ def gains(
 
     Examples
     --------
-    >>> phi = 30.0 * np.sin(np.linspace(0.0, 300.0, 2000))
-    >>> still = np.zeros((2000, 4))
-    >>> values = np.column_stack([np.gradient(phi, 0.1), phi, still])
-    >>> record = Record(values, channels=["p", "phi", "q", "r", "theta", "psi"], sample_period_s=0.1)
-    >>> broken = record.replace("p", record["p"] * np.where(record.time_s < 100.0, 1.0, 0.6))
-    >>> found = gains([broken], healthy=[(0.0, 60.0)], is_driven=True)
-    >>> [(alarm.verdict, round(alarm.last.parameters["factor"], 2)) for alarm in found.alarms]
+    >>> time_s = np.arange(0.0, 200.0, 0.1)
+    >>> angles = [20.0, 10.0, 30.0] * np.sin(np.outer(time_s, [0.9, 0.7, 0.4]))
+    >>> turns = attitude_rates(Record(angles, channels=ATTITUDE, sample_period_s=0.1))
+    >>> turns[:, 0] *= np.where(time_s < 100.0, 1.0, 0.6)
+    >>> record = Record(np.column_stack([turns, angles])[1:-1], channels=[*GYROS, *ATTITUDE], sample_period_s=0.1)
+    >>> found = gains([record], healthy=[(0.0, 60.0)], is_driven=True)
+    >>> [(alarm.verdict, round(alarm.last.parameters["factor"], 1)) for alarm in found.alarms]
     [('p failed', 0.6)]
     """
     start_s = records[0].start_s
@@ -131,8 +132,12 @@ def gains(
         is_watched=~usual,
     )
     squares = moments.wrong(gain)
+
+    def is_gyros(axis: int, factor: float, since: Span) -> bool:
+        return is_driven and for_the_gyro(records, axis, factor, healthy=healthy, since=since) > SURE
+
     alarms = [
-        _alarm(number, compared, axis, rise, squares[:, axis], is_driven=is_driven, names=names)
+        _alarm(number, compared, axis, rise, squares[:, axis], is_gyros=is_gyros, names=names)
         for number, (axis, rise) in enumerate((axis, rise) for axis in range(3) for rise in _rises(compared, axis))
     ]
     return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
@@ -267,15 +272,16 @@ def _alarm(
     rise: tuple[int, int],
     squares: FloatArray,
     *,
-    is_driven: bool,
+    is_gyros: Callable[[int, float, Span], bool],
     names: bool,
 ) -> Alarm:
     known, stop = rise
     onset_s = compared.start_s + _onset(squares, known) * SECOND_S
     judged = _doubted(compared, axis, rise)
-    decided = next((row for row in range(known, stop) if _is_sure(compared, axis, known, row)), None)
-    if names and decided is not None:
-        judged = _decided(compared, axis, decided, onset_s, is_driven=is_driven)
+    decided = [row for row in range(known, stop) if names and _is_sure(compared, axis, known, row)]
+    for row in decided[:: WINDOW // 2]:  # the longer it lasts, the more is told of which it is
+        if row == decided[0] or judged.sensor is None:
+            judged = _decided(compared, axis, row, onset_s, is_gyros=is_gyros)
     return Alarm(
         number=number,
         time_s=compared.start_s + (known + 1) * SECOND_S,
@@ -314,20 +320,24 @@ def _gain(compared: Gains, axis: int, row: int) -> float:
     return float(np.sign(most) * np.sqrt(abs(least * most)) / compared.usual[axis])
 
 
-def _decided(compared: Gains, axis: int, row: int, onset_s: float, *, is_driven: bool) -> Judgement:
+def _decided(
+    compared: Gains, axis: int, row: int, onset_s: float, *, is_gyros: Callable[[int, float, Span], bool]
+) -> Judgement:
     gyro, angle, factor = GYROS[axis], ATTITUDE[axis], _gain(compared, axis, row)
+    time_s = compared.start_s + (row + 1) * SECOND_S
+    is_named = is_gyros(axis, factor, (onset_s, time_s))
     kind: str | None = None
     parameters = {"onset_s": onset_s}
     if compared.alike[row, axis] > _SCALES:  # else it reads no multiples, as of a deadzone
         kind = "sign_flip" if factor < _TURNS else "scale_factor"
         parameters |= {} if factor < _TURNS else {"factor": factor}
     return Judgement(
-        time_s=compared.start_s + (row + 1) * SECOND_S,
-        sensor=gyro if is_driven else None,
-        candidates=(gyro,) if is_driven else (gyro, angle),
+        time_s=time_s,
+        sensor=gyro if is_named else None,
+        candidates=(gyro,) if is_named else (gyro, angle),
         kind=kind,
         parameters=parameters,
-        reason="" if is_driven else f"{angle} may turn too far as well",
+        reason="" if is_named else f"{angle} may turn too far as well",
     )
 
 

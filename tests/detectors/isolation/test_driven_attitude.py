@@ -167,6 +167,17 @@ def test_a_gyro_that_bends_the_attitude_is_named_or_suspected_and_no_other_is(ch
     assert all(channel in alarm.candidates for alarm in alarms)
 
 
+@pytest.mark.parametrize("counts_deg", [0.0, 0.3])
+@pytest.mark.parametrize("factor", [-1.0, 0.7, 1.5])
+@pytest.mark.parametrize("channel", ATTITUDE)
+def test_an_angle_of_another_gain_or_sign_has_no_gyro_named(channel, factor, counts_deg):
+    record = healthy()
+    read = record[channel] * np.where(record.time_s < ONSET_S, 1.0, factor)
+    read = np.round(read / counts_deg) * counts_deg if counts_deg else read
+    for alarm in monitor().watch(record.replace(channel, read)).alarms:
+        assert alarm.sensor not in GYROS
+
+
 def test_most_of_them_are_named_none_wrongly_and_their_kinds_are_right():
     named = right = 0
     for kind, channel in ((kind, channel) for kind in FAULTS for channel in GYROS):
