@@ -47,6 +47,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
         "hardly_watched": watched.hardly_watched,
+        "louder_than_learnt": [asdict(each) for each in watched.louder],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),

@@ -31,6 +31,7 @@ from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
 from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.contacts import CONTACTS, is_contact
+from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.watched import Outcome, WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.values.record import Span
@@ -307,7 +308,15 @@ def _next(watched: WatchedLog) -> list[str]:
 def _unseen(watched: WatchedLog) -> list[str]:
     """Say whose silence says nothing."""
     names = watched.hardly_watched if watched.watches else ()
-    return [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
+    hidden = [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
+    return [*[_louder_text(each) for each in watched.louder], *hidden]
+
+
+def _louder_text(louder: Louder) -> str:
+    return (
+        f"the residual of {louder.sensor} was {louder.times:.2g} times as large from {louder.start_s:.1f} to "
+        f"{louder.end_s:.1f} s as where it was learnt, and no test could tell why"
+    )
 
 
 def _unheard(watched: WatchedLog) -> list[str]:

@@ -20,6 +20,7 @@ from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.gps_itself import with_itself
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
+from gtmbench.study.log.louder import Louder, louder_than_learnt
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -186,7 +187,7 @@ class WatchedLog:
         if any(not alarm.doubt for alarm in left):
             return Outcome.FAILED
         could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
-        return Outcome.HEALTHY if could_tell and not self.hardly_watched else Outcome.UNKNOWN
+        return Outcome.HEALTHY if could_tell and not self.louder and not self.hardly_watched else Outcome.UNKNOWN
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -197,6 +198,11 @@ class WatchedLog:
     def hardly_watched(self) -> tuple[str, ...]:
         """The gyros whose silence proves nothing: what the certificate says of biases."""
         return hardly_watched(self.monitor, self.watches, means=self.means)
+
+    @cached_property
+    def louder(self) -> tuple[Louder, ...]:
+        """The residuals that stood far above what they were where the monitor was identified, and raised no alarm."""
+        return louder_than_learnt(self.watches) if self.identified_s else ()
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""
