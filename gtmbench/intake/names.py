@@ -17,7 +17,7 @@ _NAMES = {
     "q": "q pitchrate pitchspeed gyroy gyry gyroscopey gy wy omegay angularratey qbody",
     "r": "r yawrate yawspeed gyroz gyrz gyroscopez gz wz omegaz angularratez rbody",
     "phi": "phi roll rollangle bank bankangle",
-    "theta": "theta pitch pitchangle",
+    "theta": "theta the pitch pitchangle pitchattitude",
     "psi": "psi yaw yawangle heading hdg trueheading headingtrue",
     "alpha": "alpha aoa angleofattack",
     "beta": "beta aos ssa sideslip sideslipangle angleofsideslip",
@@ -32,7 +32,7 @@ _NAMES = {
     "aileron": "aileron",
     "rudder": "rudder",
     "throttle": "throttle",
-    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems unixtime date",
+    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime date",
 }
 _KNOWN = {
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)

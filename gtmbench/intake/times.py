@@ -230,12 +230,17 @@ def _of_shortest_name(told: list[tuple[RawSeries, Meaning]]) -> list[tuple[RawSe
 def by_steps(series: RawSeries) -> Meaning | None:
     """Return the unit of a column that tells the time, by its steps or the epoch that it counts from; None where open.
 
-    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050.
+    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050. Microseconds since a boot 10 to 42
+    minutes ago look like a date in seconds, whose steps would be hours.
     """
     values = series.values()[:_BEGINNING]
     usual, known = _usual_step(series), values[np.isfinite(values)]
     middle = float(np.median(known)) if len(known) else 0.0
-    epochs = [name for name, per_second in _UNITS.items() if _EPOCH_S[0] < middle / per_second < _EPOCH_S[1]]
+    epochs = [
+        name
+        for name, per_second in _UNITS.items()
+        if _EPOCH_S[0] < middle / per_second < _EPOCH_S[1] and usual / per_second <= FAR_S
+    ]
     if len(epochs) == 1 and np.ptp(known) > 0:
         return Meaning(channel="time", unit=epochs[0], guessed="the date that it counts to")
     fits = [name for name, per_second in _UNITS.items() if _STEPS_S[0] <= usual / per_second <= _STEPS_S[1]]

@@ -12,9 +12,18 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.documented import ALL, PX4
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
 
-_TOPICS = {topic for topic, _ in ALL}
+_PX4_TOPICS = {topic for topic, _ in PX4} | {
+    "vehicle_gps_position",
+    "sensor_gps",
+    "vehicle_magnetometer",
+    "sensor_mag",
+    "sensor_gyro",
+}
+# those of gyros and attitude, and sensors beside them
+_TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
+_PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 MOST_TABLES = 300
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
@@ -49,7 +58,7 @@ def read_folder(path: Path) -> RawLog:
         return RawLog(kind="folder of tables", series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
-        series=documented_first(series, ALL),
+        series=tuple(map(_with_px4_time, documented_first(series, ALL))),
         notes=(*notes, "units and axes are those of the autopilot's documentation"),
         by_name=False,
         attitude_from_gyros=True,
@@ -58,6 +67,11 @@ def read_folder(path: Path) -> RawLog:
 
 def _column(topic: str, column: RawSeries) -> RawSeries:
     return replace(column, name=f"{topic}.{column.name}", clock=topic, meaning=ALL.get((topic, column.name)))
+
+
+def _with_px4_time(column: RawSeries) -> RawSeries:
+    is_time = _of(column.clock) in _PX4_TOPICS and column.name == f"{column.clock}.timestamp"
+    return replace(column, meaning=_PX4_TIME) if is_time else column
 
 
 def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:
