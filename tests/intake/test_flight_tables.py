@@ -1,0 +1,118 @@
+"""Tables as people have them: PX4's since a boot long ago, sensors beside gyros, flight tests' names, clocks apart."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import gtmbench as gb
+from gtmbench.errors import InputError
+from gtmbench.intake.formats.raw import RawSeries
+from gtmbench.intake.magnetometers import magnetometers_of
+from gtmbench.intake.other_sensors import other_sensors_of
+from gtmbench.intake.read import read_log
+from gtmbench.intake.times import by_steps
+from tests.helpers.log_makers import flight, make
+
+CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
+
+
+@pytest.mark.parametrize("booted_s", [3.0, 700.0, 1500.0, 2500.0, 9000.0])
+def test_tables_of_px4_open_however_long_ago_it_booted(tmp_path, booted_s):
+    """Between 10 and 42 minutes after a boot its microseconds look like a date in seconds."""
+    usual, late = flight(), flight()
+    late["time_s"] = late.time_s + booted_s
+    (tmp_path / "late").mkdir()
+    first = gb.open_log(make(tmp_path, "tables", usual), needs=CHANNELS)
+    other = gb.open_log(make(tmp_path / "late", "tables", late), needs=CHANNELS)
+    assert other.segments[0].start_s - first.segments[0].start_s == pytest.approx(booted_s, abs=1e-6)
+    assert other.segments[0].matrix(CHANNELS) == pytest.approx(first.segments[0].matrix(CHANNELS), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("first", "step", "unit"),
+    [
+        (7e8, 5000.0, "us"),
+        (1.5e9, 2e4, "us"),
+        (1.5e9, 0.2, "s"),
+        (1.5e9, 1.0, "s"),
+        (1.5e12, 20.0, "ms"),
+        (5.0, 0.02, "s"),
+    ],
+)
+def test_a_date_has_steps_of_its_own_unit(first, step, unit):
+    meaning = by_steps(RawSeries(name="timestamp", load=lambda: first + step * np.arange(500.0)))
+    assert meaning is not None
+    assert meaning.unit == unit
+
+
+def test_sensors_beside_gyros_are_read_of_a_folder_too(tmp_path):
+    folder = make(tmp_path, "tables")
+    stamps = (7e6 + 1e5 * np.arange(100)).astype(np.int64)
+    rng = np.random.default_rng(1)
+    field = {f"magnetometer_ga[{axis}]": rng.standard_normal(100) for axis in range(3)}
+    pd.DataFrame({"timestamp": stamps, **field}).to_csv(folder / "log_7_vehicle_magnetometer_0.csv", index=False)
+    velocity = {name: rng.standard_normal(100) for name in ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")}
+    pd.DataFrame({"timestamp": stamps, "fix_type": 3, **velocity}).to_csv(
+        folder / "log_7_vehicle_gps_position_0.csv", index=False
+    )
+    (readings,) = magnetometers_of(read_log(folder))
+    assert readings.field == pytest.approx(np.column_stack(list(field.values())))
+    gps = next(each for each in other_sensors_of(read_log(folder)) if each.channels[0] == "gps_north")
+    assert gps.values == pytest.approx(np.column_stack(list(velocity.values())))
+
+
+def test_a_flight_tests_table_opens_whatever_its_rates_are_called(tmp_path):
+    table = flight()
+    names = {"p": "PRGX [DEG/S]", "q": "QRGY [DEG/S]", "r": "RRGZ [DEG/S]"}
+    angles = {"phi": "PHI [DEG]", "theta": "THE [DEG]", "psi": "PSI [DEG]"}
+    headers = {"time_s": "T [s]", **names, **angles}
+    path = tmp_path / "test.csv"
+    pd.DataFrame({header: table[name] for name, header in headers.items()}).to_csv(path, index=False)
+    log = gb.open_log(path, needs=CHANNELS)
+    read = {source.channel: source.column for source in log.sources}
+    assert {channel: read[channel] for channel in (*names, *angles)} == {**names, **angles}
+
+
+def test_rates_without_an_attitude_of_the_same_motion_stay_open(tmp_path):
+    table = flight()
+    noise = np.random.default_rng(2).standard_normal((len(table), 3))
+    odd = pd.DataFrame({"T [s]": table.time_s, **{f"X{i} [DEG/S]": noise[:, i] for i in range(3)}})
+    odd = odd.assign(**{"PHI [DEG]": table.phi, "THE [DEG]": table.theta, "PSI [DEG]": table.psi})
+    odd.to_csv(tmp_path / "test.csv", index=False)
+    with pytest.raises(InputError, match="don't show one motion"):
+        gb.open_log(tmp_path / "test.csv", needs=CHANNELS)
+
+
+def two_tables(folder, attitude_ms, imu_us):
+    """Write MAVLink's messages as two tables, with stamps in milliseconds and in microseconds since boot."""
+    table = flight()
+    folder.mkdir()
+    angles = {"roll": table.phi, "pitch": table.theta, "yaw": table.psi}
+    attitude = {name: np.radians(values) for name, values in angles.items()}
+    pd.DataFrame({"time_boot_ms": attitude_ms(table.time_s), **attitude}).to_csv(folder / "ATTITUDE.csv", index=False)
+    rates = {f"{axis}gyro": np.radians(table[name]) for axis, name in zip("xyz", "pqr", strict=True)}
+    pd.DataFrame({"time_usec": imu_us(table.time_s), **rates}).to_csv(folder / "HIGHRES_IMU.csv", index=False)
+    return folder
+
+
+def test_tables_of_mavlinks_messages_are_on_one_clock(tmp_path):
+    folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s), lambda s: np.rint(1e6 * s))
+    (record,) = gb.open_log(folder, needs=CHANNELS).segments
+    assert record["phi"] == pytest.approx(flight().phi[: len(record)], abs=0.5)
+
+
+def test_an_attitude_on_another_clock_is_said(tmp_path):
+    folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s) + 5e6, lambda s: np.rint(1e6 * s))
+    with pytest.raises(InputError, match="phi: 'ATTITUDE.roll' is on another clock than the others"):
+        gb.watch_log(folder, "auto")
+
+
+def test_stamps_of_arrival_in_bursts_are_said(tmp_path):
+    def bursts(time_s):
+        rows = np.arange(len(time_s))
+        last = np.minimum(rows // 40 * 40 + 39, len(rows) - 1)
+        return np.rint(1e6 * np.asarray(time_s)[last]) + 100 * (rows % 40)
+
+    folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s), bursts)
+    with pytest.raises(InputError, match="no moment has a sample of each channel .*bursts"):
+        gb.open_log(folder, needs=CHANNELS)
