@@ -33,7 +33,8 @@ _NAMES = {
     "aileron": "aileron",
     "rudder": "rudder",
     "throttle": "throttle",
-    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime date",
+    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime "
+    "date",
 }
 _KNOWN = {
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)
@@ -236,9 +237,10 @@ def triples(series: Sequence[RawSeries]) -> list[Triple]:
 def unnamed_rates(series: Sequence[RawSeries]) -> list[Triple]:
     """Return three columns beside each other that state a unit of angular rate, whatever they are called.
 
-    >>> columns = [RawSeries(name=name, load=list) for name in ("T [s]", "PRGX [deg/s]", "QRGY [deg/s]", "RRGZ [deg/s]")]
-    >>> [[column.name for column in triple.series] for triple in unnamed_rates(columns)]
-    [['PRGX [deg/s]', 'QRGY [deg/s]', 'RRGZ [deg/s]']]
+    >>> names = ("T [s]", "PRGX [deg/s]", "QRGY [deg/s]", "RRGZ [deg/s]")
+    >>> (triple,) = unnamed_rates([RawSeries(name=name, load=list) for name in names])
+    >>> [column.name for column in triple.series]
+    ['PRGX [deg/s]', 'QRGY [deg/s]', 'RRGZ [deg/s]']
     """
     runs = groupby(series, key=lambda each: (each.clock, _states_rate(each)))
     together = [tuple(columns) for (_, is_rate), columns in runs if is_rate]

@@ -230,8 +230,8 @@ def _of_shortest_name(told: list[tuple[RawSeries, Meaning]]) -> list[tuple[RawSe
 def by_steps(series: RawSeries) -> Meaning | None:
     """Return the unit of a column that tells the time, by its steps or the epoch that it counts from; None where open.
 
-    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050. Microseconds since a boot 10 to 42
-    minutes ago look like a date in seconds, whose steps would be hours.
+    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050. Microseconds since a boot ten to
+    forty minutes ago look like a date in seconds, whose steps would be hours.
     """
     values = series.values()[:_BEGINNING]
     usual, known = _usual_step(series), values[np.isfinite(values)]

@@ -103,7 +103,7 @@ def test_tables_of_mavlinks_messages_are_on_one_clock(tmp_path):
 
 def test_an_attitude_on_another_clock_is_said(tmp_path):
     folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s) + 5e6, lambda s: np.rint(1e6 * s))
-    with pytest.raises(InputError, match="phi: 'ATTITUDE.roll' is on another clock than the others"):
+    with pytest.raises(InputError, match=r"phi: 'ATTITUDE.roll' is on another clock than the others"):
         gb.watch_log(folder, "auto")
 
 
@@ -114,5 +114,5 @@ def test_stamps_of_arrival_in_bursts_are_said(tmp_path):
         return np.rint(1e6 * np.asarray(time_s)[last]) + 100 * (rows % 40)
 
     folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s), bursts)
-    with pytest.raises(InputError, match="no moment has a sample of each channel .*bursts"):
+    with pytest.raises(InputError, match=r"no moment has a sample of each channel .*bursts"):
         gb.open_log(folder, needs=CHANNELS)

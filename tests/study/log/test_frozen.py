@@ -68,7 +68,8 @@ def test_what_all_gyros_do_and_what_is_missing_or_short_raises_nothing():
 def test_at_rest_a_gyro_that_stays_within_its_count_is_healthy(seed):
     """On a bench, in counts of 0.057 deg/s: two gyros flip between counts, and one is in the middle of its own."""
     read = moving(seed)
-    read[FROM:TO] = np.random.default_rng(seed).uniform(-0.025, 0.025, (TO - FROM, 3)) + [0.4297, 0.0, 0.2578]
+    offset = np.array([0.4297, 0.0, 0.2578])
+    read[FROM:TO] = offset + np.random.default_rng(seed).uniform(-0.025, 0.025, (TO - FROM, 3))
     counts = np.round(read / 0.0573) * 0.0573
     assert np.ptp(counts[FROM:TO, 1]) == 0.0
     assert said(counts) == ()
