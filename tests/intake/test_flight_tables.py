@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 import gtmbench as gb
 from gtmbench.errors import InputError
@@ -116,3 +117,46 @@ def test_stamps_of_arrival_in_bursts_are_said(tmp_path):
     folder = two_tables(tmp_path / "log", lambda s: np.rint(1e3 * s), bursts)
     with pytest.raises(InputError, match=r"no moment has a sample of each channel .*bursts"):
         gb.open_log(folder, needs=CHANNELS)
+
+
+def imu_rows(table, count, noise):
+    """Return the messages of several IMUs as rows, one after the other, as ArduPilot logs them since 2020."""
+    number = np.tile(np.arange(count), len(table))
+    rates = np.repeat(np.radians(table[["p", "q", "r"]].to_numpy()), count, axis=0) + noise * number[:, np.newaxis]
+    stamps = np.repeat((1e6 * table.time_s + 7e6).round().astype(np.int64), count)
+    axes = {f"Gyr{axis}": rates[:, place] for place, axis in enumerate("XYZ")}
+    return pd.DataFrame({"TimeUS": stamps, "I": number, **axes})
+
+
+def attitude_rows(table):
+    angles = {"Roll": table.phi, "Pitch": table.theta, "Yaw": table.psi}
+    return pd.DataFrame({"TimeUS": (1e6 * table.time_s + 7e6).round().astype(np.int64), **angles})
+
+
+def test_imus_in_one_table_are_told_apart(tmp_path):
+    """Mavlogdump writes a table a message, with the rows of all IMUs: read as one they would be mixed."""
+    folder, table = tmp_path / "log", flight()
+    folder.mkdir()
+    imu_rows(table, 3, 0.1).to_csv(folder / "IMU.csv", index=False)
+    attitude_rows(table).to_csv(folder / "ATT.csv", index=False)
+    log = gb.open_log(folder, needs=CHANNELS)
+    assert [imu.name for imu in log.imus] == ["IMU", "IMU#1", "IMU#2"]
+    assert log.segments[0]["p"] == pytest.approx(table.p[: len(log.segments[0])], abs=1e-6)
+    other = gb.open_log(folder, needs=CHANNELS, mapping=log.imus[2].mapping)
+    assert np.mean(other.segments[0]["p"] - log.segments[0]["p"]) == pytest.approx(np.degrees(0.2), abs=1e-6)
+
+
+def test_the_first_of_several_imus_is_read_as_a_converter_numbers_it(tmp_path):
+    """Mission Planner's .mat has a matrix a sensor, IMU_0 and IMU_1, and its columns' names beside."""
+    table = flight()
+    rows = imu_rows(table, 2, 0.1)
+    tables = {f"IMU_{n}": rows[n == rows.I] for n in range(2)} | {"ATT": attitude_rows(table)}
+    stored = {name: each.to_numpy(np.float64) for name, each in tables.items()}
+    names = {
+        f"{name}_label": np.array(list(each.columns), dtype=object)[:, np.newaxis] for name, each in tables.items()
+    }
+    savemat(tmp_path / "log.mat", stored | names)
+    log = gb.open_log(tmp_path / "log.mat", needs=CHANNELS)
+    assert {source.channel: source.column for source in log.sources}["p"] == "IMU_0.GyrX"
+    assert [imu.name for imu in log.imus] == ["IMU_0", "IMU_1"]
+    assert log.segments[0]["p"] == pytest.approx(table.p[: len(log.segments[0])], abs=1e-6)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.csv import read_csv
@@ -24,7 +28,7 @@ _PX4_TOPICS = {topic for topic, _ in PX4} | {
 # those of gyros and attitude, and sensors beside them
 _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
-MOST_TABLES = 300
+MOST_TABLES, _MOST_INSTANCES = 300, 6
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
@@ -44,11 +48,10 @@ def read_folder(path: Path) -> RawLog:
         except InputError:
             left_out.append(table.name)
             continue
-        topic = topics[table]
-        own = {each.name: each for each in read.series}
-        series += [_column(topic, each) for each in own.values()]
-        if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
-            series += [_angle(topic, own, angle) for angle in ANGLES]
+        for topic, own in _by_instance(topics[table], {each.name: each for each in read.series}):
+            series += [_column(topic, each) for each in own.values()]
+            if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
+                series += [_angle(topic, own, angle) for angle in ANGLES]
     if not series:
         raise InputError(f"{path}: none of its tables can be read")
     notes = [f"tables: {', '.join(sorted({each.clock for each in series})[:20])}"]
@@ -63,6 +66,23 @@ def read_folder(path: Path) -> RawLog:
         by_name=False,
         attitude_from_gyros=True,
     )
+
+
+def _by_instance(topic: str, own: dict[str, RawSeries]) -> Iterator[tuple[str, dict[str, RawSeries]]]:
+    """Give a table's columns: of each sensor by itself where a column ``I`` says which of several a row is of."""
+    number = own["I"].values() if "I" in own and topic in _TOPICS else np.zeros(0)
+    which = np.unique(number[np.isfinite(number)])
+    if len(which) < 2 or len(which) > _MOST_INSTANCES or np.any(which != np.rint(which)):
+        yield topic, own
+        return
+    for each in which.tolist():
+        rows = np.flatnonzero(number == each)
+        name = f"{topic}#{int(each)}" if each else topic
+        yield name, {column: replace(series, load=partial(_rows_of, series, rows)) for column, series in own.items()}
+
+
+def _rows_of(series: RawSeries, rows: NDArray[np.int64]) -> NDArray[Any]:
+    return series.load()[rows]
 
 
 def _column(topic: str, column: RawSeries) -> RawSeries:
