@@ -160,3 +160,26 @@ def test_the_first_of_several_imus_is_read_as_a_converter_numbers_it(tmp_path):
     assert {source.channel: source.column for source in log.sources}["p"] == "IMU_0.GyrX"
     assert [imu.name for imu in log.imus] == ["IMU_0", "IMU_1"]
     assert log.segments[0]["p"] == pytest.approx(table.p[: len(log.segments[0])], abs=1e-6)
+
+
+def test_messages_that_are_joined_with_times_of_their_own_take_the_time_of_every_row(tmp_path):
+    """Mavlogdump's CSV of a telemetry log: a row is one message's, its other cells are empty."""
+    table = flight()
+    rates = {
+        f"RAW_IMU.{axis}gyro": np.rint(1e3 * np.radians(table[name])) for axis, name in zip("xyz", "pqr", strict=True)
+    }
+    angles = {
+        f"ATTITUDE.{name}": np.radians(table[of])
+        for name, of in zip(("roll", "pitch", "yaw"), CHANNELS[3:], strict=True)
+    }
+    imu = pd.DataFrame({"timestamp": 1.6e9 + table.time_s, "RAW_IMU.time_usec": 1e6 * table.time_s, **rates})
+    attitude = pd.DataFrame(
+        {"timestamp": 1.6e9 + table.time_s + 0.005, "ATTITUDE.time_boot_ms": 1e3 * table.time_s, **angles}
+    )
+    path = tmp_path / "log.csv"
+    pd.concat([imu, attitude]).sort_values("timestamp").to_csv(path, index=False)
+    log = gb.open_log(path, needs=CHANNELS)
+    assert {source.channel: source.column for source in log.sources}["time"] == "timestamp"
+    rows = slice(10, len(log.segments[0]) - 10)
+    at_s = log.segments[0].time_s[rows] - log.segments[0].start_s
+    assert np.std(log.segments[0]["phi"][rows] - np.interp(at_s, table.time_s, table.phi)) < 0.5
