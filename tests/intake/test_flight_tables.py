@@ -1,5 +1,7 @@
 """Tables as people have them: PX4's since a boot long ago, sensors beside gyros, flight tests' names, clocks apart."""
 
+import zipfile
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -183,3 +185,22 @@ def test_messages_that_are_joined_with_times_of_their_own_take_the_time_of_every
     rows = slice(10, len(log.segments[0]) - 10)
     at_s = log.segments[0].time_s[rows] - log.segments[0].start_s
     assert np.std(log.segments[0]["phi"][rows] - np.interp(at_s, table.time_s, table.phi)) < 0.5
+
+
+def test_resets_and_arming_are_read_of_px4s_tables_packed_or_not(tmp_path):
+    folder = make(tmp_path, "tables")
+    attitude = pd.read_csv(folder / "log_7_vehicle_attitude_0.csv")
+    after = attitude.timestamp >= 17e6
+    half_rad = np.radians(15.0) / 2.0
+    attitude["quat_reset_counter"] = 2 + after.astype(int)
+    attitude["delta_q_reset[0]"] = np.where(after, np.cos(half_rad), 1.0)
+    attitude.to_csv(folder / "log_7_vehicle_attitude_0.csv", index=False)
+    status = pd.DataFrame({"timestamp": [7_000_000, 9_000_000, 20_000_000], "arming_state": [1, 2, 2]})
+    status.to_csv(folder / "log_7_vehicle_status_0.csv", index=False)
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for table in sorted(folder.iterdir()):
+            archive.write(table, table.name)
+    for path in (folder, tmp_path / "log.zip"):
+        events = gb.open_log(path, needs=CHANNELS).events
+        told = [(event.kind.value, event.time_s, event.text) for event in events]
+        assert told == [("arm", 9.0, "commander"), ("reset", pytest.approx(17.0), "attitude by 15 deg")]

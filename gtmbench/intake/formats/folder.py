@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.events import Event
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.documented import ALL, PX4
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
 
 _PX4_TOPICS = {topic for topic, _ in PX4} | {
     "vehicle_gps_position",
@@ -27,6 +30,7 @@ _PX4_TOPICS = {topic for topic, _ in PX4} | {
 }
 # those of gyros and attitude, and sensors beside them
 _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
+_PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 MOST_TABLES, _MOST_INSTANCES = 300, 6
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
@@ -65,7 +69,20 @@ def read_folder(path: Path) -> RawLog:
         notes=(*notes, "units and axes are those of the autopilot's documentation"),
         by_name=False,
         attitude_from_gyros=True,
+        events=partial(_px4_events, tables),
     )
+
+
+def _px4_events(tables: Sequence[Path]) -> list[Event]:
+    """Return what PX4's tables tell beside the sensors: resets, take-off and touchdown, arming, failures."""
+    topics: dict[str, dict[str, NDArray[Any]]] = {}
+    for table in tables:
+        topic = next((name for name in TOLD_BY if re.fullmatch(rf"(.*_)?{name}(_0)?", table.stem)), "")
+        if topic:
+            with suppress(InputError):
+                topics[topic] = {each.name: each.load() for each in read_csv(table).series}
+    timed = {topic: fields for topic, fields in topics.items() if "timestamp" in fields}
+    return ulog_events(timed, {topic: fields["timestamp"] / _PX4_PER_SECOND for topic, fields in timed.items()})
 
 
 def _by_instance(topic: str, own: dict[str, RawSeries]) -> Iterator[tuple[str, dict[str, RawSeries]]]:
