@@ -29,6 +29,7 @@ _PLOT = "the plot: at rest, 1 g stays along one axis while the attitude tumbles"
 _WARM = "the plot: gyro less attitude rate, at rest and in flight"
 _FIX = "the plot: the GPS's satellites, 5 to 11 and from one message to the next none, while the aircraft flies"
 _LOST = "the GPS loses its fix at {} s{}"
+_COMPASS = "the flight-test report beside it, Arrow-air/project-quiver flight-test/PT1/{}.md, and the plot"
 _OFFSET = "p and q read {} deg/s at rest: gyros that nobody calibrated drive the attitude"
 
 TRUTHS: dict[str, Truth] = {
@@ -62,4 +63,22 @@ TRUTHS: dict[str, Truth] = {
     "pxf_copter_26-11-2014_181.BIN": Truth(
         "from 91.9 s on the GPS tells of up to 78 m/s, 300 m up and down", ("gps",), "the plot, beside accelerometers"
     ),
+    "pb_1.BIN": Truth(
+        "p reads -1.4 to -1.7 deg/s at rest from 375 to 520 s, when IMU2 reads 0.3",
+        ("p",),
+        "the plot, and the other IMU",
+    ),
+    "pb_3.BIN": Truth("a motor fails, and the aircraft crashes at 246 s", (), "3.xml beside it in its repository"),
+    "quiver_00000077.BIN": Truth("the heading leaps in flight: compasses", ("psi", "mag"), _COMPASS.format("001")),
+    "quiver_00000080.BIN": Truth("the heading leaps in flight: compasses", ("psi", "mag"), _COMPASS.format("001")),
+    "quiver_00000081.BIN": Truth("the heading leaps in flight: compasses", ("psi", "mag"), _COMPASS.format("001")),
+    "quiver_00000088.BIN": Truth("the heading wanders: compasses; it tips over at 386 s", ("psi", "mag"), "the plot"),
+    "quiver_00000090.BIN": Truth(
+        "until 725 s the heading leaps and wanders: compasses", ("psi", "mag"), _COMPASS.format("002")
+    ),
+    "quiver_00000096.BIN": Truth("the heading leaps and wanders until 842 s: compasses", ("psi", "mag"), "the plot"),
+    "dawn_flight1.zip": Truth("on the ground, the estimator resets the heading every 15 s", ("psi",), "the plot"),
+    "wsk.tlog": Truth("on a bench the heading creeps by 50 deg, at rest", ("psi",), "the plot"),
+    "attas_qst01.csv": Truth("psi turns by 180 deg within 0.12 s at 40.3 and 74.0 s", ("psi",), "the table"),
+    "attas_qst02.csv": Truth("psi turns by 180 deg within 0.12 s at 45.8 s", ("psi",), "the table"),
 }

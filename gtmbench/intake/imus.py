@@ -15,7 +15,7 @@ _SLOWEST_HZ = 5.0  # what comes more rarely can't be held against an attitude
 _MOST = 5
 # a topic with its number, the fields of its axes: of ArduPilot's LogStructure.h and PX4's SensorGyro.msg
 _LAYOUTS = (
-    (re.compile(r"IMU(?:#?(\d+))?"), ("GyrX", "GyrY", "GyrZ")),
+    (re.compile(r"IMU(?:[#_\[]?(\d+)\]?)?"), ("GyrX", "GyrY", "GyrZ")),  # IMU_0 and IMU[0] are converters' names
     (re.compile(r"sensor_gyro(?:#(\d+))?"), ("x", "y", "z")),
 )
 
@@ -78,8 +78,8 @@ def _columns(topic: str, fields: Sequence[str]) -> tuple[str, str, str]:
 
 
 def _number(topic: str, digits: str | None) -> int:
-    """Return which one it is: behind # they count from 0, else from 1."""
-    return int(digits) + ("#" in topic) if digits else 1
+    """Return which one it is: behind a mark they count from 0, else from 1."""
+    return int(digits) + any(mark in topic for mark in "#_[") if digits else 1
 
 
 def _unit(stated: str) -> str:

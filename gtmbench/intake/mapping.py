@@ -26,6 +26,7 @@ NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
+_FIRST = re.compile(r"[_\[#]0\]?$")  # of several sensors, as converters number their messages: IMU_0, IMU[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -326,7 +327,8 @@ def judged(series: RawSeries, raw: RawLog) -> Guess:
     if series.meaning is not None:
         return Guess(channel=series.meaning.channel, meaning=series.meaning)
     topic, _, field = series.name.rpartition(".")
-    documented = ALL.get((re.split(r"[./]", topic)[-1], field)) if raw.by_name else None
+    message = _FIRST.sub("", re.split(r"[./]", topic)[-1])
+    documented = ALL.get((message, field)) if raw.by_name else None
     if documented is not None:  # an autopilot's, in anybody's table
         return Guess(channel=documented.channel, meaning=documented)
     return guess(series.name, series.unit) if raw.by_name else Guess()

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from gtmbench.intake.formats.raw import Meaning, RawSeries
 from gtmbench.intake.units import dimension_of, hint, unit
@@ -17,7 +18,7 @@ _NAMES = {
     "q": "q pitchrate pitchspeed gyroy gyry gyroscopey gy wy omegay angularratey qbody",
     "r": "r yawrate yawspeed gyroz gyrz gyroscopez gz wz omegaz angularratez rbody",
     "phi": "phi roll rollangle bank bankangle",
-    "theta": "theta pitch pitchangle",
+    "theta": "theta the pitch pitchangle pitchattitude",
     "psi": "psi yaw yawangle heading hdg trueheading headingtrue",
     "alpha": "alpha aoa angleofattack",
     "beta": "beta aos ssa sideslip sideslipangle angleofsideslip",
@@ -32,7 +33,8 @@ _NAMES = {
     "aileron": "aileron",
     "rudder": "rudder",
     "throttle": "throttle",
-    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems unixtime date",
+    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime "
+    "date",
 }
 _KNOWN = {
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)
@@ -230,6 +232,24 @@ def triples(series: Sequence[RawSeries]) -> list[Triple]:
         for (_, kind, _), axes in found.items()
         if len(axes) == 3
     ]
+
+
+def unnamed_rates(series: Sequence[RawSeries]) -> list[Triple]:
+    """Return three columns beside each other that state a unit of angular rate, whatever they are called.
+
+    >>> names = ("T [s]", "PRGX [deg/s]", "QRGY [deg/s]", "RRGZ [deg/s]")
+    >>> (triple,) = unnamed_rates([RawSeries(name=name, load=list) for name in names])
+    >>> [column.name for column in triple.series]
+    ['PRGX [deg/s]', 'QRGY [deg/s]', 'RRGZ [deg/s]']
+    """
+    runs = groupby(series, key=lambda each: (each.clock, _states_rate(each)))
+    together = [tuple(columns) for (_, is_rate), columns in runs if is_rate]
+    return [Triple(kind="rate", series=columns, is_exact=False) for columns in together if len(columns) == 3]
+
+
+def _states_rate(series: RawSeries) -> bool:
+    known = unit(stated_unit(series.name, series.unit)[1])
+    return known is not None and known.dimension == _DIMENSIONS["rate"] and not _NOT_MEASURED.search(series.name)
 
 
 def _meanings(axes: Mapping[int, RawSeries]) -> tuple[Meaning, ...]:

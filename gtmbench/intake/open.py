@@ -130,6 +130,8 @@ def _opened(
         remarks += remarks_on(track, suspects, [other for other in tracks if other is not track])
     made = cut(tracks, breaks_s=breaks_s, rate_hz=rate_hz)
     segments = [record.select([choice.channel for choice in chosen]) for record in made.records]
+    if needs is not None:
+        _check_together(segments, tracks)
     taken = [f"{choice.channel} = {choice.how}" for choice in chosen if choice.how != AS_IT_IS]
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
@@ -156,6 +158,20 @@ def _opened(
         injections=_injections(path, raw, breaks_s, segments),
         imus=imus_of(raw),
         attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
+    )
+
+
+def _check_together(segments: Sequence[Record], tracks: Sequence[Track]) -> None:
+    """Refuse channels that nowhere have a sample together: clocks in other units, or stamps that come in bursts."""
+    if any(np.isfinite(record.values).all(axis=1).any() for record in segments):
+        return
+    spans = "; ".join(
+        f"{track.label} from {track.time_s[0]:.6g} to {track.time_s[-1]:.6g} s, {track.period_s:.3g} s apart"
+        for track in tracks
+    )
+    raise InputError(
+        f"no moment has a sample of each channel ({spans}): their clocks count from another moment or in another unit, "
+        f"or tell when bursts arrived; give a log with the sensors' own times"
     )
 
 

@@ -37,7 +37,7 @@ _FASTER = 0.75  # of a row between readings: a row is the mean of its readings
 _STANDS = 1.5  # times the usual step: so long the same is read again
 _GAP = 5.0  # times the usual step: nothing is known in between
 _PX4_GPS = re.compile(r"(vehicle_gps_position|sensor_gps)(#0)?")
-_ARDUPILOT_GPS = re.compile(r"GPS(#0)?")
+_ARDUPILOT_GPS = re.compile(r"GPS([#_\[]0\]?)?")
 _AIRSPEEDS = (("airspeed", "true_airspeed_m_s"), ("airspeed_validated", "true_airspeed_m_s"), ("ARSP", "Airspeed"))
 _PRESSURE = (("vehicle_air_data", "baro_alt_meter"), ("sensor_combined", "baro_alt_meter"), ("BARO", "Alt"))
 

@@ -17,7 +17,7 @@ from itertools import islice, permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.names import Triple, guess, triples
+from gtmbench.intake.names import Triple, guess, triples, unnamed_rates
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
@@ -99,7 +99,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return NOTHING
     named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
-    gyros = _candidates(named, "rate", GYROS, known)
+    gyros = _candidates(named, "rate", GYROS, known) or unnamed_rates(raw.series)
     angles = _candidates(named, "angle", ATTITUDE, known)
     fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
     if not fits:  # names may stand at the wrong axes

@@ -192,12 +192,15 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     for certain in (exact, pairs, sure):
         if len(certain) == 1:
             return certain[0]
+    stepped = [(series, meaning) for series, _ in looks if (meaning := by_steps(series)) is not None]
+    whole = [each for each in _of_shortest_name(stepped) if _is_whole(each[0])]
+    if len(whole) == 1 and not any(_is_whole(series) for series, _ in (*sure, *pairs)):
+        return whole[0]  # of every row, where messages with times of their own are joined
     if sure or pairs:
         both = dict.fromkeys(series.name for series, _ in (*sure, *pairs))
         first = (sure or pairs)[0]
         named = " and ".join(map(repr, both))
         raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
-    stepped = [(series, meaning) for series, _ in looks if (meaning := by_steps(series)) is not None]
     if len(looks) > 1:
         stepped = _of_shortest_name(stepped)
     if len(stepped) == 1:
@@ -210,6 +213,10 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     measured = measured_time(raw) or [series.name for series, _ in rising]
     perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+
+
+def _is_whole(series: RawSeries) -> bool:
+    return bool(np.isfinite(series.values()).all())
 
 
 def measured_time(raw: RawLog) -> list[str]:
@@ -230,12 +237,17 @@ def _of_shortest_name(told: list[tuple[RawSeries, Meaning]]) -> list[tuple[RawSe
 def by_steps(series: RawSeries) -> Meaning | None:
     """Return the unit of a column that tells the time, by its steps or the epoch that it counts from; None where open.
 
-    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050.
+    A log has 2 to 500 samples a second, and a date is of the years from 1990 to 2050. Microseconds since a boot ten to
+    forty minutes ago look like a date in seconds, whose steps would be hours.
     """
     values = series.values()[:_BEGINNING]
     usual, known = _usual_step(series), values[np.isfinite(values)]
     middle = float(np.median(known)) if len(known) else 0.0
-    epochs = [name for name, per_second in _UNITS.items() if _EPOCH_S[0] < middle / per_second < _EPOCH_S[1]]
+    epochs = [
+        name
+        for name, per_second in _UNITS.items()
+        if _EPOCH_S[0] < middle / per_second < _EPOCH_S[1] and usual / per_second <= FAR_S
+    ]
     if len(epochs) == 1 and np.ptp(known) > 0:
         return Meaning(channel="time", unit=epochs[0], guessed="the date that it counts to")
     fits = [name for name, per_second in _UNITS.items() if _STEPS_S[0] <= usual / per_second <= _STEPS_S[1]]

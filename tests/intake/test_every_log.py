@@ -214,6 +214,7 @@ def test_a_branch_of_a_tree_is_a_log(tmp_path, part):
 
 NAMED = {
     "box.bbl": (b"H Product:Blackbox flight data recorder by Nicholas Sherlock\n", "black box .* blackbox_decode"),
+    "dump.txt": (b"1970-01-01 00:00:00.00: FMT {Type : 128, Length : 89, Name : FMT}\n", "what mavlogdump.py prints"),
     "track.kml": (b'<?xml version="1.0"?>\n<kml xmlns="http://www.opengis.net/kml/2.2">', "positions only, no gyros"),
     "quad.param": (b"ACRO_BAL_PITCH,1\nACRO_BAL_ROLL,1\nACRO_LOCKING,0\n", "parameters of an autopilot"),
     "log.bin": (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n", "type: git lfs pull"),

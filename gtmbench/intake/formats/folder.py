@@ -3,19 +3,36 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.events import Event
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.documented import ALL, PX4
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
 
-_TOPICS = {topic for topic, _ in ALL}
-MOST_TABLES = 300
+_PX4_TOPICS = {topic for topic, _ in PX4} | {
+    "vehicle_gps_position",
+    "sensor_gps",
+    "vehicle_magnetometer",
+    "sensor_mag",
+    "sensor_gyro",
+}
+# those of gyros and attitude, and sensors beside them
+_TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
+_PX4_PER_SECOND = 1e6
+_PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
+MOST_TABLES, _MOST_INSTANCES = 300, 6
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
@@ -35,11 +52,10 @@ def read_folder(path: Path) -> RawLog:
         except InputError:
             left_out.append(table.name)
             continue
-        topic = topics[table]
-        own = {each.name: each for each in read.series}
-        series += [_column(topic, each) for each in own.values()]
-        if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
-            series += [_angle(topic, own, angle) for angle in ANGLES]
+        for topic, own in _by_instance(topics[table], {each.name: each for each in read.series}):
+            series += [_column(topic, each) for each in own.values()]
+            if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
+                series += [_angle(topic, own, angle) for angle in ANGLES]
     if not series:
         raise InputError(f"{path}: none of its tables can be read")
     notes = [f"tables: {', '.join(sorted({each.clock for each in series})[:20])}"]
@@ -49,15 +65,50 @@ def read_folder(path: Path) -> RawLog:
         return RawLog(kind="folder of tables", series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
-        series=documented_first(series, ALL),
+        series=tuple(map(_with_px4_time, documented_first(series, ALL))),
         notes=(*notes, "units and axes are those of the autopilot's documentation"),
         by_name=False,
         attitude_from_gyros=True,
+        events=partial(_px4_events, tables),
     )
+
+
+def _px4_events(tables: Sequence[Path]) -> list[Event]:
+    """Return what PX4's tables tell beside the sensors: resets, take-off and touchdown, arming, failures."""
+    topics: dict[str, dict[str, NDArray[Any]]] = {}
+    for table in tables:
+        topic = next((name for name in TOLD_BY if re.fullmatch(rf"(.*_)?{name}(_0)?", table.stem)), "")
+        if topic:
+            with suppress(InputError):
+                topics[topic] = {each.name: each.load() for each in read_csv(table).series}
+    timed = {topic: fields for topic, fields in topics.items() if "timestamp" in fields}
+    return ulog_events(timed, {topic: fields["timestamp"] / _PX4_PER_SECOND for topic, fields in timed.items()})
+
+
+def _by_instance(topic: str, own: dict[str, RawSeries]) -> Iterator[tuple[str, dict[str, RawSeries]]]:
+    """Give a table's columns: of each sensor by itself where a column ``I`` says which of several a row is of."""
+    number = own["I"].values() if "I" in own and topic in _TOPICS else np.zeros(0)
+    which = np.unique(number[np.isfinite(number)])
+    if len(which) < 2 or len(which) > _MOST_INSTANCES or np.any(which != np.rint(which)):
+        yield topic, own
+        return
+    for each in which.tolist():
+        rows = np.flatnonzero(number == each)
+        name = f"{topic}#{int(each)}" if each else topic
+        yield name, {column: replace(series, load=partial(_rows_of, series, rows)) for column, series in own.items()}
+
+
+def _rows_of(series: RawSeries, rows: NDArray[np.int64]) -> NDArray[Any]:
+    return series.load()[rows]
 
 
 def _column(topic: str, column: RawSeries) -> RawSeries:
     return replace(column, name=f"{topic}.{column.name}", clock=topic, meaning=ALL.get((topic, column.name)))
+
+
+def _with_px4_time(column: RawSeries) -> RawSeries:
+    is_time = _of(column.clock) in _PX4_TOPICS and column.name == f"{column.clock}.timestamp"
+    return replace(column, meaning=_PX4_TIME) if is_time else column
 
 
 def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:

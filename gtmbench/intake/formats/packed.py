@@ -114,4 +114,5 @@ def _read_aside(aside: Path, name: str, read: Reads) -> RawLog:
     except InputError as error:
         raise InputError(str(error).replace(str(aside), one_line(name)[:200])) from error
     series = tuple(replace(each, load=partial(np.asarray, each.load())) for each in raw.series)
-    return replace(raw, kind=f"packed {raw.kind}", series=series, batches=None)
+    events = partial(tuple, raw.events())  # they may be read from tables, too
+    return replace(raw, kind=f"packed {raw.kind}", series=series, batches=None, events=events)

@@ -22,6 +22,15 @@ _ALIGNED = {
         "emergency_yaw_reset_gps_yaw_stopped": "emergency reset of heading, GPS heading stopped",
     },
 }
+TOLD_BY = (  # topics that events are read from
+    "vehicle_attitude",
+    "estimator_status",
+    "estimator_selector_status",
+    *_ALIGNED,
+    "vehicle_land_detected",
+    "vehicle_status",
+    "failure_detector_status",
+)
 
 
 def ulog_events(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Event]:

@@ -10,10 +10,12 @@ _CSV = "export the log as CSV"
 # what a file begins with, what it is and what would do; the first that fits
 _LOG, _SHEET = "give the log (.bin, .ulg or .tlog)", "save its sheet as CSV, names and units in its first line"
 _DECODED = "make a CSV of it with blackbox_decode, or export one in the Blackbox Explorer"
+_FROM_MAVLOGDUMP = "give the log itself, or a folder of tables: mavlogdump.py --types IMU --format csv, and so on"
 _PARAMETER = rb"#?\s*[A-Z][A-Z0-9_]{2,15}[,\t ]+[-0-9.]+\s*\n"
 _KINDS = (
     (rb".{0,500}H Product:Blackbox", "is a racing quad's black box (Betaflight, INAV)", _DECODED),
     (rb"version https://git-lfs", "is a pointer of Git LFS, not the file itself", "type: git lfs pull"),
+    (rb"\d{4}-\d\d-\d\d [\d:.]+: [A-Z0-9_]+ \{", "is what mavlogdump.py prints", _FROM_MAVLOGDUMP),
     (rb".{0,400}<kml", "is a KML track: positions only, no gyros", _LOG),
     (rb".{0,400}<gpx", "is a GPX track: positions only, no gyros", _LOG),
     (rb"\$G[PN]", "holds NMEA sentences of a GPS: positions only, no gyros", _LOG),

@@ -18,7 +18,7 @@ from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.origin import FROM_LOG, check_attitude, origin_in_logs, rests_on_attitude, with_origin
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 
 def bank_for_logs(
@@ -47,15 +47,19 @@ def bank_for_logs(
         if not set(GYROS) & set(content.usable):
             named = [channel.name for channel in content.channels if channel.name in GYROS]
             open_log(read, mapping=mapping, needs=named or GYROS)  # says what is wrong with them
-    with naming(reads[0].path):
-        if contents[0].no_time:
-            raise InputError(contents[0].no_time)
-        composed_bank(there)  # refused before samples are looked at
-    known = origin_in_logs(reads, mapping) if origin is None else origin
-    bank = composed_bank(there, attitude_from_gyros=known.is_driven)
     doubts = [each for content in contents for each in content.columns if each.why_not]
     lost = {guess(each.name).channel: f"column '{each.name}' {each.why_not}" for each in doubts}
     lost |= {each.name: each.why_not for content in contents for each in content.channels if each.why_not}
+    with naming(reads[0].path):
+        if contents[0].no_time:
+            raise InputError(contents[0].no_time)
+        try:
+            composed_bank(there)  # refused before samples are looked at
+        except InputError as error:
+            unusable = [f"{name}: {lost[name]}" for name in ATTITUDE if name in lost]
+            raise InputError("; ".join((str(error), *unusable))) from error
+    known = origin_in_logs(reads, mapping) if origin is None else origin
+    bank = composed_bank(there, attitude_from_gyros=known.is_driven)
     return BankDetector(bank=bank), unwatched(bank, there, lost)
 
 

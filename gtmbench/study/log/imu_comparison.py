@@ -7,6 +7,7 @@ Within its time constant other sensors correct it. So it is asked late, and only
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -334,7 +335,8 @@ def _rises(values: FloatArray, blocks: _Blocks) -> list[tuple[int, int]]:
     first: dict[int, int] = {}
     for window in _WINDOWS:
         moved, motion = _moved(values, before, window), trailing_means(blocks.motion, window)
-        risen = np.flatnonzero(~blocks.healthy & (moved > _bound(moved, blocks) + _OF_MOTION * motion))
+        least = _LEAST_DEG_S * math.sqrt(_WINDOWS[-1] / window)  # vibration that samples alias averages out so
+        risen = np.flatnonzero(~blocks.healthy & (moved > max(_bound(moved, blocks), least) + _OF_MOTION * motion))
         for row in risen.tolist():
             first[row] = max(first.get(row, 0), row - window + 1)
     return sorted(first.items())
@@ -381,6 +383,8 @@ def _judged(
     axis = GYROS.index(channel)
     start_s, told_s = blocks.time_s(onset), blocks.time_s(row + 1)
     size = _shift(blocks.differences[pair][:, axis], onset, (0, _VOTE), is_slow=is_slow)
+    if not np.isfinite(size):  # too little is known before
+        size = float(np.nanmean(blocks.differences[pair][onset : row + 1, axis]))
     names = " and ".join(imus[number].name for number in pair)
     liar, judged_s = _voted_out(blocks, imus, axis, onset, is_slow=is_slow), max(told_s, blocks.time_s(onset + _VOTE))
     why = f"{names} part by {abs(size):.2g} deg/s"

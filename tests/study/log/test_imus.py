@@ -109,6 +109,26 @@ def test_what_was_there_when_healthy_isnt_told(seed):
     assert told(early, seed=seed)[0] == []
 
 
+def parted(first_s, last_s, size, healthy=HEALTHY):
+    """Return the doubts of what is said where the second IMU's q is off for a while."""
+    first, second = imus(2, seed=3)
+    off = second.matrix(GYROS).copy()
+    off[(second.time_s >= first_s) & (second.time_s < last_s), 1] += size
+    other = gb.Record(off, channels=GYROS, sample_period_s=second.sample_period_s, start_s=second.start_s)
+    comparison = compared([beside_each_other(first, other)], NAMES[:2], healthy=healthy)
+    return [alarm.last.doubt for alarm in comparison.alarms]
+
+
+def test_what_vibration_aliases_for_a_second_is_no_fault():
+    assert parted(80.0, 81.0, 0.6) == []
+    assert len(parted(80.0, 100.0, 0.6)) == 1
+
+
+def test_of_a_parting_at_the_very_beginning_the_size_is_told():
+    (doubt,) = parted(4.0, 16.0, 2.0, healthy=[(40.0, 100.0)])
+    assert "part by 2 deg/s" in doubt or "part by 1.9 deg/s" in doubt
+
+
 def test_what_the_imus_agree_on_is_no_gyros_fault():
     """The attitude is wrong: bank C's word on the gyro is doubted, where the other reads the same."""
     drifting = [each.replace("phi", each["phi"] + 4.0 * np.maximum(each.time_s - ONSET_S, 0.0)) for each in imus(2)]
