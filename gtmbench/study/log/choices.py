@@ -13,6 +13,7 @@ from gtmbench.study.log.field_witnesses import FORCES
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
+from gtmbench.study.log.mishaps import mishaps
 from gtmbench.study.log.said import Said, doubted, listened
 from gtmbench.study.log.seconds import SECOND_S
 from gtmbench.study.log.slow_means import SLOW, WINDOWS
@@ -24,8 +25,9 @@ _SOON_S = 10.0  # between the onsets of one fault
 def agreed(said: Said, progress: Progress) -> Said:
     """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
 
-    The other choice is all that was flown before the first accusation: a fault shows by both. What came before that,
-    taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no second choice.
+    The other choice is all that was flown before the first accusation, or a mishap: a fault shows by both. What came
+    before that, taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no
+    second choice.
 
     Parameters
     ----------
@@ -38,6 +40,9 @@ def agreed(said: Said, progress: Progress) -> Said:
         return said
     first_s, last_s = said.learnt.identified_s[0]
     until_s = min(_begun_s(alarm, last_s) for alarm in accused)
+    moving = () if opened.own.motion is None else opened.own.motion.segments
+    grieved_s = [each.span[0] for each in mishaps(opened.log.events, moving)]
+    until_s = min([until_s, *(time_s for time_s in grieved_s if time_s > last_s)])
     others: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
