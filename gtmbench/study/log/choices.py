@@ -14,6 +14,7 @@ from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.mishaps import mishaps
+from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, doubted, listened
 from gtmbench.study.log.seconds import SECOND_S
 from gtmbench.study.log.slow_means import SLOW, WINDOWS
@@ -84,13 +85,13 @@ def _accusing(said: Said) -> Iterator[Alarm]:
 
 
 def _accuses(alarm: Alarm) -> bool:
-    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and forces need none."""
-    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_forces(alarm)
+    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and some witnesses need none."""
+    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_witness(alarm)
 
 
-def _by_forces(alarm: Alarm) -> bool:
-    """Tell whether accelerometers named it: forces and attitude measured one error, whatever a monitor learnt."""
-    return alarm.last is not None and alarm.last.witness.startswith(f"{FORCES}: ")
+def _by_witness(alarm: Alarm) -> bool:
+    """Tell whether accelerometers named it, or its readings at rest: these measured it, whatever a monitor learnt."""
+    return alarm.last is not None and alarm.last.witness.startswith((f"{FORCES}: ", f"{AT_REST}: "))
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:
