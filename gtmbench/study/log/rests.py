@@ -22,12 +22,12 @@ from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.field_witnesses import claimed_deg_s, open_gyro
 from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.study.log.seconds import SECOND_S, of_seconds
-from gtmbench.study.log.slow_means import SLOW, SlowMeans
+from gtmbench.study.log.slow_means import SlowMeans
 from gtmbench.study.log.standing import is_quiet, spread_deg
 from gtmbench.values.channels import ACCELEROMETERS, GYROS
 from gtmbench.values.record import FloatArray, Record, runs
 
-AT_REST = "gyros at rest"  # who says it
+AT_REST = "gyros at rest"  # who says it, and the test of such alarms
 _SHORTEST_S, _STAYS_DEG = 4, 2.0  # of a rest without its first and last second; by which the specific force turns
 _SCATTER_DEG_S = 0.35  # of a gyro's means over seconds
 _MOVES_M_S = 1.5  # by a GPS
@@ -218,7 +218,7 @@ def found_at_rest(rests: Sequence[Rest], means: SlowMeans, told: Sequence[Alarm]
                 time_s=known_s,
                 onset_s=changed.after.start_s,
                 source=gyro,
-                test=SLOW,
+                test=AT_REST,
                 judgements=(_named(gyro, changed, doubtful) if is_sure else doubtful,),
             )
         )
@@ -226,14 +226,11 @@ def found_at_rest(rests: Sequence[Rest], means: SlowMeans, told: Sequence[Alarm]
 
 
 def _named(gyro: str, changed: Changed, last: Judgement) -> Judgement:
-    parameters = dict(last.parameters) if last.parameters else {"size": changed.error_deg_s}
     return replace(
         last,
         time_s=max(last.time_s, changed.after.start_s + _SHORTEST_S * SECOND_S),
         sensor=gyro,
         candidates=(gyro,),
-        kind=last.kind or "bias",
-        parameters=parameters,
         doubt="",
         reason="",
         witness=f"{AT_REST}: {gyro} reads {changed.text}",
