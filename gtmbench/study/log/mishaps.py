@@ -22,6 +22,7 @@ from gtmbench.values.record import FloatArray, Record, Span, runs
 _LIES_DEG, _LIES_S = 35.0, 5  # from where the specific force points in flight; for so many seconds
 _BEFORE_S, _AFTER_S = 5.0, 2.5  # of a mishap: what led to it, and what it left
 _LEAST_S, _FEWEST_LIVELY = 20.0, 10  # logged, and of these in motion: enough to learn from
+_FLOWN_S = 5  # of motion, before which no flight can have failed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,10 +33,13 @@ class Mishap:
     ----------
     span : (start, end)
     text : str
+    is_told : bool
+        Whether the autopilot tells of it: nobody may just have carried the aircraft.
     """
 
     span: Span
     text: str
+    is_told: bool
 
 
 def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, ...]:
@@ -56,16 +60,17 @@ def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, 
     [((55.0, 72.5), 'the aircraft lies on its side from 60.0 s on')]
     """
     told = [
-        (event.time_s, event.time_s, f"the autopilot reports a failure at {event.time_s:.1f} s")
+        (event.time_s, event.time_s, f"the autopilot reports a failure at {event.time_s:.1f} s", True)
         for event in of_kind(events, EventKind.FAILURE)
     ]
     found: list[Mishap] = []
-    for first_s, last_s, text in sorted([*told, *_lying(moving)]):
+    for first_s, last_s, text, is_told in sorted([*told, *((*each, False) for each in _lying(moving))]):
         span = first_s - _BEFORE_S, last_s + _AFTER_S
         if found and span[0] <= found[-1].span[1]:
             before = found.pop()
             span, text = (before.span[0], max(before.span[1], span[1])), before.text
-        found.append(Mishap(span=span, text=text))
+            is_told = is_told or before.is_told
+        found.append(Mishap(span=span, text=text, is_told=is_told))
     return tuple(found)
 
 
@@ -73,7 +78,8 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
     """Return the span that is taken as healthy where nobody says what is, and why silence then says nothing, or "".
 
     It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
-    flying part of what comes after; then nobody hears the flight that failed.
+    flying part of what comes after; then nobody hears the flight that failed. That is so, too, where an autopilot
+    tells of a failure before what is taken.
 
     Parameters
     ----------
@@ -82,20 +88,21 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
         The log with gyros and attitude.
     """
     usual = part = flying_part(log, moving)
-    seconds_s, doubt = lively_seconds(moving), ""
+    lively_s, doubt = lively_seconds(moving), ""
     for mishap in mishaps(log.events, moving):
-        if mishap.span[0] > part[1]:
+        start_s, end_s = mishap.span
+        if start_s > part[1]:
             break
-        if mishap.span[1] < part[0]:
-            continue
-        before = part[0], min(part[1], mishap.span[0])
-        if _is_enough(log, seconds_s, before):
+        before = part[0], min(part[1], start_s)
+        if _is_enough(log, lively_s, before):
             return before, doubt
-        doubt = doubt or f"{mishap.text}, and the flight until then is too short to learn from, so nobody hears it"
-        part = flying_part(log, moving, since_s=mishap.span[1])
-        if part[0] < mishap.span[1]:  # hardly any motion is left
-            return usual, _learnt_from_it(doubt)
-    if not doubt or _is_enough(log, seconds_s, part):
+        was_flown = np.count_nonzero(lively_s < start_s + _BEFORE_S) >= _FLOWN_S
+        if was_flown and (mishap.is_told or end_s >= part[0]):
+            doubt = doubt or f"{mishap.text}, and the flight until then is too short to learn from, so it is not judged"
+        part = flying_part(log, moving, since_s=end_s) if end_s >= part[0] else part
+        if part[0] < end_s:  # hardly any motion is left
+            return usual, _learnt_from_it(doubt or mishap.text)
+    if not doubt or _is_enough(log, lively_s, part):
         return part, doubt
     return usual, _learnt_from_it(doubt)
 
