@@ -88,7 +88,7 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
         The log with gyros and attitude.
     """
     usual = part = flying_part(log, moving)
-    lively_s, doubt = lively_seconds(moving), ""
+    lively_s, doubt, held = lively_seconds(moving), "", ""
     for mishap in mishaps(log.events, moving):
         start_s, end_s = mishap.span
         if start_s > part[1]:
@@ -99,16 +99,16 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
         was_flown = np.count_nonzero(lively_s < start_s + _BEFORE_S) >= _FLOWN_S
         if was_flown and (mishap.is_told or end_s >= part[0]):
             doubt = doubt or f"{mishap.text}, and the flight until then is too short to learn from, so it is not judged"
-        part = flying_part(log, moving, since_s=end_s) if end_s >= part[0] else part
-        if part[0] < end_s:  # hardly any motion is left
-            return usual, _learnt_from_it(doubt or mishap.text)
-    if not doubt or _is_enough(log, lively_s, part):
-        return part, doubt
-    return usual, _learnt_from_it(doubt)
+        if end_s >= part[0]:
+            held = held or mishap.text
+            part = flying_part(log, moving, since_s=end_s)
+            if part[0] < end_s:  # hardly any motion is left
+                return usual, _of_want(held)
+    return (usual, _of_want(held)) if held and not _is_enough(log, lively_s, part) else (part, doubt)
 
 
-def _learnt_from_it(doubt: str) -> str:
-    return f"{doubt.partition(',')[0]}, in what had to be learnt from for want of other flights"
+def _of_want(mishap: str) -> str:
+    return f"{mishap}, in what had to be learnt from for want of other flights"
 
 
 def _is_enough(log: FlightLog, lively_s: FloatArray, span: Span) -> bool:

@@ -65,10 +65,10 @@ def test_it_begins_behind_a_crash_that_comes_early_and_then_silence_says_nothing
 
 def test_a_failure_before_what_is_taken_is_said_and_an_aircraft_that_is_carried_isnt():
     """A short hop far before a flight teaches nothing; where it failed, silence says nothing of it."""
-    record = flight((12.0, True, UP), (LIES_S, False, SIDE), (320.0, False, UP), (160.0, True, UP))
+    record = flight((8.0, True, UP), (LIES_S, False, SIDE), (320.0, False, UP), (160.0, True, UP))
     span, doubt = flying_part_but(log_of(record), [record])
     assert (span[0] > 320.0, doubt) == (True, "")
-    _, doubt = flying_part_but(log_of(record, [failure(13.0)]), [record])
+    _, doubt = flying_part_but(log_of(record, [failure(9.0)]), [record])
     assert doubt.endswith("so it is not judged")
     standing = flight((40.0, False, UP), (160.0, True, UP))
     assert flying_part_but(log_of(standing, [failure(10.0), failure(39.0)]), [standing])[1] == ""
