@@ -45,12 +45,14 @@ class Mishap:
 def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, ...]:
     """Return the mishaps of a log, in time; those that meet are one, told by the first.
 
+    What an autopilot finds before it takes off, as an estimator that isn't ready, is none.
+
     Parameters
     ----------
     events : sequence of Event
         What the log says of its flight.
     moving : sequence of Record
-        The log with its motion; without accelerometers they tell nothing.
+        The log with gyros and attitude; without accelerometers nothing tells that it lies.
 
     Examples
     --------
@@ -62,6 +64,7 @@ def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, 
     told = [
         (event.time_s, event.time_s, f"the autopilot reports a failure at {event.time_s:.1f} s", True)
         for event in of_kind(events, EventKind.FAILURE)
+        if _moves_before(event.time_s, moving)
     ]
     found: list[Mishap] = []
     for first_s, last_s, text, is_told in sorted([*told, *((*each, False) for each in _lying(moving))]):
@@ -109,6 +112,12 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
 
 def _of_want(mishap: str) -> str:
     return f"{mishap}, in what had to be learnt from for want of other flights"
+
+
+def _moves_before(time_s: float, moving: Sequence[Record]) -> bool:
+    """Tell whether the aircraft moves in the seconds before a time."""
+    lively_s = lively_seconds(moving)
+    return bool(np.any((lively_s >= time_s - _BEFORE_S) & (lively_s <= time_s)))
 
 
 def _is_enough(log: FlightLog, lively_s: FloatArray, span: Span) -> bool:

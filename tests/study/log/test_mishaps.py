@@ -70,8 +70,12 @@ def test_a_failure_before_what_is_taken_is_said_and_an_aircraft_that_is_carried_
     assert (span[0] > 320.0, doubt) == (True, "")
     _, doubt = flying_part_but(log_of(record, [failure(9.0)]), [record])
     assert doubt.endswith("so it is not judged")
-    standing = flight((40.0, False, UP), (160.0, True, UP))
-    assert flying_part_but(log_of(standing, [failure(10.0), failure(39.0)]), [standing])[1] == ""
+
+
+def test_what_an_autopilot_finds_before_it_takes_off_is_no_mishap():
+    record = flight((8.0, True, UP), (40.0, False, UP), (160.0, True, UP))
+    assert mishaps([failure(30.0), failure(47.0)], [record]) == ()
+    assert [each.is_told for each in mishaps([failure(70.0)], [record])] == [True]
 
 
 def test_where_every_choice_holds_a_crash_that_is_said():
