@@ -81,7 +81,7 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
     """Return the span that is taken as healthy where nobody says what is, and why silence then says nothing, or "".
 
     It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
-    flying part of what comes after; then nobody hears the flight that failed. That is so, too, where an autopilot
+    flying part of what comes after; then the flight that failed is not watched. That is so, too, where an autopilot
     tells of a failure before what is taken.
 
     Parameters
