@@ -6,7 +6,8 @@ Beside the 23 wrong readings of `real_logs.py`: every log below the folders whos
 identified on its first half, is read in the ways below, as it is logged and with samples left out to 4 or 5 Hz. A way
 that is *wrong* should never end with 0; one that is *slight* may be learnt as it is: nothing that a gyro's fault shows
 by is lost. Prints tables, writes report.md and cases.csv into DIR, and ends with code 1 where a sensor is accused,
-but for one that is a copy. No log is kept. With --synthetic the same of flights of the GTM by their seeds, written as tables at 10 Hz.
+but for one that is a copy. No log is kept. With --synthetic the same of flights of the GTM by their seeds, written as
+tables at 10 Hz.
 """
 
 from __future__ import annotations
