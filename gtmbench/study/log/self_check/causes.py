@@ -496,7 +496,7 @@ def _a_little_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[Guess]:
     """Return the guess of a common lag that is less than a sample, where samples come so seldom that it counts."""
     table = wiring.table
     lag_s = table.between(wiring.live, wiring.order, table.now)
-    if abs(lag_s) < _LEAST_LAG_S:
+    if abs(lag_s) < _LEAST_LAG_S or int(np.argmin(wiring.total)) != table.now:
         return []
     late = wiring.read(replace(wiring.reading, late_s=dict.fromkeys(range(3), lag_s)), pieces)
     change = Change(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))
