@@ -13,13 +13,15 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.detectors.statistics.thresholds import rate_bound
-from gtmbench.report.figures.log import write_log_figure
+from gtmbench.report.figures.log import log_figure, write_log_figure
 from gtmbench.report.figures.panels import thinned
 from gtmbench.report.log_findings import State, began_s, stretches
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines, verdict_text
+from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.values.attitude import AttitudeEstimator
 from tests.helpers.logged import (
     CASES,
     ODD,
@@ -229,6 +231,20 @@ def test_the_figure_has_something_on_it(case, tmp_path):
     picture = imread(tmp_path / "log.png")[:, :, :3]
     assert min(picture.shape[:2]) > 600
     assert np.std(picture) > 0.05  # a blank page has none
+
+
+def test_the_figure_shows_the_slow_mean_that_alarmed_in_its_bounds(tmp_path):
+    flight = MECHANISMS["plain"](3).record.select(["p", "q", "r", "phi", "theta", "psi"])
+    broken = gb.inject(flight, gb.Bias(channel="p", onset_s=flight.end_s - 70.0, size=1.5))
+    gb.write_log(AttitudeEstimator(time_constant_s=5.0).bent(flight, broken), tmp_path / "log.csv")
+    said = gb.watch_log(tmp_path / "log.csv", "auto", attitude="driven")
+    assert {alarm.source for alarm in said.slow_alarms} == {"p"}
+    panel = next(axis for axis in log_figure(said).axes if axis.get_ylabel().startswith("p less"))
+    names = [line.get_label() for line in panel.get_lines()]
+    assert names.count("bound of this mean") == 2
+    (mean,) = (line for line in panel.get_lines() if "its mean over" in line.get_label())
+    (_, bound) = (line for line in panel.get_lines() if line.get_label() == "bound of this mean")
+    assert np.nanmax(mean.get_ydata()) > np.nanmin(bound.get_ydata())
 
 
 @given(st.integers(1, 400), st.integers(0, 40), st.randoms(use_true_random=False))

@@ -33,8 +33,10 @@ from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
+from gtmbench.study.log.seconds import SECOND_S
+from gtmbench.study.log.slow_means import SLOW, WINDOWS
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import FloatArray, Span
 
 if TYPE_CHECKING:
@@ -68,6 +70,7 @@ def _figure(watched: WatchedLog) -> Figure:
     spans = [whole, *(about(fault, whole) for fault in faults)]
     heights = [0.35, 2.4] if scores_of(watched) else [0.35]
     heights += [1.5] if _parting(watched) else []
+    heights += [1.7] * len(_slow_gyros(watched))
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
     seen = certificate_lines(watched.certificate)
@@ -102,6 +105,8 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch],
         _levels(next(rest), watched, span)
     if _parting(watched):
         _imus(next(rest), watched, span)
+    for gyro in _slow_gyros(watched):
+        _slow_mean(next(rest), watched, gyro, span)
     for name in signals_of(watched):
         _signal(next(rest), watched, name, span)
         if name in residuals_of(watched):
@@ -185,6 +190,39 @@ def _imus(axis: Axes, watched: WatchedLog, span: Span) -> None:
     for label, time_s, values in parts:
         _line(axis, time_s, values, span, tints[label], label)
     axis.set_ylabel("IMUs part\n(deg/s)")
+
+
+def _slow_gyros(watched: WatchedLog) -> list[str]:
+    """Return the gyros of which a mean over tens of seconds alarmed."""
+    told = {alarm.source for alarm in watched.slow_alarms if alarm.test == SLOW}
+    return [] if watched.means is None else [gyro for gyro in GYROS if gyro in told]
+
+
+def _slow_mean(axis: Axes, watched: WatchedLog, gyro: str, span: Span) -> None:
+    """Draw what a gyro reads more than the attitude turns: second by second, and the mean that rose, in its bounds."""
+    means, column = watched.means, GYROS.index(gyro)
+    assert means is not None
+    window = _window_of(watched, gyro)
+    mean, bound = means.mean(window)[:, column], means.bounds[window][:, column]
+    known_s: FloatArray = means.start_s + (np.arange(len(mean), dtype=np.float64) + 1.0) * SECOND_S
+    _line(axis, known_s - 0.5 * SECOND_S, means.error[:, column], span, COLOURS["healthy"], "gyro less attitude's rate")
+    tint = tints_of(watched).get(gyro, COLOURS["virtual"])
+    _line(axis, known_s, mean, span, tint, f"{gyro}: its mean over {window} s", width=1.8)
+    for sign in (-1.0, 1.0):
+        _line(axis, known_s, np.where(np.isfinite(mean), sign * bound, np.nan), span, "k", "bound of this mean")
+    shown = np.concatenate([part(known_s, values, span)[1] for values in (mean, bound)])
+    most = float(np.nanmax(np.abs(shown), initial=LOWEST))
+    axis.set_ylim(-1.5 * most, 1.5 * most)
+    axis.set_ylabel(f"{gyro} less the\nattitude's rate\n(deg/s)")
+
+
+def _window_of(watched: WatchedLog, gyro: str) -> int:
+    """Return the window whose mean stands furthest above its bound when a gyro's first alarm is raised."""
+    means, column = watched.means, GYROS.index(gyro)
+    assert means is not None
+    first_s = min(alarm.time_s for alarm in watched.slow_alarms if (alarm.test, alarm.source) == (SLOW, gyro))
+    second = min(max(int((first_s - means.start_s) / SECOND_S) - 1, 0), len(means.error) - 1)
+    return max(WINDOWS, key=lambda window: float(np.nan_to_num(means.excess(window)[second, column])))
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:

@@ -17,6 +17,7 @@ from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, with_error
 from gtmbench.study.log.gains import GAIN
+from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
@@ -197,9 +198,11 @@ def source_text(alarm: Alarm, watch: Watch) -> str:
 
 
 def slow_text(alarm: Alarm) -> str:
-    """Say what rose over tens of seconds."""
+    """Say what rose over tens of seconds, or from one rest to another."""
     if alarm.test == GAIN:
         return f"the gain of {alarm.source} against the attitude's rate"
+    if alarm.test == AT_REST:
+        return f"what {alarm.source} reads at rest"
     return f"the mean of {alarm.source} less the attitude's rate"
 
 

@@ -13,6 +13,8 @@ from gtmbench.study.log.field_witnesses import FORCES
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
 from gtmbench.study.log.learnt import learnt
+from gtmbench.study.log.mishaps import mishaps
+from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, doubted, listened
 from gtmbench.study.log.seconds import SECOND_S
 from gtmbench.study.log.slow_means import SLOW, WINDOWS
@@ -24,8 +26,9 @@ _SOON_S = 10.0  # between the onsets of one fault
 def agreed(said: Said, progress: Progress) -> Said:
     """Doubt whom only one choice of what is healthy accuses, where nobody said what is.
 
-    The other choice is all that was flown before the first accusation: a fault shows by both. What came before that,
-    taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no second choice.
+    The other choice is all that was flown before the first accusation, or a mishap: a fault shows by both. What came
+    before that, taxi and standing, teaches no choice anything. Whom accelerometers name beside the attitude needs no
+    second choice.
 
     Parameters
     ----------
@@ -38,6 +41,9 @@ def agreed(said: Said, progress: Progress) -> Said:
         return said
     first_s, last_s = said.learnt.identified_s[0]
     until_s = min(_begun_s(alarm, last_s) for alarm in accused)
+    moving = () if opened.own.motion is None else opened.own.motion.segments
+    grieved_s = [each.span[0] for each in mishaps(opened.log.events, moving)]
+    until_s = min([until_s, *(time_s for time_s in grieved_s if time_s > last_s)])
     others: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
@@ -79,13 +85,13 @@ def _accusing(said: Said) -> Iterator[Alarm]:
 
 
 def _accuses(alarm: Alarm) -> bool:
-    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and forces need none."""
-    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_forces(alarm)
+    """Tell whether an alarm must be a fault by a model; of missing samples none tells, and some witnesses need none."""
+    return alarm.test != MISSING and alarm.is_first and alarm.accuses and not _by_witness(alarm)
 
 
-def _by_forces(alarm: Alarm) -> bool:
-    """Tell whether accelerometers named it: forces and attitude measured one error, whatever a monitor learnt."""
-    return alarm.last is not None and alarm.last.witness.startswith(f"{FORCES}: ")
+def _by_witness(alarm: Alarm) -> bool:
+    """Tell whether accelerometers named it, or its readings at rest: these measured it, whatever a monitor learnt."""
+    return alarm.last is not None and alarm.last.witness.startswith((f"{FORCES}: ", f"{AT_REST}: "))
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:

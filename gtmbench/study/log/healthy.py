@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
+from gtmbench.study.log.mishaps import flying_part_but
 from gtmbench.study.log.opened import Opened
-from gtmbench.study.log.records import flying_part, healthy_spans, whole_s, within
+from gtmbench.study.log.records import healthy_spans, whole_s, within
 from gtmbench.study.log.self_check.outcome import Part
 from gtmbench.values.record import Span
 
@@ -24,12 +25,15 @@ class Healthy:
     stretches : Stretches or None
         What is learnt from; None where a monitor is ready.
     findings : tuple of str
+    doubt : str
+        Why silence says nothing, where a mishap leaves no better choice; "" where one is.
     """
 
     opened: Opened
     spans: tuple[Span, ...]
     stretches: Stretches | None = field(repr=False)
     findings: tuple[str, ...]
+    doubt: str = ""
 
     @property
     def parts(self) -> list[Part]:
@@ -49,7 +53,7 @@ class Healthy:
 
 
 def chosen(opened: Opened) -> Healthy:
-    """Choose what is healthy: what was said to be, or else the first part of the log in which it moves.
+    """Choose what is healthy: what was said to be, or else the first part of the log in which it moves, but no mishap.
 
     Raises
     ------
@@ -58,13 +62,14 @@ def chosen(opened: Opened) -> Healthy:
     """
     if is_ready(opened.watcher):
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)
-    log, findings = opened.log, opened.findings
+    log, findings, doubt = opened.log, opened.findings, ""
     spans = healthy_spans(log, opened.asked.spans)
     if not opened.asked.says_healthy:
         motion = opened.own.motion
-        spans = (flying_part(log, () if motion is None else motion.segments),)
+        span, doubt = flying_part_but(log, () if motion is None else motion.segments)
+        spans = (span,)
         findings += (f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said",)
     of_logs = [(other.log, other.log.segments) for other in opened.others]
     of_logs += [(log, tuple(within(log, spans)))] if spans else []
     stretches, too_short = healthy_stretches(of_logs, opened.watcher.channels)
-    return Healthy(opened=opened, spans=spans, stretches=stretches, findings=(*findings, *too_short))
+    return Healthy(opened=opened, spans=spans, stretches=stretches, findings=(*findings, *too_short), doubt=doubt)

@@ -107,6 +107,8 @@ def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
         monitor = _calibrated(watcher, stretches.records, rate, provenance, progress)
         check = check_identified(check, monitor, stretches.records)
     check = _in_all_of_it(check, healthy)
+    if healthy.doubt:
+        check = replace(check, doubts=(healthy.doubt, *check.doubts))
     was_learnt = bool(check.explained) or not check.stops
     return Learnt(
         opened=opened,

@@ -102,7 +102,7 @@ def first_part(log: FlightLog) -> Span:
     return start_s, round(start_s + min(_FIRST_SHARE * (end_s - start_s), _FIRST_MOST_S), 2)
 
 
-def flying_part(log: FlightLog, moving: Sequence[Record]) -> Span:
+def flying_part(log: FlightLog, moving: Sequence[Record], since_s: float = -np.inf) -> Span:
     """Return the span that is taken as healthy where nobody says what is: the first 40 % of the motion, 300 s at most.
 
     Taxi, alignment, handling and standing teach nothing: it begins where motion does, and lasts a minute where the log
@@ -114,21 +114,30 @@ def flying_part(log: FlightLog, moving: Sequence[Record]) -> Span:
     log : FlightLog
     moving : sequence of Record
         The log with gyros and attitude; without any, it is the log's `first_part`.
+    since_s : float
+        What comes before isn't taken.
     """
-    seconds_s, turning = turning_by_second(moving)
-    if not len(turning):
-        return first_part(log)
-    lively = seconds_s[turning > max(LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(turning, _LIVELIEST)))]
+    lively = lively_seconds(moving)
+    lively = lively[lively >= since_s]
     if len(lively) < _FEWEST_LIVELY:
         return first_part(log)
-    spans = [_part_from(log, lively[lively >= start_s]) for start_s in (lively[0], _lasting_from_s(lively))]
+    first_s = max(whole_s(log)[0], since_s)
+    spans = [_part_from(log, first_s, lively[lively >= start_s]) for start_s in (lively[0], _lasting_from_s(lively))]
     first, lasting = (np.count_nonzero((lively >= start_s) & (lively <= end_s)) for start_s, end_s in spans)
     return spans[int(lasting > _MORE * first)]
 
 
-def _part_from(log: FlightLog, lively_s: FloatArray) -> Span:
+def lively_seconds(moving: Sequence[Record]) -> FloatArray:
+    """Return the seconds in which a log moves: as fast as a fifth of what it does in its liveliest tenth, or faster."""
+    seconds_s, turning = turning_by_second(moving)
+    if not len(turning):
+        return seconds_s
+    return seconds_s[turning > max(LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(turning, _LIVELIEST)))]
+
+
+def _part_from(log: FlightLog, first_s: float, lively_s: FloatArray) -> Span:
     """Return the first 40 % of some seconds of motion, a minute at least, where the log has that."""
-    first_s, last_s = whole_s(log)
+    last_s = whole_s(log)[1]
     start_s = first_s if lively_s[0] - first_s < _SOON * (last_s - first_s) else float(lively_s[0])
     end_s = float(lively_s[int(_FIRST_SHARE * len(lively_s))]) + 1.0
     least_s = min(_FIRST_SHARE * (last_s - start_s), _LEAST_S)

@@ -31,6 +31,7 @@ from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
+from gtmbench.study.log.rests import found_at_rest, rests_of, settled_at_rest
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
 from gtmbench.study.log.standing import but_of_others, standing_gyros
@@ -236,7 +237,7 @@ def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:
 
 
 def _settled(said: Said) -> Said:
-    """Ask the log's magnetometers and accelerometers where a gyro or its angle is left open."""
+    """Ask the log's magnetometers, accelerometers and gyros at rest where a gyro or its angle is left open."""
     learnt, means = said.learnt, said.means
     motion = learnt.opened.own.motion
     if means is None or motion is None:  # r and psi aren't compared
@@ -245,13 +246,17 @@ def _settled(said: Said) -> Said:
     fields = field_witnesses(learnt.opened.magnetometers, motion.segments, healthy)
     forces = force_witnesses(learnt.opened.sensors, motion.segments, healthy)
     witnesses: tuple[Witness, ...] = (*fields, *forces)
-    watches = [
-        replace(watch, alarms=tuple(settled(alarm, witnesses, means) for alarm in watch.alarms))
-        for watch in said.watches
-    ]
-    told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
+    crash, last_s = crash_of(said.watches, said.excursions), learnt.identified_s[-1][1]
+    stands = rests_of(motion.segments, learnt.opened.sensors, np.inf if crash is None else crash.start_s)
+
+    def asked(alarm: Alarm) -> Alarm:
+        return settled_at_rest(settled(alarm, witnesses, means), stands, means, last_s)
+
+    watches = [replace(watch, alarms=tuple(map(asked, watch.alarms))) for watch in said.watches]
+    told = replace(means, alarms=tuple(map(asked, means.alarms)))
     others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains))
-    found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
+    found = found_by_forces(forces, told, others, last_s)
+    found += found_at_rest(stands, told, (*others, *found), last_s)
     found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))
     if learnt.opened.is_driven:

@@ -79,11 +79,11 @@ def but_of_others(watch: Watch, standing: Sequence[Alarm]) -> Watch:
 def _of_record(record: Record, number: int) -> Iterator[Alarm]:
     """Give the alarms of a record, of every stretch in which it stands."""
     seconds = of_seconds(record, record.start_s, lambda part: part.matrix((*GYROS, *ACCELEROMETERS)))
-    for first, stop in _stretches(_is_quiet(seconds)):
+    for first, stop in _stretches(is_quiet(seconds)):
         part = record.part(range(int(seconds.first_row[first]), int(seconds.stop_row[stop - 1])))
         reads, means = seconds.means[first:stop, :3].mean(axis=0), seconds.means[first:stop, 3:]
-        tumbled_deg = _spread_deg(up_of(part))
-        if _spread_deg(means) > _STAYS_DEG or tumbled_deg < _TUMBLES_DEG:
+        tumbled_deg = spread_deg(up_of(part))
+        if spread_deg(means) > _STAYS_DEG or tumbled_deg < _TUMBLES_DEG:
             continue
         along = np.abs(means.mean(axis=0)) / np.linalg.norm(means.mean(axis=0))
         turns = np.nanmean(attitude_rates(part), axis=0)
@@ -123,7 +123,7 @@ def _stretches(stands: BoolArray) -> Iterator[tuple[int, int]]:
                 yield first, stop
 
 
-def _is_quiet(seconds: Seconds) -> BoolArray:
+def is_quiet(seconds: Seconds) -> BoolArray:
     """Tell which seconds are as quiet as on the ground; sensors without any noise are dead, and tell nothing."""
     gyros, force = seconds.deviations[:, :3], seconds.deviations[:, 3:]
     is_1_g = np.abs(np.linalg.norm(seconds.means[:, 3:], axis=1) - 1.0) < _FROM_1_G
@@ -131,7 +131,7 @@ def _is_quiet(seconds: Seconds) -> BoolArray:
     return np.asarray(is_live & is_1_g & (force < _QUIET_G).all(axis=1) & (gyros < _QUIET_DEG_S).all(axis=1))
 
 
-def _spread_deg(directions: FloatArray) -> float:
+def spread_deg(directions: FloatArray) -> float:
     """Return how far directions turn from the first of them at most."""
     known = directions[np.isfinite(directions).all(axis=1)]
     units = known / np.linalg.norm(known, axis=1)[:, np.newaxis]

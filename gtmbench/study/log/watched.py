@@ -22,6 +22,7 @@ from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.louder import Louder, louder_than_learnt
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
+from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
@@ -151,8 +152,8 @@ class WatchedLog:
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
-        """Those of them that only means or gains over tens of seconds raised."""
-        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN))
+        """Those of them that only means or gains over tens of seconds raised, or rests."""
+        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN, AT_REST))
 
     @property
     def armed_hours(self) -> float:

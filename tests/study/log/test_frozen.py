@@ -54,6 +54,15 @@ def test_readings_that_move_or_are_as_coarse_as_usual_raise_nothing(seed):
     assert said(coarse) == ()
 
 
+@pytest.mark.parametrize("value", [0.0, 0.0573])
+def test_noise_within_a_count_at_rest_raises_nothing(value):
+    """Telemetry in mrad/s: on the ground q stays within a count, while p and r step over one."""
+    read = moving(4)
+    read[FROM:TO] = 0.0573 * (np.random.default_rng(4).random((TO - FROM, 3)) < 0.5)
+    read[FROM:TO, 1] = value
+    assert said(read) == ()
+
+
 def test_what_all_gyros_do_and_what_is_missing_or_short_raises_nothing():
     read = moving(5)
     assert said(held(read, [0, 1, 2])) == ()

@@ -10,7 +10,17 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
-from gtmbench.study.log.self_check.causes import Change, Guess, as_it_is, causes_among, guesses, holds, undone
+from gtmbench.study.log.self_check.causes import (
+    Change,
+    Guess,
+    as_it_is,
+    causes_among,
+    guesses,
+    holds,
+    other_scales,
+    small_lags_s,
+    undone,
+)
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import Outcome
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -82,6 +92,44 @@ def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name
         assert typed[::2] == ["--map"] * (len(typed) // 2)
         mended = watch_log(tmp_path / "log.csv", C, healthy=HALF, mapping=typed[1::2])
         assert (mended.outcome, mended.reasons) == (Outcome.HEALTHY, ())
+
+
+@pytest.mark.parametrize(("names", "factor"), [(("p",), 0.7), (("r",), 1.4), (GYROS, 0.7), (ATTITUDE, 0.7)])
+def test_a_wrong_scale_from_the_beginning_is_no_all_clear(names, factor, tmp_path):
+    record = flight()
+    for name in names:
+        record = record.replace(name, factor * record[name])
+    said = watched(record, tmp_path)
+    assert said.outcome is Outcome.UNKNOWN
+    told = {doubt[0] for doubt in said.check.doubts if "times as far as the attitude" in doubt}
+    assert told == {*names} or [cause.changes[0].kind for cause in said.check.causes] == ["clock"]
+
+
+@pytest.mark.parametrize("record", [flight(), airliner("minute", 90001, duration_s=60)], ids=["GTM", "airliner"])
+def test_a_healthy_flight_has_no_other_scale_and_no_lag(record):
+    tried = guesses([record])
+    assert (other_scales(tried), small_lags_s(tried)) == ({}, {})
+
+
+def slowed():
+    """Return the flight at 5 Hz, at which 0.1 s are half a sample."""
+    return gb.Record(flight().values[::5], channels=SIX, sample_period_s=0.2)
+
+
+@pytest.mark.parametrize("names", [ATTITUDE, GYROS, ("p",)])
+def test_a_lag_of_half_a_sample_is_no_all_clear(names, tmp_path):
+    """What comes seldom hides a lag in the operator's look ahead; the correlation's top between samples shows it."""
+    assert small_lags_s(guesses([slowed()])) == {}
+    record = flight()
+    for name in names:
+        values = np.unwrap(record[name], period=360.0) if name == "psi" else record[name]
+        record = record.replace(name, np.interp(record.time_s - 0.1, record.time_s, values))
+    late = gb.Record(record.values[::5], channels=SIX, sample_period_s=0.2)
+    assert watched(late, tmp_path).outcome is Outcome.UNKNOWN
+    sign = 1.0 if names == ATTITUDE else -1.0
+    lags_s = small_lags_s(guesses([late]))
+    assert lags_s
+    assert all(sign * lag_s == pytest.approx(0.1, abs=0.035) for lag_s in lags_s.values())
 
 
 def test_rates_of_euler_angles_are_no_gyros(tmp_path):

@@ -32,6 +32,7 @@ from gtmbench.values.record import FloatArray, Record
 _DEG = math.degrees(1.0)
 _PRICE = 0.12  # of a change: a mean log ratio
 _LEAST_LAG_S = 0.06  # less is a filter's, or half a sample's
+_OWN_LAG_S, _CLEAR = 0.07, 0.3  # of one gyro, which is known less well; of its motion that is explained as it is read
 _FITS = 0.6  # of its motion that every live gyro is explained by where a cause is named
 _ALIKE = 0.04  # scores that tell nothing apart
 _WORST = 4.0  # of a variance ratio: worse is as bad
@@ -40,6 +41,7 @@ _STEPS, _LEAST_STEP_S = 5, 0.01  # of the search for a lag
 _PARTS, _SHORTEST_PART_S = 16, 4.0  # of a record
 _TELLS, _SAME_FIT = 0.4, 0.05  # of a gyro's motion in a part: it is read as it is; no difference
 _MUCH_BETTER = 0.15  # of a gyro's motion: a guess that isn't named is a doubt
+_LEAST_GAIN = 0.8  # or its inverse: healthy logs have 0.83 to 1.13, by clocks that err as much
 _HELD = 3  # readings alike in a row, by the median
 _STILL = 1e-6  # deg/s, deg
 _LEAST_CLOCK = 1.4  # a factor, or its inverse, by which a time base is wrong: a filter costs less
@@ -89,11 +91,17 @@ class Guess:
         Less is better.
     fits : mapping
         How much of each live gyro's slow motion it explains: 1 all, 0 nothing.
+    gains : mapping
+        Between what the gain of each live gyro on its rate lies, as it is read; of the guess without changes alone.
+    lags_s : mapping
+        By how much the rate of each live gyro is late against it, likewise; by "" that of all of them together.
     """
 
     changes: tuple[Change, ...]
     score: float
     fits: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    lags_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def explains(self) -> bool:
@@ -229,7 +237,7 @@ def _guesses(records: Sequence[Record]) -> list[Guess]:
     plain = next(wiring for wiring in wirings if not wiring.changes)
     made = [_unchanged(plain)]
     for wiring in dict.fromkeys([*wirings[:_REFINED], plain]):
-        made += [*_gyros_late(wiring), *_clocks(wiring), *_angles_late(wiring, pieces)]
+        made += [*_gyros_late(wiring), *_a_little_late(wiring, pieces), *_clocks(wiring), *_angles_late(wiring, pieces)]
     return [*made, _euler_rates(pieces, plain.live)]
 
 
@@ -295,6 +303,56 @@ def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
     as_read = next((guess.fits for guess in tried if not guess.changes), {})
     best = tried[0].fits if tried else {}
     return any(best.get(name, 0.0) > max(_FITS, as_read.get(name, 0.0) + _MUCH_BETTER) for name in outputs)
+
+
+def other_scales(tried: Sequence[Guess]) -> dict[str, tuple[float, float]]:
+    """Return the gyros that turn much less, or more, than their attitude, and between what their gain on it lies.
+
+    Parameters
+    ----------
+    tried : sequence of Guess
+        As `guesses` returns them.
+
+    Examples
+    --------
+    >>> from gtmbench.bench.flight import fly
+    >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
+    >>> small = flight.replace("q", 0.7 * flight["q"])
+    >>> [(name, round(low, 2), round(high, 2)) for name, (low, high) in other_scales(guesses([small])).items()]
+    [('q', 0.71, 0.71)]
+    """
+    gains = next((guess.gains for guess in tried if not guess.changes), {})
+    return {name: (low, high) for name, (low, high) in gains.items() if high < _LEAST_GAIN or low > 1.0 / _LEAST_GAIN}
+
+
+def small_lags_s(tried: Sequence[Guess]) -> dict[str, float]:
+    """Return by how much the attitude is late against some gyros, or they against it (less than 0): by "" all of them.
+
+    Such a lag is a part of a sample, or hardly more than a filter's: it is no cause that could be named, and yet is
+    there. Samples that come seldom tell it by the top of the correlation between them.
+
+    Parameters
+    ----------
+    tried : sequence of Guess
+        As `guesses` returns them.
+
+    Examples
+    --------
+    >>> from gtmbench.bench.flight import fly
+    >>> flight = fly(excitation="multisine", duration_s=40.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
+    >>> late = flight
+    >>> for name in ("phi", "theta"):
+    ...     late = late.replace(name, np.interp(late.time_s - 0.09, late.time_s, late[name]))
+    >>> {name: round(lag_s, 2) for name, lag_s in small_lags_s(guesses([late])).items()}
+    {'p': 0.09, 'q': 0.09}
+    """
+    told = next((guess for guess in tried if not guess.changes), None)
+    if told is None:
+        return {}
+    clear = {name for name, fit in told.fits.items() if fit > _CLEAR}
+    if clear == told.fits.keys() and abs(told.lags_s.get("", 0.0)) >= _LEAST_LAG_S:
+        return {"": told.lags_s[""]}
+    return {name: told.lags_s[name] for name in GYROS if name in clear and abs(told.lags_s[name]) >= _OWN_LAG_S}
 
 
 def holds(changes: Sequence[Change], records: Sequence[Record]) -> bool:
@@ -407,8 +465,11 @@ def _wirings(reading: _Reading, pieces: Sequence[Piece]) -> list[_Wiring]:
 
 
 def _unchanged(wiring: _Wiring) -> Guess:
-    left = {i: wiring.table.left(i, i, wiring.table.now, 1.0) for i in wiring.live}
-    return _guess((), left)
+    table, live = wiring.table, wiring.live
+    left = {i: table.left(i, i, table.now, 1.0) for i in live}
+    lags_s = {GYROS[i]: table.between([i], wiring.order, int(np.argmin(table.cost[i, i]))) for i in live}
+    lags_s[""] = table.between(live, wiring.order, int(np.argmin(wiring.total)))
+    return replace(_guess((), left), gains={GYROS[i]: table.gains_between(i) for i in live}, lags_s=lags_s)
 
 
 def _gyros_late(wiring: _Wiring) -> list[Guess]:
@@ -429,6 +490,17 @@ def _gyros_late(wiring: _Wiring) -> list[Guess]:
         lag_s = table.between([i], wiring.order, places[i])
         made.append(wiring.guess(places, [Change(kind="late", channels=(GYROS[i],), size=abs(lag_s))]))
     return made
+
+
+def _a_little_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[Guess]:
+    """Return the guess of a common lag that is less than a sample, where samples come so seldom that it counts."""
+    table = wiring.table
+    lag_s = table.between(wiring.live, wiring.order, table.now)
+    if abs(lag_s) < _LEAST_LAG_S or int(np.argmin(wiring.total)) != table.now:
+        return []
+    late = wiring.read(replace(wiring.reading, late_s=dict.fromkeys(range(3), lag_s)), pieces)
+    change = Change(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))
+    return [replace(late, reading=wiring.reading).guess([late.table.now] * 3, [change])]
 
 
 def _clocks(wiring: _Wiring) -> list[Guess]:
@@ -509,6 +581,11 @@ class _Table:
         ratio = scale / gain
         own = max(float(self.gyros[i]), 1e-300)
         return float(1.0 - 2.0 * ratio * self.covariance[i, j, place] / own + ratio**2 * self.rates[j] / own)
+
+    def gains_between(self, i: int) -> tuple[float, float]:
+        """Return between what gyro i's gain on its rate lies: the rate's noise lowers one, its own raises the other."""
+        both = float(self.covariance[i, i, self.now])
+        return both / max(float(self.rates[i]), 1e-300), float(self.gyros[i]) / both if both > 0.0 else math.inf
 
     def best_lag(self, i: int, j: int, least_s: float) -> float:
         """Return by how much rate j has to come earlier to fit gyro i best, not less than told."""

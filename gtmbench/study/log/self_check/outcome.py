@@ -23,6 +23,8 @@ from gtmbench.study.log.self_check.causes import (
     causes_among,
     guesses,
     is_doubtful,
+    other_scales,
+    small_lags_s,
 )
 from gtmbench.study.log.self_check.explained import (
     Explained,
@@ -158,6 +160,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     """
     causes: list[Cause] = []
     stops: list[Stop] = []
+    doubts: list[str] = []
     for part in parts:
         sensors = [channel for channel in watcher.channels if channel not in COMMANDS]  # a command may stand still
         at, dead = f"{part.log.path.name}, {where}", _dead(part.records, sensors)
@@ -174,9 +177,38 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
         stops += [Stop(text=text, at=at) for text in wrong]
         if not named and where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
             stops.append(Stop(text=f"{_OTHER_MOTION}; {nothing_found_text()}", at=at, is_motion=True))
+        elif not named and where == IDENTIFIED:
+            asked = {"", *basis_of(watcher).kinematic}
+            doubts += [scale_text(name, gain) for name, gain in other_scales(tried).items() if name in asked]
+            doubts += [lag_text(name, lag_s) for name, lag_s in small_lags_s(tried).items() if name in asked]
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
-    return SelfCheck(causes=tuple(causes), stops=tuple(stops), notes=notes)
+    return SelfCheck(causes=tuple(causes), stops=tuple(stops), doubts=tuple(dict.fromkeys(doubts)), notes=notes)
+
+
+def scale_text(gyro: str, gain: tuple[float, float]) -> str:
+    """Say that a gyro turns less, or more, than its attitude.
+
+    >>> scale_text("p", (0.68, 0.7))
+    'p turns 0.69 times as far as the attitude: a wrong scale, of it or of the attitude, would be learnt as healthy'
+    """
+    return (
+        f"{gyro} turns {0.5 * sum(gain):.2g} times as far as the attitude: a wrong scale, of it or of the attitude, "
+        "would be learnt as healthy"
+    )
+
+
+def lag_text(gyro: str, late_s: float) -> str:
+    """Say that the attitude is late against a gyro, or against all of them, or they against it.
+
+    >>> lag_text("p", -0.08)
+    'p is 0.08 s late against the attitude, which would be learnt as healthy'
+    """
+    late, other = ("the attitude", gyro or "the gyros")
+    if late_s < 0.0:
+        late, other = other, late
+    are = "are" if late == "the gyros" else "is"
+    return f"{late} {are} {abs(late_s):.2f} s late against {other}, which would be learnt as healthy"
 
 
 def wrong_wiring(monitor: Monitor, motion: Record) -> str:

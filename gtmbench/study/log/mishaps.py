@@ -1,0 +1,158 @@
+"""A flight that ends in a crash teaches nothing from there on: what is learnt from ends before it, or begins behind it.
+
+An autopilot tells of a failure. Accelerometers tell that the aircraft lies on its side or its back: the specific force
+points elsewhere than in this log's flights, and keeps pointing there. So does an inverted pass; leaving it out of what
+is learnt from costs nothing, for it is watched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gtmbench.intake.events import Event, EventKind, of_kind
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.study.log.records import flying_part, lively_seconds, within
+from gtmbench.study.log.seconds import SECOND_S, of_seconds
+from gtmbench.values.channels import ACCELEROMETERS
+from gtmbench.values.record import FloatArray, Record, Span, runs
+
+_LIES_DEG, _LIES_S = 35.0, 5  # from where the specific force points in flight; for so many seconds
+_BEFORE_S, _AFTER_S = 5.0, 2.5  # of a mishap: what led to it, and what it left
+_LEAST_S, _FEWEST_LIVELY = 20.0, 10  # logged, and of these in motion: enough to learn from
+_FLOWN_S = 5  # of motion, before which no flight can have failed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mishap:
+    """When a flight comes to grief, with some seconds about it, and what shows it.
+
+    Attributes
+    ----------
+    span : (start, end)
+    text : str
+    is_told : bool
+        Whether the autopilot tells of it: nobody may just have carried the aircraft.
+    """
+
+    span: Span
+    text: str
+    is_told: bool
+
+
+def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, ...]:
+    """Return the mishaps of a log, in time; those that meet are one, told by the first.
+
+    What an autopilot finds before it takes off, as an estimator that isn't ready, is none.
+
+    Parameters
+    ----------
+    events : sequence of Event
+        What the log says of its flight.
+    moving : sequence of Record
+        The log with gyros and attitude; without accelerometers nothing tells that it lies.
+
+    Examples
+    --------
+    >>> force = np.array([[0.0, 0.0, 1.0]] * 600 + [[0.0, -1.0, 0.0]] * 100)
+    >>> record = Record(force, channels=["nx", "ny", "nz"], sample_period_s=0.1)
+    >>> [(each.span, each.text) for each in mishaps([], [record])]
+    [((55.0, 72.5), 'the aircraft lies on its side from 60.0 s on')]
+    """
+    told = [
+        (event.time_s, event.time_s, f"the autopilot reports a failure at {event.time_s:.1f} s", True)
+        for event in of_kind(events, EventKind.FAILURE)
+        if _moves_before(event.time_s, moving)
+    ]
+    found: list[Mishap] = []
+    for first_s, last_s, text, is_told in sorted([*told, *((*each, False) for each in _lying(moving))]):
+        span = first_s - _BEFORE_S, last_s + _AFTER_S
+        if found and span[0] <= found[-1].span[1]:
+            before = found.pop()
+            span, text = (before.span[0], max(before.span[1], span[1])), before.text
+            is_told = is_told or before.is_told
+        found.append(Mishap(span=span, text=text, is_told=is_told))
+    return tuple(found)
+
+
+def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str]:
+    """Return the span that is taken as healthy where nobody says what is, and why silence then says nothing, or "".
+
+    It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
+    flying part of what comes after; then the flight that failed is not watched. That is so, too, where an autopilot
+    tells of a failure before what is taken.
+
+    Parameters
+    ----------
+    log : FlightLog
+    moving : sequence of Record
+        The log with gyros and attitude.
+    """
+    usual = part = flying_part(log, moving)
+    lively_s, doubt, held = lively_seconds(moving), "", ""
+    for mishap in mishaps(log.events, moving):
+        start_s, end_s = mishap.span
+        if start_s > part[1]:
+            break
+        before = part[0], min(part[1], start_s)
+        if _is_enough(log, lively_s, before):
+            return before, doubt
+        was_flown = np.count_nonzero(lively_s < start_s + _BEFORE_S) >= _FLOWN_S
+        if was_flown and (mishap.is_told or end_s >= part[0]):
+            doubt = doubt or f"{mishap.text}, and the flight until then is too short to learn from, so it is not judged"
+        if end_s >= part[0]:
+            held = held or mishap.text
+            part = flying_part(log, moving, since_s=end_s)
+            if part[0] < end_s:  # hardly any motion is left
+                return usual, _of_want(held)
+    return (usual, _of_want(held)) if held and not _is_enough(log, lively_s, part) else (part, doubt)
+
+
+def _of_want(mishap: str) -> str:
+    return f"{mishap}, in what had to be learnt from for want of other flights"
+
+
+def _moves_before(time_s: float, moving: Sequence[Record]) -> bool:
+    """Tell whether the aircraft moves in the seconds before a time."""
+    lively_s = lively_seconds(moving)
+    return bool(np.any((lively_s >= time_s - _BEFORE_S) & (lively_s <= time_s)))
+
+
+def _is_enough(log: FlightLog, lively_s: FloatArray, span: Span) -> bool:
+    """Tell whether a span holds enough to learn from."""
+    logged_s = sum(len(record) * record.sample_period_s for record in within(log, [span]))
+    return bool(
+        logged_s >= _LEAST_S and np.count_nonzero((lively_s >= span[0]) & (lively_s <= span[1])) >= _FEWEST_LIVELY
+    )
+
+
+def _lying(moving: Sequence[Record]) -> list[tuple[float, float, str]]:
+    """Return when the aircraft lies on its side or its back, and what to say of it."""
+    told = [record for record in moving if {*ACCELEROMETERS} <= set(record.channels)]
+    if not told:
+        return []
+    start_s = told[0].start_s
+    force = np.full((int((told[-1].end_s - start_s) / SECOND_S) + 1, 3), np.nan)
+    for record in told:
+        seconds = of_seconds(record, start_s, lambda part: part.matrix(ACCELEROMETERS))
+        force[seconds.at] = seconds.means
+    with np.errstate(invalid="ignore"):
+        units = force / np.linalg.norm(force, axis=1)[:, np.newaxis]
+    known = units[np.isfinite(units).all(axis=1)]
+    if not len(known):
+        return []
+    usual = np.median(known, axis=0)
+    tilt_deg = np.degrees(np.arccos(np.clip(units @ (usual / np.linalg.norm(usual)), -1.0, 1.0)))
+    starts, ends = runs(np.asarray(tilt_deg > _LIES_DEG))
+    return [
+        (start_s + first * SECOND_S, start_s + stop * SECOND_S, _lying_text(tilt_deg[first:stop], start_s + first))
+        for first, stop in zip(starts.tolist(), ends.tolist(), strict=True)
+        if stop - first >= _LIES_S
+    ]
+
+
+def _lying_text(tilt_deg: FloatArray, at_s: float) -> str:
+    side = "back" if float(np.median(tilt_deg)) > 135.0 else "side"
+    return f"the aircraft lies on its {side} from {at_s:.1f} s on"
