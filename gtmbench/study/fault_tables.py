@@ -23,7 +23,7 @@ from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
 from gtmbench.study.expectation import Expectation, expectations
-from gtmbench.values.channels import CHANNELS, breakable_list, unit_of
+from gtmbench.values.channels import OF_OWN_RATE, breakable_list, unit_of
 from gtmbench.values.record import Record
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
@@ -122,6 +122,7 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
         also = tuple(_also(where, number, table, channel, flight_s) for number, table in _tables(block, where))
         expect = expectations(where, block.get("expect", {}), channel)
         for severities in _severities(cls.parameters(), block, where):
+            _check_shares(severities, channel, where)
             fault = _fault(cls, channel, block, severities, where, flight_s)
             specs.append(FaultSpec(fault=fault, severities=severities, also=also, expect=expect))
     return specs
@@ -146,6 +147,7 @@ def _also(where: str, number: int, block: dict[str, Any], channel: str, flight_s
     severities, *more = _severities(cls.parameters(), block, where)
     if more:
         raise InputError(f"{where}: a list of severities would be more trials; a fault of [[faults.also]] has one")
+    _check_shares(severities, own, where)
     fault = _fault(cls, own, block, severities, where, flight_s)
     return FaultSpec(fault=fault, severities=severities)
 
@@ -172,7 +174,7 @@ def _fault(
     settings = {item.name: block[item.name] for item in cls.parameters() if item.name in block and not item.is_severity}
     for item in cls.parameters():
         if item.is_channel and item.name in settings:
-            breakable_list(f"{where}: {item.name}", [settings[item.name]])
+            _breakable(f"{where}: {item.name}", [settings[item.name]])
     figures: dict[str, Any] = {name: given.value for name, given in severities.items()}
     with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
         fault = cls(
@@ -184,7 +186,7 @@ def _fault(
             **figures,
             **settings,
         )
-        check_faults([fault], 0.0, flight_s)
+        check_faults([fault], 0.0, flight_s, beside=OF_OWN_RATE)
     return fault
 
 
@@ -228,9 +230,9 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
     first, *also = faults if isinstance(faults, (tuple, list)) and faults else [faults]
     if not isinstance(first, Fault) or not isinstance(getattr(first, "kind", None), str):
         raise InputError(f"{shown(first)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
-    breakable_list(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
+    _breakable(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
     number(f"{first.kind}: onset_s", first.onset_s, 0.0, flight_s)
-    check_faults([first], 0.0, flight_s)
+    check_faults([first], 0.0, flight_s, beside=OF_OWN_RATE)
     return FaultSpec(fault=first, also=tuple(spec_of(other, flight_s) for other in also))
 
 
@@ -241,13 +243,18 @@ def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
 
 
 def _channels(channels: Any, unit: Any, where: str, *, key: str = "channels") -> tuple[str, ...]:
-    names = breakable_list(f"{where}: {key}", channels)
+    names = _breakable(f"{where}: {key}", channels)
     for name in names:
-        if unit is not None and unit != CHANNELS[name].unit:
+        if unit is not None and unit != unit_of(name):
             raise InputError(
-                f"{where}: unit is {shown(unit)}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
+                f"{where}: unit is {shown(unit)}, but channel '{name}' is in {unit_of(name)}; convert the figures"
             )
     return names
+
+
+def _breakable(where: str, channels: Any) -> tuple[str, ...]:
+    """Return channels that can break, of a GPS and a magnetometer, too: whether the flight has these, others check."""
+    return breakable_list(where, channels, beside=OF_OWN_RATE)
 
 
 def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], where: str) -> list[dict[str, Severity]]:
@@ -262,6 +269,16 @@ def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], whe
             steps = [parse_severity(entry, item, key=key) for entry in given]
             combinations = [{**others, item.name: step} for others in combinations for step in steps]
     return combinations
+
+
+def _check_shares(severities: Mapping[str, Severity], channel: str, where: str) -> None:
+    """Refuse a share of what the flight's truth doesn't hold."""
+    for name, given in severities.items():
+        if given.of is not None and channel in OF_OWN_RATE:
+            raise InputError(
+                f"{where}: {name} is '{given}', but the truth of a flight doesn't hold '{channel}', which that would "
+                f"be a share of; give a figure in {unit_of(channel)}"
+            )
 
 
 def parse_severity(given: Any, item: Parameter, *, key: str) -> Severity:

@@ -33,8 +33,10 @@ from gtmbench.method.windowed_alarms import came_down
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record, check_record
 
+CROSS_CHECK = "cross-check"
 _LOOKS_S = (*range(21), *range(25, 121, 5))  # after an alarm: what drifts is told late
 _QUIET_S = 10.0  # below all bounds: it is over
+_NEEDED = (*GYROS, *ATTITUDE)
 _SURE = 2  # looks more at which the same sensor has to be the only one
 
 
@@ -51,7 +53,7 @@ class CrossCheck:
     ----------
     name : str
     channels : tuple of str
-        Those that a record must hold.
+        Empty: it takes what is there. Gyros and attitude have to be.
     by_itself : bool
         Whether a sensor may be found by what it shows itself: that it repeats one reading, falls silent or becomes
         noisy. Of a recorded flight that proves nothing: motors shake its sensors, at 10 Hz a turn changes readings as
@@ -71,8 +73,8 @@ class CrossCheck:
     ('tas failed', ())
     """
 
-    name: str = "cross-check"
-    channels: tuple[str, ...] = (*GYROS, *ATTITUDE)
+    name: str = CROSS_CHECK
+    channels: tuple[str, ...] = ()
     by_itself: bool = True
     margin: float = 1.0
 
@@ -92,10 +94,10 @@ class CrossCheck:
             )
         healthy = as_records(records)
         for record in healthy:
-            record.columns(self.channels)
+            record.columns(_NEEDED)
         progress("learn", 0, 1)
         taken = [name for own in CHANNELS.values() for name in own]
-        used = tuple(name for name in (*self.channels, *taken) if all(name in each for each in healthy))
+        used = tuple(name for name in (*_NEEDED, *taken) if all(name in each for each in healthy))
         motions = [Motion.of(record.select(used)) for record in healthy]
         delay_s, field_ned = gps_delay_s(max(motions, key=lambda each: each.blocks)), _field_of(motions)
         parts: dict[str, list[Relation]] = {}
