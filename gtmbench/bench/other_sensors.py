@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
@@ -18,7 +18,7 @@ _MOST_HZ = 1.0 / SAMPLE_PERIOD_S
 
 @dataclass(frozen=True, kw_only=True)
 class OtherSensors:
-    """A magnetometer and a GPS, or one of them, or none.
+    """A magnetometer and a GPS, or one of them, or none. One magnetometer flies all flights, with the same iron.
 
     Examples
     --------
@@ -28,6 +28,10 @@ class OtherSensors:
 
     magnetometer: Magnetometer | None = None
     gps: Gps | None = None
+
+    def __post_init__(self) -> None:
+        if self.magnetometer is not None and self.magnetometer.iron_seed is None:
+            object.__setattr__(self, "magnetometer", replace(self.magnetometer, iron_seed=1))
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -44,6 +48,15 @@ class OtherSensors:
         if self.magnetometer is not None:
             readings = with_magnetometer(readings, truth, self.magnetometer, seed=seed)
         return readings if self.gps is None else with_gps(readings, truth, self.gps, seed=seed)
+
+    def true(self, flight: Record) -> Record:
+        """Return a flight's truth with what these would read in every row without noise and delay; iron is left."""
+        at_once: dict[str, Any] = {"rate_hz": 1.0 / flight.sample_period_s}
+        perfect = OtherSensors(
+            magnetometer=self.magnetometer and replace(self.magnetometer, noise=0.0, **at_once),
+            gps=self.gps and replace(self.gps, delay_s=0.0, noise_m_s=0.0, wander_m_s=0.0, **at_once),
+        )
+        return perfect.beside(flight, flight, seed=0)
 
 
 def gps_of(key: str, value: Any) -> Gps:
@@ -66,7 +79,7 @@ def gps_of(key: str, value: Any) -> Gps:
 
 
 def magnetometer_of(key: str, value: Any) -> Magnetometer:
-    """Return the magnetometer of a file's table; unless an iron_seed is stated, one flies all flights.
+    """Return the magnetometer of a file's table.
 
     Raises
     ------
@@ -79,7 +92,7 @@ def magnetometer_of(key: str, value: Any) -> Magnetometer:
     (1.0, 0.0, -2.0)
     """
     with naming(key):
-        magnetometer = Magnetometer(**{"iron_seed": 1, **_table(Magnetometer, key, value)})
+        magnetometer = Magnetometer(**_table(Magnetometer, key, value))
         number("rate_hz", magnetometer.rate_hz, 0.0, _MOST_HZ, above=True)
     return magnetometer
 

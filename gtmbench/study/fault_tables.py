@@ -122,7 +122,6 @@ def fault_specs(where: str, block: dict[str, Any], flight_s: float) -> list[Faul
         also = tuple(_also(where, number, table, channel, flight_s) for number, table in _tables(block, where))
         expect = expectations(where, block.get("expect", {}), channel)
         for severities in _severities(cls.parameters(), block, where):
-            _check_shares(severities, channel, where)
             fault = _fault(cls, channel, block, severities, where, flight_s)
             specs.append(FaultSpec(fault=fault, severities=severities, also=also, expect=expect))
     return specs
@@ -147,7 +146,6 @@ def _also(where: str, number: int, block: dict[str, Any], channel: str, flight_s
     severities, *more = _severities(cls.parameters(), block, where)
     if more:
         raise InputError(f"{where}: a list of severities would be more trials; a fault of [[faults.also]] has one")
-    _check_shares(severities, own, where)
     fault = _fault(cls, own, block, severities, where, flight_s)
     return FaultSpec(fault=fault, severities=severities)
 
@@ -269,16 +267,6 @@ def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], whe
             steps = [parse_severity(entry, item, key=key) for entry in given]
             combinations = [{**others, item.name: step} for others in combinations for step in steps]
     return combinations
-
-
-def _check_shares(severities: Mapping[str, Severity], channel: str, where: str) -> None:
-    """Refuse a share of what the flight's truth doesn't hold."""
-    for name, given in severities.items():
-        if given.of is not None and channel in OF_OWN_RATE:
-            raise InputError(
-                f"{where}: {name} is '{given}', but the truth of a flight doesn't hold '{channel}', which that would "
-                f"be a share of; give a figure in {unit_of(channel)}"
-            )
 
 
 def parse_severity(given: Any, item: Parameter, *, key: str) -> Severity:

@@ -103,7 +103,7 @@ class Flown:
         faults = self.faults(spec)
         truth = self._flown_with(faults)
         broken, healthy = self._injected(faults, number, truth), self._healthy(number, truth)
-        return _injection(scenario, faults, truth, broken), healthy
+        return _injection(scenario, faults, self._true(truth), broken), healthy
 
     def bends(self, faults: Sequence[Fault]) -> bool:
         """Say whether faults bend channels beside those that they break: by a flight, or by way of an estimator."""
@@ -138,7 +138,15 @@ class Flown:
 
     def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
         """Return a trial's faults, their severities resolved against the flight."""
-        return spec.faults(self.flight.between(*self.setup.severity_reference_s))
+        return spec.faults(self.truth.between(*self.setup.severity_reference_s))
+
+    @cached_property
+    def truth(self) -> Record:
+        """The flight, with what the setup's magnetometer and GPS would read of it without noise."""
+        return self.setup.others.true(self.flight)
+
+    def _true(self, flight: Record) -> Record:
+        return self.truth if flight is self.flight else self.setup.others.true(flight)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,7 +183,7 @@ class FlownInLoop(Flown):
         unread = [fault for fault in faults if _is_of_others(fault) and fault.onset_s <= healthy.end_s]
         events = [LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel) for fault in unread]
         told = sorted([*flight.events, *events], key=lambda event: event.time_s)
-        injection = _injection(scenario, faults, flight.truth, inject(healthy, unread), told)
+        injection = _injection(scenario, faults, self._true(flight.truth), inject(healthy, unread), told)
         noise_seed = _noise_seed(self.setup, number)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=noise_seed, sensors=_chain(self.setup))
         if self.setup.attitude != OWN:

@@ -36,7 +36,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.values.channels import COMMANDS, axis_of, names_of
+from gtmbench.values.channels import COMMANDS, OF_OWN_RATE, axis_of, names_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
@@ -373,6 +373,8 @@ def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record | Map
         own = [fault.active(healthy.time_s) for fault in faults if channel in fault.changes]
         active = np.logical_or.reduce(own)
         was, became = healthy[channel][active], broken[channel][active]
+        if channel in OF_OWN_RATE:  # between its readings there is nothing to alter
+            was, became = was[np.isfinite(was)], became[np.isfinite(was)]
         altered.append((was != became) & ~(np.isnan(was) & np.isnan(became)))
     samples = np.concatenate(altered)
     return float(np.mean(samples)) if len(samples) else 0.0

@@ -217,7 +217,7 @@ class CrossCheckMonitor(BaseMonitor):
         return Watch(
             monitor=self,
             record=record,
-            scores=MappingProxyType({name: _score(name, each, record, ends) for name, each in ratios.items()}),
+            scores=MappingProxyType({name: _score(name, each, record, motion.rows) for name, each in ratios.items()}),
             alarms=tuple(_alarms(seen, own, ratios, motion.turns_rad, record.time_s[ends])),
         )
 
@@ -237,10 +237,10 @@ class CrossCheckMonitor(BaseMonitor):
         }
 
 
-def _score(name: str, ratios: FloatArray, record: Record, ends: slice) -> Score:
-    """Return a relation's ratios as a score, which exists at the end of each block."""
+def _score(name: str, ratios: FloatArray, record: Record, rows: int) -> Score:
+    """Return a relation's ratios as a score: what a block of so many rows tells holds until the next one ends."""
     values = np.full(len(record), np.nan)
-    values[ends] = ratios
+    values[rows - 1 :] = np.repeat(ratios, rows)[: len(record) - rows + 1]
     return Score(name=name, values=values, known_s=record.time_s, armed=came_down(values, 1.0))
 
 

@@ -234,11 +234,12 @@ class Late:
 
     @classmethod
     def of(cls, motion: Motion, delay_s: float) -> Late:
-        """Return the readings of a motion's GPS."""
+        """Return the readings of a motion's GPS, but for those that tell of the time before the record."""
         velocity = _rows_last(motion.record, GPS_VELOCITY)
+        late = round(delay_s / motion.record.sample_period_s)
         rows = np.flatnonzero(np.isfinite(velocity).all(axis=0))
-        at = np.maximum(rows - round(delay_s / motion.record.sample_period_s), 0)
-        return cls(rows=rows, at=at, velocity=velocity[:, rows])
+        rows = rows[rows >= late]
+        return cls(rows=rows, at=rows - late, velocity=velocity[:, rows])
 
     def mean(self, motion: Motion, values: FloatArray, read: FloatArray) -> FloatArray:
         """Return means over blocks of values of shape (..., readings); NaN where none of a block is read.
@@ -303,10 +304,10 @@ def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
     rows = np.arange(len(motion.record))
     last = np.clip(np.cumsum(np.bincount(late.rows, minlength=len(rows))) - 1, 0, None)
     carried = sunk[last] + (rows - late.rows[last]) * period_s * down[last]  # on, by the last reading
-    behind = np.maximum(rows - (late.rows[0] - late.at[0] if late.at[0] else 0), 0)
-    height = _column(motion.record, ALTITUDE)[behind] * _M_PER_FT
+    behind = rows - (late.rows[0] - late.at[0])
+    height = _column(motion.record, ALTITUDE)[np.maximum(behind, 0)] * _M_PER_FT
     seen = late.mean(motion, np.zeros(len(late.rows)), np.ones(len(rows)))
-    y = _changes(motion.mean(height + carried, motion.there(ALTITUDE)))[:, np.newaxis] + seen[:, np.newaxis]
+    y = _changes(motion.mean(height + carried, motion.there(ALTITUDE) * (behind >= 0)))[:, np.newaxis] + seen[:, np.newaxis]
     return Relation(
         name="gps, altitude",
         axes=(("gps, altitude", frozenset({GPS, ALTITUDE})),),
