@@ -26,7 +26,7 @@ def is_of_surface(fault: Fault) -> bool:
 
 
 def check_faults(faults: Sequence[Fault], start_s: float, end_s: float, beside: Sequence[str] = ()) -> None:
-    """Refuse what is no fault, one that begins outside of a flight, and one of what no aircraft has (or is `beside`)."""
+    """Refuse what is no fault, one that begins outside of a flight, and one of what no aircraft has."""
     for fault in faults:
         check_onset(fault, start_s, end_s)
         known = (*SENSORS, *COMMANDS, *beside)

@@ -72,8 +72,9 @@ def gps_of(key: str, value: Any) -> Gps:
     >>> gps_of("gps", {"rate_hz": 10.0}).rate_hz
     10.0
     """
+    table = _table(Gps, key, value)
     with naming(key):
-        gps = Gps(**_table(Gps, key, value))
+        gps = Gps(**table)
         number("rate_hz", gps.rate_hz, 0.0, _MOST_HZ, above=True)
     return gps
 
@@ -91,8 +92,9 @@ def magnetometer_of(key: str, value: Any) -> Magnetometer:
     >>> magnetometer_of("magnetometer", {"hard_iron_ut": [1.0, 0.0, -2.0]}).hard_iron_ut
     (1.0, 0.0, -2.0)
     """
+    table = _table(Magnetometer, key, value)
     with naming(key):
-        magnetometer = Magnetometer(**_table(Magnetometer, key, value))
+        magnetometer = Magnetometer(**table)
         number("rate_hz", magnetometer.rate_hz, 0.0, _MOST_HZ, above=True)
     return magnetometer
 

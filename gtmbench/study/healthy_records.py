@@ -120,7 +120,9 @@ class CalibrationFlights:
             Told the step, how many are flown, and of how many.
         """
         check_flown(detector.name, detector.channels, self.others)
-        return self._all_flown(detector.channels or (*SENSORS, *self.others.channels), self.loops(detector), processes, progress)
+        return self._all_flown(
+            detector.channels or (*SENSORS, *self.others.channels), self.loops(detector), processes, progress
+        )
 
     def sensed(self, channels: Sequence[str], *, processes: int = 1, progress: Progress = silent) -> list[Record]:
         """Fly, and return what some sensors read (and commands, where they are named), as `records` does."""

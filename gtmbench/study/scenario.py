@@ -12,8 +12,8 @@ from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.controller import found_controller
 from gtmbench.bench.excitation import parts_of
-from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.gps import Gps
+from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
 from gtmbench.bench.magnetometer import Magnetometer
 from gtmbench.bench.other_sensors import OtherSensors, gps_of, magnetometer_of
@@ -146,11 +146,8 @@ def check_aboard(setup: Setup, specs: Iterable[FaultSpec]) -> None:
         check_aboard(setup, spec.also)
         for channel in spec.fault.reads:
             if channel in OF_OWN_RATE and channel not in setup.others.channels:
-                _, sensor = names_of(channel)
-                raise InputError(
-                    f"{spec.text}: the flight has no {channel}; add a table [{sensor}] to the scenario, and its sensors "
-                    f"have one"
-                )
+                table = names_of(channel)[-1]
+                raise InputError(f"{spec.text}: the flight has no '{channel}'; add a table [{table}]")
 
 
 def load_scenario(source: str | Path) -> Scenario:

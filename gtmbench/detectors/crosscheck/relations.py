@@ -307,7 +307,10 @@ def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
     behind = rows - (late.rows[0] - late.at[0])
     height = _column(motion.record, ALTITUDE)[np.maximum(behind, 0)] * _M_PER_FT
     seen = late.mean(motion, np.zeros(len(late.rows)), np.ones(len(rows)))
-    y = _changes(motion.mean(height + carried, motion.there(ALTITUDE) * (behind >= 0)))[:, np.newaxis] + seen[:, np.newaxis]
+    y = (
+        _changes(motion.mean(height + carried, motion.there(ALTITUDE) * (behind >= 0)))[:, np.newaxis]
+        + seen[:, np.newaxis]
+    )
     return Relation(
         name="gps, altitude",
         axes=(("gps, altitude", frozenset({GPS, ALTITUDE})),),

@@ -321,7 +321,7 @@ def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
 
 def _shared(scenarios: Sequence[Scenario], key: str) -> Any:
     """Return a setting of all flights, which those that detectors are calibrated on have, too."""
-    given = list(dict.fromkeys(getattr(scenario.setup, key) for scenario in scenarios))
+    given = sorted({getattr(scenario.setup, key) for scenario in scenarios}, key=str)
     if len(given) > 1:
         said = "[gps] or [magnetometer] differ" if key == "others" else f"{key} is {given[0]} and {given[1]}"
         raise InputError(f"{said} in its scenarios; detectors are calibrated for one: split them")
