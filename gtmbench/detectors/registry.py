@@ -34,10 +34,10 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     Parameters
     ----------
     source : str or Path
-        ``dissertation``, ``auto``, ``cross-check``, the name of a bank, of a rival or of an installed detector; a bank's
-        TOML file; a monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a
-        Detector, a Monitor, a class of either without arguments, a Bank, or a function from a Record to the times
-        of its alarms.
+        ``dissertation``, ``auto``, ``cross-check``, the name of a bank, of a rival or of an installed detector; the
+        TOML file of a bank; a monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that
+        Python: a Detector, a Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to
+        the times of its alarms.
     calibrated : str or Path, optional
         A monitor's JSON file whose figures the detector restores.
 
