@@ -67,6 +67,27 @@ def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
 
 
+@pytest.mark.parametrize("start_s", [5.0, 20.03, 33.33, 40.1, 61.17])
+def test_a_healthy_record_may_begin_in_flight(flight, monitor, start_s):
+    """Its first readings of the GPS tell of the time before it, and its first block may hold few."""
+    watch = monitor.watch(flight.between(start_s, flight.end_s))
+    assert watch.alarms == ()
+    assert max(np.nanmax(score.values[:300]) for score in watch.scores.values()) < 0.8
+    taught = gb.CrossCheck().calibrate([flight.between(start_s, flight.end_s)])
+    whole = gb.CrossCheck().calibrate([flight])
+    for name, learnt in taught.learnt.items():
+        np.testing.assert_allclose(learnt.noise, whole.learnt[name].noise, rtol=0.5, err_msg=name)
+
+
+def test_gusts_take_nothing_off_a_pull_up_without_them(flight):
+    """In the airspeed's own changes gusts stand: fitted to these, they would pass for 30 to 60 % of its scale."""
+    learnt = gb.CrossCheck().calibrate([flight]).learnt["air, accelerometers"]
+    calm = gb.measure(gb.fly("gtm", "doublets", 60.0, seed=3), noise="t2")
+    (told,) = (each for each in relations(Motion.of(calm), 0.0, None) if each.name == "air, accelerometers")
+    assert np.nanmax(np.abs(calm["nz"] - 1.0)) > 0.3  # it is pulled up
+    assert np.nanstd(learnt.errors(told), axis=0).max() < 0.2  # m/s2
+
+
 @pytest.mark.parametrize(
     "fault",
     [

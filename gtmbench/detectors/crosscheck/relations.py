@@ -345,7 +345,6 @@ def _air_and_force(motion: Motion) -> Relation:
     read = motion.there(ACCEL, TAS, *_vanes(motion))
     y = _changes(motion.mean(motion.through - motion.path, read))
     biases = _changes(motion.mean(motion.turning, read))
-    scale = _changes(motion.mean(motion.through, read))[:, :, np.newaxis]
     return Relation(
         name="air, accelerometers",
         axes=tuple(  # an error of the airspeed shows in all of them, where the aircraft turns
@@ -353,9 +352,9 @@ def _air_and_force(motion: Motion) -> Relation:
             for axis, sensor in _air_axes(motion)
         ),
         y=y,
-        design=np.concatenate([-biases, -_eyes(y), scale], axis=2),
-        usual=np.zeros(7),
-        spread=np.array([_BIAS] * 3 + [_COARSE] * 3 + [0.05]),
+        design=np.concatenate([-biases, -_eyes(y)], axis=2),  # no scale of tas: gusts, in its changes, look like one
+        usual=np.zeros(6),
+        spread=np.array([_BIAS] * 3 + [_COARSE] * 3),
         frame=motion.air_frame,
         least=(_TILTED, _TILTED, _TILTED),
     )
@@ -414,6 +413,7 @@ def _field(motion: Motion, field_ned: FloatArray) -> Relation:
     )
 
 
+_PART = 0.5  # of the readings that a block usually has
 _NED = ("north", "east", "down")
 # an attitude that gyros drive may be off by 5 deg on a healthy day, which turns gravity, the air and the field
 _OFF_RAD = 0.0873
@@ -446,9 +446,13 @@ def _eyes(y: FloatArray) -> FloatArray:
 
 
 def _means(sums: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return sums of shape (..., blocks) over counts, blocks first; NaN where nothing was counted."""
+    """Return sums of shape (..., blocks) over counts, blocks first; NaN where less than half of the usual was counted.
+
+    A mean of few readings, as where a record begins within a block, is noisier than those that were learnt.
+    """
+    usual = float(np.median(counts[counts > 0.0])) if counts.any() else 1.0
     means = sums / np.maximum(counts, 1.0)
-    means[..., counts == 0.0] = np.nan
+    means[..., counts < _PART * usual] = np.nan
     return np.moveaxis(means, -1, 0)
 
 
