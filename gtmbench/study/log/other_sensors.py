@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
-from gtmbench.detectors.crosscheck.relations import ALTITUDE, ATT, BLOCK_S, CHANNELS, MAG, POSSIBLE, TAS, WIND
+from gtmbench.detectors.crosscheck.relations import ALTITUDE, ATT, CHANNELS, MAG, POSSIBLE, TAS, WIND
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -389,7 +389,7 @@ def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:
     end_s = np.inf if alarm.ended_s is None else alarm.ended_s
     rows = (watch.record.time_s >= alarm.time_s) & (watch.record.time_s <= end_s)
     loud = {axis: np.nan_to_num(score.values[rows]) > 1.0 for axis, score in watch.scores.items()}
-    lasts_s = BLOCK_S * np.count_nonzero(np.any(list(loud.values()), axis=0))
+    lasts_s = watch.record.sample_period_s * np.count_nonzero(np.any(list(loud.values()), axis=0))
     if lasts_s < _LASTS_S:
         return f"it lasts {lasts_s:.1f} s in all: too short for a name"
     shown = [axis for axis, each in loud.items() if each.any()]
