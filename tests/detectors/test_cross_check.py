@@ -148,6 +148,31 @@ def test_a_wind_that_changes_clears_no_broken_sensor(flight, monitor, sensor, fa
     assert all(sensor in judged.candidates for judged in first.judgements)
 
 
+@pytest.fixture(scope="module")
+def without_gps(flight):
+    """Return readings whose altitude only the accelerometers are compared with, and who learnt on them."""
+    record = flight.select([*GYROS, *ATTITUDE, "nx", "ny", "nz", "altitude"])
+    return record, gb.CrossCheck(by_itself=False).calibrate([record.between(0.0, LEARNT_S)])
+
+
+@pytest.mark.parametrize(
+    ("fault", "named"),
+    [
+        (gb.Noise(channel="altitude", onset_s=ONSET_S, deviation=60.0), "altitude"),
+        (gb.Bias(channel="altitude", onset_s=ONSET_S, size=200.0), "altitude"),
+        (gb.Hardover(channel="nz", onset_s=ONSET_S, limit=60.0), None),  # what it reads may be wrong
+        (gb.Noise(channel="nz", onset_s=ONSET_S, deviation=40.0), None),
+        (gb.Spikes(channel="nx", onset_s=ONSET_S, size=200.0, rate_hz=5.0), None),
+        (gb.Bias(channel="nz", onset_s=ONSET_S, size=3.0), None),
+    ],
+    ids=str,
+)
+def test_an_altitude_that_no_force_moves_is_named_and_no_force_that_is_read_names_it(without_gps, fault, named):
+    record, monitor = without_gps
+    alarms = monitor.watch(gb.inject(record, fault)).alarms
+    assert {judged.sensor for alarm in alarms for judged in alarm.judgements} - {None} == {named} - {None}
+
+
 def test_turbulence_after_a_calm_is_no_sensor(flight):
     """Learnt on calm air, watched in turbulence: the wind may be named as a candidate, and no sensor."""
     calm = gb.fly("gtm", "multisine", 90.0, seed=5)

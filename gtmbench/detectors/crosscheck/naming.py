@@ -38,10 +38,12 @@ _CLEAR = 2.0  # times its bound: an error that would be seen
 _UNEXPLAINED = 0.35  # of what is seen
 _FASTEST_RAD = 0.35  # in a block: 100 deg/s
 _MOST_G = 2.0  # what is turned, in an ordinary manoeuvre
+_MOST_PULLED = 10.0 * G_M_S2  # by any aircraft
 _STORM_M_S, _GUST_M_S2 = 25.0, 30.0  # no wind changes by more, or by more in a block: 6 m/s in 0.2 s
 AIR = "air"
 FIELD = "field"
 _GPS_FORCE, _GPS_AIR, _AIR_FORCE = "gps, accelerometers", "gps, air", "air, accelerometers"
+_ALTITUDE_FORCE = "altitude, accelerometers"
 
 
 class _Pair(NamedTuple):
@@ -150,6 +152,8 @@ def _is_cleared(
         return True
     if sensor == WIND and _is_no_wind(by_name, part):
         return True
+    if sensor in (ACCEL, ATT) and _is_no_force(by_name, part):
+        return True
     air = [peaks[name] > 1.0 for name in (_GPS_AIR, _AIR_FORCE) if name in by_name]
     if sensor == TAS and any(each.any() for each in air) and not any(each[0] for each in air):
         return True  # it shows along the way first
@@ -160,6 +164,20 @@ def _is_cleared(
                 if (mainly & (peaks[other] <= 1.0) & (expected > _CLEAR)).any():
                     return True
     return False
+
+
+def _is_no_force(by_name: Mapping[str, Seen], part: slice) -> bool:
+    """Tell whether the altitude moves as no force moves an aircraft, whichever way it is turned.
+
+    Were the accelerometers wrong, the aircraft would have to be pulled by e less what they read; were the attitude, it
+    could turn what they read by no more than twice its size.
+    """
+    seen = by_name.get(_ALTITUDE_FORCE)
+    if seen is None or seen.relation.force is None:
+        return False
+    allowed = seen.learnt.allowed(1, np.nan_to_num(seen.widening[part], nan=np.inf))[:, 0]
+    most = 2.0 * seen.relation.force[part] + _MOST_PULLED + allowed
+    return bool((np.abs(np.nan_to_num(seen.errors[part, 0])) > most).any())
 
 
 def _is_no_wind(by_name: Mapping[str, Seen], part: slice) -> bool:

@@ -84,6 +84,8 @@ class Relation:
         By axis: an error that is usual beside the noise, in the unit of y.
     is_length : bool
         Whether the first axis is judged by the length of what is read, of which 1 is usual, and not by its share in e.
+    force : shape (blocks,) or None
+        The largest specific force that was read in what a block compares, in m/s2; None where nobody asks for it.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Relation:
     frame: FloatArray = field(repr=False)
     least: tuple[float, ...]
     is_length: bool = False
+    force: FloatArray | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -365,8 +368,10 @@ def _altitude_and_force(motion: Motion) -> Relation:
     fallen = np.cumsum(motion.path[2]) * period_s
     height = _column(motion.record, ALTITUDE) * _M_PER_FT
     read = motion.there(ACCEL, ALTITUDE)
-    y = _changes(_changes(motion.mean(height + fallen, read)))[:, np.newaxis]
-    biases = _changes(_changes(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read)))
+    # of the times at which the altitude is read: beside a wrong force its sum soon runs away by tens of metres a row
+    at_s = motion.mean(np.arange(len(motion.record)) * period_s, read)
+    y = _curvatures(motion.mean(height + fallen, read)[:, np.newaxis], at_s)
+    biases = _curvatures(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read), at_s)
     return Relation(
         name="altitude, accelerometers",
         axes=(("altitude, accelerometers", frozenset({ALTITUDE, ACCEL, ATT})),),
@@ -376,7 +381,16 @@ def _altitude_and_force(motion: Motion) -> Relation:
         spread=np.array([_BIAS] * 3 + [_COARSE]),
         frame=_eyes(y),
         least=(0.3,),
+        force=_largest_force(motion),
     )
+
+
+def _largest_force(motion: Motion) -> FloatArray:
+    """Return the largest specific force of each block and the two before it, of which second differences are."""
+    size = np.linalg.norm(motion.force[:, : motion.blocks * motion.rows], axis=0)
+    own = size.reshape(motion.blocks, motion.rows).max(axis=1)
+    before = np.concatenate([own[:1], own[:1], own])
+    return np.asarray(np.maximum.reduce([before[:-2], before[1:-1], own]))
 
 
 def _field(motion: Motion, field_ned: FloatArray) -> Relation:
@@ -439,6 +453,18 @@ def _changes(levels: FloatArray) -> FloatArray:
     changes = np.full_like(levels, np.nan)
     changes[1:] = (levels[1:] - levels[:-1]) / BLOCK_S
     return changes
+
+
+def _curvatures(levels: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return second derivatives from each block to the next but one, of levels at uneven times; none before the third.
+
+    With t the times, s = t(k) - t(k-1) and v(k) = (y(k) - y(k-1)) / s(k), they are 2 (v(k) - v(k-1)) / (s(k) + s(k-1)).
+    """
+    steps = np.diff(at_s)[:, np.newaxis]
+    rates = np.diff(levels, axis=0) / steps
+    found = np.full_like(levels, np.nan)
+    found[2:] = 2.0 * np.diff(rates, axis=0) / (steps[1:] + steps[:-1])
+    return found
 
 
 def _eyes(y: FloatArray) -> FloatArray:

@@ -38,6 +38,7 @@ _LEARNT_AT = 2  # the window of `WINDOWS` whose bounds are told: 2 s
 _SILENT = 10.0  # times its usual step, and five seconds: it reads nothing
 _MOST = {"m/s²": 15.0, "m/s": 30.0, "%": 50.0, "deg": 45.0}  # larger errors aren't worth a comparison
 _NO_MOTION = "no gyros and attitude to turn its readings with"
+_BY_FORCE = "altitude, accelerometers"
 _DIRECTIONS = ("field direction", "field direction, across")
 UNITS = {
     "gps, accelerometers": "m/s²",
@@ -395,6 +396,8 @@ def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:
     shown = [axis for axis, each in loud.items() if each.any()]
     upright = {axis.split(":")[0] for axis in shown if not axis.endswith(_LEVEL)}
     level = {axis.split(":")[0] for axis in shown if ALTITUDE not in axis and not axis.endswith(_DOWN)}
+    if alarm.sensor == ALTITUDE and shown == [_BY_FORCE]:
+        return ""  # only what no force could have moved the aircraft by leaves the altitude alone in it
     if alarm.sensor != MAG and max(len(upright), len(level)) < _WITNESSES:
         return f"no two comparisons of one direction show it, only {' and '.join(shown)}"
     return ""
