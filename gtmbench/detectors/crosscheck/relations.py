@@ -369,7 +369,7 @@ def _altitude_and_force(motion: Motion) -> Relation:
     height = _column(motion.record, ALTITUDE) * _M_PER_FT
     read = motion.there(ACCEL, ALTITUDE)
     # of the times at which the altitude is read: beside a wrong force its sum soon runs away by tens of metres a row
-    at_s = motion.mean(np.arange(len(motion.record)) * period_s, read)
+    at_s = motion.mean(np.arange(len(motion.record), dtype=np.float64) * period_s, read)
     y = _curvatures(motion.mean(height + fallen, read)[:, np.newaxis], at_s)
     biases = _curvatures(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read), at_s)
     return Relation(
