@@ -27,18 +27,11 @@ import cross_check
 import gtmbench as gb
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALTITUDE, GPS, MAG, TAS
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.asked import asked
-from gtmbench.study.log.choices import agreed
-from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.learnt import learnt
-from gtmbench.study.log.opened import opened
-from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.other_sensors import WatchedSensor, kind_of
-from gtmbench.study.log.said import Said, doubted, listened
-from gtmbench.study.log.watched import WatchedLog, concluded, sensors_of
+from gtmbench.study.log.watched import sensors_of
 from recorded.groups import studied_groups
+from recorded.whole import watch_whole
 
 SHARE, LEFT_S = 0.33, 15.0  # of what is left goes by before a fault; what has to be left then
 FLOWN_S = 300.0  # of synthetic flights
@@ -50,13 +43,6 @@ that are watched in a log are broken there; the first magnetometer. What fails i
 verdict, *sensors seconds* what comparing the sensors takes of it.
 """  # noqa: E501
 Row = dict[str, Any]
-
-
-def said_of(path: Path) -> Said:
-    """Return what detector auto says of a log, before it is concluded."""
-    given = {"healthy": (), "mapping": (), "rate_hz": None, "false_alarms_per_hour": None, "attitude": FROM_LOG}
-    question = asked(path, "auto", **given)
-    return agreed(doubted(listened(learnt(chosen(opened(question)), silent), silent), silent), silent)
 
 
 def faults(kind: str, onset_s: float, strength: float) -> Iterator[tuple[str, gb.Fault]]:
@@ -101,15 +87,14 @@ def broken(sensor: SensorReadings, fault: gb.Fault) -> SensorReadings:
 
 def cases(path: Path) -> list[Row]:
     """Return what is said of a log, as it is and with each fault; an error's row where it can't be watched."""
-    began = time.process_time()
     try:
-        told = said_of(path)
+        whole = watch_whole(path)
     except gb.GtmbenchError as error:
         return [{"log": path.name, "kind": "", "fault": "", "said": "refused", "told": str(error)[:120]}]
-    began_sensors = time.process_time()
+    told = whole.said
+    began = time.process_time()
     clean = sensors_of(told)
-    sensors_s = time.process_time() - began_sensors
-    whole: WatchedLog = concluded(told)
+    sensors_s = time.process_time() - began
     rows = [
         {
             "log": path.name,
@@ -117,7 +102,7 @@ def cases(path: Path) -> list[Row]:
             "fault": "",
             "said": "not watched" if each.why_not else "accused" if each.failed else "open" if each.alarms else "quiet",
             "told": each.why_not or _told(each),
-            "log_s": began_sensors - began,
+            "log_s": whole.cpu_s,
             "sensors_s": sensors_s,
             "outcome": whole.gyros_outcome.name,
         }
