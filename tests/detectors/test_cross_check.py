@@ -63,6 +63,24 @@ def test_a_broken_sensor_is_named(flight, monitor, sensor, fault):
     assert alarms[0].time_s >= ONSET_S
 
 
+@pytest.mark.parametrize(
+    ("faults", "axis"),
+    [
+        ([gb.Bias(channel="mag_y", onset_s=ONSET_S, size=12.0)], "mag_y"),
+        ([gb.Jam(channel="mag_z", onset_s=ONSET_S)], "mag_z"),
+        ([gb.Noise(channel="gps_down", onset_s=ONSET_S, deviation=3.0)], "gps_down"),
+        ([gb.Bias(channel=name, onset_s=ONSET_S, size=8.0) for name in MAGNETOMETER], ""),
+        ([gb.Noise(channel=name, onset_s=ONSET_S, deviation=3.0) for name in GPS_VELOCITY], ""),
+        ([gb.Bias(channel="nz", onset_s=ONSET_S, size=0.4)], ""),
+    ],
+    ids=str,
+)
+def test_the_axis_is_named_where_one_alone_is_wrong(flight, monitor, faults, axis):
+    alarm = monitor.watch(gb.inject(flight, faults)).alarms[0]
+    assert alarm.last.axis == axis
+    assert (f"({axis}) failed" in alarm.verdict) == bool(axis)
+
+
 def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
 

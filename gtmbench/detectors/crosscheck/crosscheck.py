@@ -13,7 +13,7 @@ from gtmbench.checks import number
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.base import BaseMonitor
 from gtmbench.detectors.crosscheck.learnt import Learnt
-from gtmbench.detectors.crosscheck.naming import NAMED, Seen, candidates, text
+from gtmbench.detectors.crosscheck.naming import NAMED, Seen, axis_of, candidates, text
 from gtmbench.detectors.crosscheck.own import OwnNoise, own_ratios
 from gtmbench.detectors.crosscheck.relations import (
     BLOCK_S,
@@ -318,6 +318,7 @@ def _judged(
             time_s=float(known_s[now]),
             sensor=sensor,
             candidates=left,
+            axis=axis_of(sensor, seen, until) if sensor else "",
             reason=reason,
             doubt=reason if is_open or not left else "",
         )

@@ -31,10 +31,11 @@ from gtmbench.detectors.crosscheck.relations import (
     WIND,
     Relation,
 )
-from gtmbench.values.channels import G_M_S2
+from gtmbench.values.channels import G_M_S2, GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
 _CLEAR = 2.0  # times its bound: an error that would be seen
+_LOUD, _NEARLY_ALL = 5.0, 0.95  # deviations of a healthy block, and of what is seen beyond them
 _UNEXPLAINED = 0.35  # of what is seen
 _FASTEST_RAD = 0.35  # in a block: 100 deg/s
 _MOST_G = 2.0  # what is turned, in an ordinary manoeuvre
@@ -361,6 +362,23 @@ def _is_sudden(by_name: Mapping[str, Seen], part: slice, turns_rad: FloatArray) 
             if (still & (jumps > allowed)).any():
                 return True
     return False
+
+
+def axis_of(sensor: str, seen: Sequence[Seen], blocks: range) -> str:
+    """Return the channel of a magnetometer or a GPS in which nearly all of what is seen of its error lies; "" if none.
+
+    The field's relation has the axes of the magnetometer, and the GPS's to the accelerometers those of the GPS.
+    """
+    name, channels = {MAG: (FIELD, MAGNETOMETER), GPS: (_GPS_FORCE, GPS_VELOCITY)}.get(sensor, ("", ()))
+    own = next((each for each in seen if each.relation.name == name), None)
+    if own is None:
+        return ""
+    left = own.relation.y - own.relation.design @ own.learnt.constants
+    noise = _LOUD * float(own.learnt.noise.max())
+    beyond = np.maximum(np.abs(np.nan_to_num(left[blocks.start : blocks.stop])) - noise, 0.0)
+    energy = np.sum(beyond**2, axis=0)
+    is_one = energy.sum() > 0.0 and energy.max() >= _NEARLY_ALL * energy.sum()
+    return channels[int(np.argmax(energy))] if is_one else ""
 
 
 def text(left: Sequence[str]) -> str:
