@@ -12,6 +12,7 @@ report.md and cases.csv into DIR, and ends with code 1 where a sensor is named t
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -26,35 +27,22 @@ import cross_check
 import gtmbench as gb
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALTITUDE, GPS, MAG, TAS
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.jobs.progress import silent
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.asked import asked
-from gtmbench.study.log.choices import agreed
-from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.learnt import learnt
-from gtmbench.study.log.opened import opened
-from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.other_sensors import WatchedSensor, kind_of
-from gtmbench.study.log.said import Said, doubted, listened
-from gtmbench.study.log.watched import WatchedLog, concluded, sensors_of
+from gtmbench.study.log.watched import sensors_of
 from recorded.groups import studied_groups
+from recorded.whole import watch_whole
 
 SHARE, LEFT_S = 0.33, 15.0  # of what is left goes by before a fault; what has to be left then
 FLOWN_S = 300.0  # of synthetic flights
 INTRODUCTION = """*as it is*: logs without a fault put into them; *accused*: sensors that fail by the verdict there. Each fault is
 put into one sensor of one log. *right*: that sensor fails by the verdict, and no other. *open*: an alarm since the
 onset that may be about it. *missed*: none. *wrong*: another sensor fails by the verdict, too or instead. Only sensors
-that are watched in a log are broken there; the first magnetometer. *log seconds* is the CPU time of a whole
+that are watched in a log are broken there; the first magnetometer. What fails in a log as it is, doesn't count as
+*wrong*. *log seconds* is the CPU time of a whole
 verdict, *sensors seconds* what comparing the sensors takes of it.
 """  # noqa: E501
 Row = dict[str, Any]
-
-
-def said_of(path: Path) -> Said:
-    """Return what detector auto says of a log, before it is concluded."""
-    given = {"healthy": (), "mapping": (), "rate_hz": None, "false_alarms_per_hour": None, "attitude": FROM_LOG}
-    question = asked(path, "auto", **given)
-    return agreed(doubted(listened(learnt(chosen(opened(question)), silent), silent), silent), silent)
 
 
 def faults(kind: str, onset_s: float, strength: float) -> Iterator[tuple[str, gb.Fault]]:
@@ -99,15 +87,14 @@ def broken(sensor: SensorReadings, fault: gb.Fault) -> SensorReadings:
 
 def cases(path: Path) -> list[Row]:
     """Return what is said of a log, as it is and with each fault; an error's row where it can't be watched."""
-    began = time.process_time()
     try:
-        told = said_of(path)
+        whole = watch_whole(path)
     except gb.GtmbenchError as error:
         return [{"log": path.name, "kind": "", "fault": "", "said": "refused", "told": str(error)[:120]}]
-    began_sensors = time.process_time()
+    told = whole.said
+    began = time.process_time()
     clean = sensors_of(told)
-    sensors_s = time.process_time() - began_sensors
-    whole: WatchedLog = concluded(told)
+    sensors_s = time.process_time() - began
     rows = [
         {
             "log": path.name,
@@ -115,9 +102,9 @@ def cases(path: Path) -> list[Row]:
             "fault": "",
             "said": "not watched" if each.why_not else "accused" if each.failed else "open" if each.alarms else "quiet",
             "told": each.why_not or _told(each),
-            "log_s": began_sensors - began,
+            "log_s": whole.cpu_s,
             "sensors_s": sensors_s,
-            "outcome": whole.gyros_outcome.name,
+            "outcome": whole.watched.gyros_outcome.name,
         }
         for each in clean
     ]
@@ -131,27 +118,41 @@ def cases(path: Path) -> list[Row]:
     if not inside:
         return rows
     done: set[str] = set()
+    failing = {place for place, each in enumerate(clean) if each.failed is not None}
     for place, (sensor, of) in enumerate(zip(given, clean, strict=True)):
         kind = kind_of(sensor)
         is_read = np.any((sensor.time_s > onset_s) & (sensor.time_s < onset_s + LEFT_S))
-        if of.why_not or kind in done or not is_read:
+        if of.why_not or kind in done or not is_read or place in failing:
             continue
         done.add(kind)
         strength = float(np.median(np.linalg.norm(sensor.values, axis=1)))
         for name, fault in faults(kind, onset_s, strength):
             put = [*given[:place], broken(sensor, fault), *given[place + 1 :]]
             put_in = replace(told, learnt=replace(told.learnt, opened=replace(told.learnt.opened, sensors=tuple(put))))
-            rows.append({"log": path.name, "kind": kind, "fault": name, **_result(sensors_of(put_in), place, onset_s)})
+            rows.append(
+                {"log": path.name, "kind": kind, "fault": name, **_result(sensors_of(put_in), place, failing, onset_s)}
+            )
     return rows
 
 
-def _result(sensors: Sequence[WatchedSensor], place: int, onset_s: float) -> Row:
-    failed = [number for number, each in enumerate(sensors) if each.failed is not None]
+def _result(sensors: Sequence[WatchedSensor], place: int, failing: set[int], onset_s: float) -> Row:
+    failed = [number for number, each in enumerate(sensors) if each.failed is not None and number not in failing]
     own = sensors[place]
     after = [alarm for alarm in own.alarms if alarm.time_s >= onset_s]
     said = "wrong" if set(failed) - {place} else "right" if failed else "open" if after else "missed"
     told = "; ".join(f"{each.name}: {_told(each)}" for each in sensors if each.alarms)
-    return {"said": said, "told": told[:300], "delay_s": after[0].time_s - onset_s if after else np.inf}
+    why = "" if said in ("right", "wrong") else _why(own, after)
+    return {"said": said, "why": why, "told": told[:300], "delay_s": after[0].time_s - onset_s if after else np.inf}
+
+
+def _why(sensor: WatchedSensor, alarms: Sequence[gb.Alarm]) -> str:
+    """Return why a broken sensor isn't named for good."""
+    if not alarms:
+        return "no comparison goes beyond its bound"
+    named = next((alarm for alarm in alarms if alarm.sensor == sensor.kind), None)
+    if named is not None:
+        return f"named, and doubted: {re.sub(r'[0-9.]+ s', '... s', named.doubt)}"
+    return f"left between {' and '.join(alarms[0].candidates)}"
 
 
 def _told(sensor: WatchedSensor) -> str:
@@ -186,6 +187,14 @@ def report(rows: pd.DataFrame) -> list[str]:
     total = {word: int((put["said"] == word).sum()) for word in ("right", "wrong", "open", "missed")}
     accused = [f"- {row.log}, {row.kind}: {row.told}" for row in known[known["said"] == "accused"].itertuples()]
     wrong = [f"- {row.log}, {row.fault} of {row.kind}: {row.told}" for row in put[put["said"] == "wrong"].itertuples()]
+    whys = [
+        {"sensor": kind, "why": why, "faults": len(of)}
+        for (kind, why), of in put[put["said"].isin(["open", "missed"])].groupby(["kind", "why"], sort=False)
+    ]
+    unwatched = [
+        {"sensor": kind, "why": f"not compared: {told}", "faults": "-"}
+        for (kind, told), _ in known[known["said"] == "not watched"].groupby(["kind", "told"], sort=False)
+    ]
     costs = known.drop_duplicates("log")
     return [
         f"{rows['log'].nunique()} logs, {(clean['said'] == 'refused').sum()} refused; of {len(put)} faults {total}.",
@@ -194,6 +203,7 @@ def report(rows: pd.DataFrame) -> list[str]:
         "\n".join(accused),
         markdown(pd.DataFrame(by)) if by else "",
         "\n".join(wrong),
+        markdown(pd.DataFrame([*whys, *unwatched])) if whys or unwatched else "",
     ]
 
 

@@ -34,7 +34,10 @@ class Magnetometer:
     hard_iron_ut : tuple of 3 floats
         h, in microtesla: what remains of it after calibration.
     soft_iron : float
-        Size of S: its nine elements are drawn once, uniformly within this share, by the magnetometer's seed.
+        Size of S: its nine elements are drawn once, uniformly within this share.
+    iron_seed : int or None
+        By which they are drawn; None: by the seed of the noise. With a seed of its own it is one magnetometer on all of
+        its flights.
     noise : float
         Standard deviation of the white noise of each axis, as a share of F.
     rate_hz : float
@@ -59,6 +62,7 @@ class Magnetometer:
     declination_deg: float = 0.0
     hard_iron_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)
     soft_iron: float = 0.03
+    iron_seed: int | None = None
     noise: float = 0.005
     rate_hz: float = 50.0
     field_per_ampere_ut: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -68,6 +72,8 @@ class Magnetometer:
         number("inclination_deg", self.inclination_deg, -90.0, 90.0)
         number("declination_deg", self.declination_deg, -180.0, 180.0)
         number("soft_iron", self.soft_iron, 0.0, 0.5)
+        if self.iron_seed is not None:
+            whole("iron_seed", self.iron_seed)
         number("noise", self.noise, 0.0, 1.0)
         number("rate_hz", self.rate_hz, 0.0, above=True)
         for name in ("hard_iron_ut", "field_per_ampere_ut"):
@@ -105,7 +111,7 @@ def with_magnetometer(
     magnetometer : Magnetometer
         Which one, in which field.
     seed : int
-        Of its soft iron and its noise.
+        Of its noise, and of its soft iron where `Magnetometer.iron_seed` is None.
     current_a : sequence of float, optional
         The motor's current in amperes, one value a row. By default there is none.
 
@@ -133,7 +139,10 @@ def with_magnetometer(
     rows = is_read(truth, magnetometer.rate_hz, "magnetometer")
     body = Rotation.from_euler("ZYX", attitude[:, ::-1], degrees=True).inv().apply(magnetometer.north_east_down_ut())
     drawn = stream(seed, "magnetometer")
-    iron = np.eye(3) + magnetometer.soft_iron * drawn.uniform(-1.0, 1.0, (3, 3))
+    shape = drawn.uniform(-1.0, 1.0, (3, 3))  # drawn in any case: the noise after it is the same
+    if magnetometer.iron_seed is not None:
+        shape = stream(magnetometer.iron_seed, "magnetometer").uniform(-1.0, 1.0, (3, 3))
+    iron = np.eye(3) + magnetometer.soft_iron * shape
     noise = magnetometer.noise * magnetometer.strength_ut * drawn.standard_normal(body.shape)
     field = body @ iron.T + np.array(magnetometer.hard_iron_ut) + noise
     if current_a is not None:

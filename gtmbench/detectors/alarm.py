@@ -40,6 +40,8 @@ class Judgement:
         What may have raised the alarm although no sensor failed; empty if a sensor must have failed.
     imu : str
         The IMU of `sensor`, if a log has several.
+    axis : str
+        The channel of `sensor` that is wrong, of a sensor of several, where one alone is; empty otherwise.
     witness : str
         Which other sensor was asked to decide between the candidates, and what it tells; empty if none was.
 
@@ -63,6 +65,7 @@ class Judgement:
     reason: str = ""
     doubt: str = ""
     imu: str = ""
+    axis: str = ""
     witness: str = ""
 
     @property
@@ -76,7 +79,8 @@ class Judgement:
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.sensor is not None:
-            return f"{self.sensor} of {self.imu} failed" if self.imu else f"{self.sensor} failed"
+            named = f"{self.sensor} ({self.axis})" if self.axis else self.sensor
+            return f"{named} of {self.imu} failed" if self.imu else f"{named} failed"
         if self.doubt:
             return f"can't tell: {self.doubt}"
         return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"

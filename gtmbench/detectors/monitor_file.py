@@ -18,6 +18,7 @@ from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import installed, installed_names
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
+from gtmbench.detectors.crosscheck.crosscheck import CROSS_CHECK, CrossCheck, CrossCheckMonitor
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
@@ -37,6 +38,7 @@ BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] =
     "dissertation": restore_norm,
     "rival": restore_rival,
     "surfaces": restore_surfaces,
+    CROSS_CHECK: CrossCheck().restore,
 }
 
 _KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")  # version 2: without a digest
@@ -185,6 +187,8 @@ def kind_of(detector: Detector | Monitor) -> str:
         return "rival"
     if isinstance(detector, SurfaceDetector | SurfaceMonitor):
         return "surfaces"
+    if isinstance(detector, CrossCheck | CrossCheckMonitor):
+        return detector.name
     if detector.name in BUILT_IN:
         raise InputError(f"'{detector.name}' is the name of a detector of gtmbench; call yours otherwise")
     return detector.name

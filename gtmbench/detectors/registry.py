@@ -15,6 +15,7 @@ from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.crosscheck.crosscheck import CROSS_CHECK, CrossCheck
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
@@ -33,10 +34,10 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     Parameters
     ----------
     source : str or Path
-        ``dissertation``, ``auto``, the name of a bank, of a rival or of an installed detector; a bank's TOML file; a
-        monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that Python: a Detector, a
-        Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to the times of its
-        alarms.
+        ``dissertation``, ``auto``, ``cross-check``, the name of a bank, of a rival or of an installed detector; the
+        TOML file of a bank; a monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that
+        Python: a Detector, a Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to
+        the times of its alarms.
     calibrated : str or Path, optional
         A monitor's JSON file whose figures the detector restores.
 
@@ -99,6 +100,8 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
         return DissertationOperator()
     if name == AUTO:
         return AutoDetector()
+    if name == CROSS_CHECK:
+        return CrossCheck()
     if name in shipped_banks() or suffix == ".toml":
         return BankDetector(bank=load_bank(source))
     if suffix == ".json":
@@ -141,6 +144,7 @@ def detector_names() -> dict[str, str]:
         **banks,
         **{name: rival.title for name, rival in RIVALS.items()},
         **{name: detector.title for name, detector in SURFACE_DETECTORS.items()},
+        CROSS_CHECK: "magnetometer, GPS, accelerometers, airspeed and altitude, compared with each other",
     }
     return ours | {name: title for name, title in others.items() if name not in ours}
 

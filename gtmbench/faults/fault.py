@@ -188,8 +188,14 @@ class Fault:
         return broken
 
     def array(self, record: Record) -> FloatArray:
-        """Return the broken channel of a record, shape (samples,)."""
-        return self.broken(record.matrix(self.reads), record.time_s, record.sample_period_s)
+        """Return the broken channel of a record, shape (samples,); of a sensor of its own rate, only readings break."""
+        readings, time_s, period_s = record.matrix(self.reads), record.time_s, record.sample_period_s
+        read = np.isfinite(readings[:, 0])
+        if self.channel not in OF_OWN_RATE or read.all() or np.count_nonzero(read) < 2:
+            return self.broken(readings, time_s, period_s)
+        values = readings[:, 0].copy()
+        values[read] = self.broken(readings[read], time_s[read], float(np.median(np.diff(time_s[read]))))
+        return values
 
     def onwards(self, record: Record, stop: int) -> tuple[FloatArray, FloatArray]:
         """Return the channel from `onset_row` up to another row, without the fault and with it."""
@@ -322,21 +328,10 @@ def _broken(record: Record, faults: Sequence[Fault]) -> Record:
     for fault in faults:
         check_onset(fault, record.start_s, record.end_s)
         check_of_sensor(fault)
-        broken = {part.channel: _on_its_readings(part, record) for part in fault.parts}
+        broken = {part.channel: part.array(record) for part in fault.parts}
         for channel, values in broken.items():
             record = record.replace(channel, values)
     return record
-
-
-def _on_its_readings(fault: Fault, record: Record) -> FloatArray:
-    """Return the broken channel; of a sensor with a rate of its own, only its readings are broken."""
-    values = record[fault.channel]
-    read = np.isfinite(values)
-    if fault.channel not in OF_OWN_RATE or read.all() or np.count_nonzero(read) < 2:
-        return fault.array(record)
-    values, time_s = values.copy(), record.time_s[read]
-    values[read] = fault.broken(record.matrix(fault.reads)[read], time_s, float(np.median(np.diff(time_s))))
-    return values
 
 
 def _check_estimated(record: Record, attitude: object) -> None:

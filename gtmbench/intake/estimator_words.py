@@ -23,9 +23,14 @@ from gtmbench.values.record import FloatArray
 BIAS, RATIO = "gyro bias", "test ratio"
 _FEWEST = 10  # rows
 
+_DEG = 180.0 / np.pi
+_STEP_S = 0.01  # of PX4's filter; where a gyro's period doesn't go into it, up to a fifth shorter or longer
+_UNIT = 0.01  # by which the length of an attitude's quaternion may differ from 1
 # topics, and what their fields mean, by what is estimated or tested; of each the first that a log has
 _BIASES: Sequence[tuple[str, Mapping[str, str], float]] = (
-    (r"estimator_sensor_bias(#0)?", {name: f"gyro_bias[{axis}]" for axis, name in enumerate(GYROS)}, 180.0 / np.pi),
+    (r"estimator_sensor_bias(#0)?", {name: f"gyro_bias[{axis}]" for axis, name in enumerate(GYROS)}, _DEG),
+    # until 2020: attitude, velocity, position, and what is taken off the angle that a gyro turns in a step
+    (r"estimator_status(#0)?", {name: f"states[{10 + axis}]" for axis, name in enumerate(GYROS)}, _DEG / _STEP_S),
     (r"(X|N)KF1(#0)?|EKF1", dict(zip(GYROS, ("GX", "GY", "GZ"), strict=True)), 1.0),
 )
 _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
@@ -94,10 +99,18 @@ def estimator_words_of(log: ReadLog) -> tuple[EstimatorWord, ...]:
 def _biases(raw: RawLog, by_name: Mapping[str, RawSeries]) -> Iterator[EstimatorWord | None]:
     for pattern, fields, factor in _BIASES:
         topic = _topic(pattern, raw, by_name, fields.values())
-        if topic is not None:
-            for gyro, name in fields.items():
-                yield _word(BIAS, gyro, [by_name[f"{topic}.{name}"]], raw, factor)
-            return
+        if topic is not None and _begins_with_attitude(topic, by_name):
+            words = [_word(BIAS, gyro, [by_name[f"{topic}.{name}"]], raw, factor) for gyro, name in fields.items()]
+            if any(words):  # else a topic of few rows, and the next may tell
+                yield from words
+                return
+
+
+def _begins_with_attitude(topic: str, by_name: Mapping[str, RawSeries]) -> bool:
+    """Tell whether states, where a topic has them, are those of PX4's filter: other estimators log others there."""
+    states = [by_name.get(f"{topic}.states[{place}]") for place in range(4)]
+    told = [each.values() for each in states if each is not None]
+    return not told or abs(float(np.median(np.linalg.norm(told, axis=0))) - 1.0) < _UNIT
 
 
 def _ratios(raw: RawLog, by_name: Mapping[str, RawSeries]) -> Iterator[EstimatorWord | None]:

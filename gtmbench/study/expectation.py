@@ -7,10 +7,15 @@ from typing import Any
 
 from gtmbench.checks import keys, meant, number, shown, table_of, text
 from gtmbench.errors import InputError
-from gtmbench.values.channels import SENSORS, axis_of
+from gtmbench.values.channels import SENSORS, WHOLE, axis_of, names_of
 
 _KEYS = ("detect_within_s", "isolate_as", "kind", "undetectable_because")
-_OWN = {"channel": "the channel that the trial breaks", "axis": "it, or the other sensor of its axis"}
+_OWN = {
+    "channel": "the channel that the trial breaks",
+    "axis": "it, or the other sensor of its axis",
+    "sensor": "the sensor that it is a part of: magnetometer, gps, accelerometers",
+}
+_KNOWN = (*SENSORS, *WHOLE, *_OWN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,11 +78,11 @@ def _sensors(where: str, given: Any, channel: str) -> tuple[str, ...]:
     """Return the sensors that are meant, each once."""
     named = given if isinstance(given, list) else [given]
     for name in named:
-        if not isinstance(name, str) or name not in (*SENSORS, *_OWN):
+        if not isinstance(name, str) or name not in _KNOWN:
             own = ", ".join(f"'{word}' ({meaning})" for word, meaning in _OWN.items())
-            known = f"there are {', '.join(SENSORS)}, and {own}{meant(name, (*SENSORS, *_OWN))}"
+            known = f"there are {', '.join((*SENSORS, *WHOLE))}, and {own}{meant(name, _KNOWN)}"
             raise InputError(f"{where}: no sensor {shown(name)}; {known}")
     if not named:
         raise InputError(f"{where} is an empty list; name a sensor, or those that it may be left between")
-    words = {"channel": (channel,), "axis": axis_of(channel)}
+    words = {"channel": (channel,), "axis": axis_of(channel), "sensor": names_of(channel)[-1:]}
     return tuple(dict.fromkeys(sensor for name in named for sensor in words.get(name, (name,))))

@@ -23,7 +23,7 @@ from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import find_fault
 from gtmbench.study.expectation import Expectation, expectations
-from gtmbench.values.channels import CHANNELS, breakable_list, unit_of
+from gtmbench.values.channels import OF_OWN_RATE, breakable_list, unit_of
 from gtmbench.values.record import Record
 
 _SHARE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*%\s*of\s+(\w+)\s*")
@@ -172,7 +172,7 @@ def _fault(
     settings = {item.name: block[item.name] for item in cls.parameters() if item.name in block and not item.is_severity}
     for item in cls.parameters():
         if item.is_channel and item.name in settings:
-            breakable_list(f"{where}: {item.name}", [settings[item.name]])
+            _breakable(f"{where}: {item.name}", [settings[item.name]])
     figures: dict[str, Any] = {name: given.value for name, given in severities.items()}
     with naming(where):  # the fault itself knows what its parameters may be; a share can't be wrong
         fault = cls(
@@ -184,7 +184,7 @@ def _fault(
             **figures,
             **settings,
         )
-        check_faults([fault], 0.0, flight_s)
+        check_faults([fault], 0.0, flight_s, beside=OF_OWN_RATE)
     return fault
 
 
@@ -228,9 +228,9 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
     first, *also = faults if isinstance(faults, (tuple, list)) and faults else [faults]
     if not isinstance(first, Fault) or not isinstance(getattr(first, "kind", None), str):
         raise InputError(f"{shown(first)} is no fault with a kind; give one such as Jam(channel='p', onset_s=300)")
-    breakable_list(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
+    _breakable(f"{first.kind}: channels", list(dict.fromkeys(first.reads)))
     number(f"{first.kind}: onset_s", first.onset_s, 0.0, flight_s)
-    check_faults([first], 0.0, flight_s)
+    check_faults([first], 0.0, flight_s, beside=OF_OWN_RATE)
     return FaultSpec(fault=first, also=tuple(spec_of(other, flight_s) for other in also))
 
 
@@ -241,13 +241,18 @@ def build(spec: FaultSpec, severities: dict[str, float]) -> Fault:
 
 
 def _channels(channels: Any, unit: Any, where: str, *, key: str = "channels") -> tuple[str, ...]:
-    names = breakable_list(f"{where}: {key}", channels)
+    names = _breakable(f"{where}: {key}", channels)
     for name in names:
-        if unit is not None and unit != CHANNELS[name].unit:
+        if unit is not None and unit != unit_of(name):
             raise InputError(
-                f"{where}: unit is {shown(unit)}, but channel '{name}' is in {CHANNELS[name].unit}; convert the figures"
+                f"{where}: unit is {shown(unit)}, but channel '{name}' is in {unit_of(name)}; convert the figures"
             )
     return names
+
+
+def _breakable(where: str, channels: Any) -> tuple[str, ...]:
+    """Return channels that can break, of a GPS and a magnetometer, too: whether the flight has these, others check."""
+    return breakable_list(where, channels, beside=OF_OWN_RATE)
 
 
 def _severities(parameters: tuple[Parameter, ...], block: Mapping[str, Any], where: str) -> list[dict[str, Severity]]:

@@ -13,7 +13,8 @@ from gtmbench.bench.controller import found_controller
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import fly_in_loop
-from gtmbench.bench.loop_flight import DEPARTURE, LoopEvent, LoopFlight
+from gtmbench.bench.loop_flight import DEPARTURE, OUT_OF_LOOP, LoopEvent, LoopFlight
+from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import SensorChain
 from gtmbench.bench.sensors import measure
 from gtmbench.bench.trim import Trim
@@ -26,7 +27,7 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
 from gtmbench.study.trial import Injection
 from gtmbench.values.attitude import OWN
-from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, SENSORS, unit_of
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, SENSORS, unit_of
 from gtmbench.values.record import Record
 
 BROKEN = 2  # the record that is broken in the trials
@@ -51,23 +52,30 @@ class Flown:
         """Return what the sensors read, record 0, 1, 2, ...: the same flight, other noise."""
         if number not in self._last:  # the trials of a record ask for it one after the other
             self._last.clear()
-            self._last[number] = self._with_setups_attitude(self._measured(number), self.flight, number)
+            self._last[number] = self._read(self.flight, number)
         return self._last[number]
 
-    def _measured(self, number: int, truth: Record | None = None) -> Record:
+    def _read(self, truth: Record, number: int) -> Record:
+        """Return what all sensors read of a flight."""
+        own = self._with_setups_attitude(self._measured(number, truth), truth, number)
+        return self._with_others(own, truth, number)
+
+    def _with_others(self, readings: Record, truth: Record, number: int) -> Record:
+        """Return readings with those of the setup's magnetometer and GPS."""
+        return self.setup.others.beside(readings, truth, _noise_seed(self.setup, number))
+
+    def _measured(self, number: int, truth: Record) -> Record:
         """Return what the sensors read of this flight, or of another.
 
         Each channel's noise has the amplitude that it has in the study: a signal-to-noise ratio would give another on
         another flight.
         """
         setup, seed, chain = self.setup, _noise_seed(self.setup, number), _chain(self.setup)
-        is_other = truth is not None and truth is not self.flight
+        is_other = truth is not self.flight
         of = truth if is_other and chain is not None else self.flight  # a chain's noise is no difference of two records
-        assert of is not None
         readings = measure(of, snr=setup.snr, noise=setup.noise, seed=seed, commands=self.commands, sensors=chain)
         if not is_other or chain is not None:
             return readings
-        assert truth is not None
         noise = readings.values - self.flight.matrix(readings.channels)
         values = truth.matrix(readings.channels) + noise[: len(truth)]
         return Record(values, channels=readings.channels, sample_period_s=truth.sample_period_s)
@@ -84,7 +92,7 @@ class Flown:
     def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
         """Return what the same sensors read on another flight; `number` is of the noise, as `sensed` has it."""
         truth = _flown_open(replace(self.setup, excitation=excitation, duration_s=duration_s, seed=seed))
-        return self._with_setups_attitude(self._measured(number, truth), truth, number)
+        return self._read(truth, number)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
@@ -95,7 +103,7 @@ class Flown:
         faults = self.faults(spec)
         truth = self._flown_with(faults)
         broken, healthy = self._injected(faults, number, truth), self._healthy(number, truth)
-        return _injection(scenario, faults, truth, broken), healthy
+        return _injection(scenario, faults, self._true(truth), broken), healthy
 
     def bends(self, faults: Sequence[Fault]) -> bool:
         """Say whether faults bend channels beside those that they break: by a flight, or by way of an estimator."""
@@ -117,21 +125,28 @@ class Flown:
         return _flown_open(self.setup, of_surfaces)
 
     def _healthy(self, number: int, truth: Record) -> Record:
-        if truth is self.flight:
-            return self.sensed(number)
-        return self._with_setups_attitude(self._measured(number, truth), truth, number)
+        return self.sensed(number) if truth is self.flight else self._read(truth, number)
 
     def _injected(self, faults: Sequence[Fault], number: int, truth: Record) -> Record:
         of_sensors = [fault for fault in faults if not is_of_surface(fault)]
         healthy = self._healthy(number, truth)
         if self.bends(of_sensors):
-            bent = self._with_setups_attitude(inject(self._measured(number, truth), of_sensors), truth, number)
+            own = [fault for fault in of_sensors if not _is_of_others(fault)]
+            bent = self._with_setups_attitude(inject(self._measured(number, truth), own), truth, number)
             healthy = _with_attitude(healthy, bent)
         return inject(healthy, of_sensors)
 
     def faults(self, spec: FaultSpec) -> tuple[Fault, ...]:
         """Return a trial's faults, their severities resolved against the flight."""
-        return spec.faults(self.flight.between(*self.setup.severity_reference_s))
+        return spec.faults(self.truth.between(*self.setup.severity_reference_s))
+
+    @cached_property
+    def truth(self) -> Record:
+        """The flight, with what the setup's magnetometer and GPS would read of it without noise."""
+        return self.setup.others.true(self.flight)
+
+    def _true(self, flight: Record) -> Record:
+        return self.truth if flight is self.flight else self.setup.others.true(flight)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -147,25 +162,38 @@ class FlownInLoop(Flown):
 
     def sensed(self, number: int) -> Record:
         """Return what the sensors read, record 0, 1, 2, ...: the same air and excitation, other noise."""
-        if number == BROKEN:
-            return self.healthy.readings(commands=self.commands)
-        return _flown_healthy(self.setup, number).readings(commands=self.commands)
+        return self._read_in_loop(self.healthy if number == BROKEN else _flown_healthy(self.setup, number), number)
+
+    def _read_in_loop(self, flight: LoopFlight, number: int) -> Record:
+        return self._with_others(flight.readings(commands=self.commands), flight.truth, number)
 
     def elsewhere(self, excitation: str, duration_s: float, seed: int, number: int) -> Record:
         """Return what the same sensors read on another flight of the same autopilot."""
         other = replace(self.setup, excitation=excitation, duration_s=duration_s)
-        return _flown_healthy(other, number, seed).readings(commands=self.commands)
+        return self._read_in_loop(_flown_healthy(other, number, seed), number)
 
     def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
-        """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope."""
+        """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope.
+
+        Nobody in the loop reads the magnetometer and the GPS: their faults are put into their readings.
+        """
         faults = self.faults(spec)
-        flight = _flown_in_loop(self.setup, number, faults)
-        injection = _injection(scenario, faults, flight.truth, flight.readings(commands=self.commands), flight.events)
+        flight = _flown_in_loop(self.setup, number, [fault for fault in faults if not _is_of_others(fault)])
+        healthy = self._read_in_loop(flight, number)
+        unread = [fault for fault in faults if _is_of_others(fault) and fault.onset_s <= healthy.end_s]
+        events = [LoopEvent(time_s=fault.onset_s, kind=OUT_OF_LOOP, channel=fault.channel) for fault in unread]
+        told = sorted([*flight.events, *events], key=lambda event: event.time_s)
+        injection = _injection(scenario, faults, self._true(flight.truth), inject(healthy, unread), told)
         noise_seed = _noise_seed(self.setup, number)
         unbroken = measure(flight.truth, noise=self.setup.noise, seed=noise_seed, sensors=_chain(self.setup))
         if self.setup.attitude != OWN:
             unbroken = _with_attitude(unbroken, self._with_setups_attitude(flight.sensed, flight.truth, number))
-        return injection, unbroken
+        return injection, self._with_others(unbroken, flight.truth, number)
+
+
+def _is_of_others(fault: Fault) -> bool:
+    """Tell whether a fault breaks the magnetometer or the GPS."""
+    return fault.channel in OF_OWN_RATE
 
 
 def _with_attitude(record: Record, of: Record) -> Record:
@@ -267,9 +295,9 @@ def fly_setup(setup: Setup, commands: bool, tell: Tell) -> Flown:
     return FlownInLoop(setup=setup, trim=trimmed, flight=healthy.truth, healthy=healthy, commands=commands)
 
 
-def check_flown(detector: str, channels: Iterable[str]) -> None:
+def check_flown(detector: str, channels: Iterable[str], others: OtherSensors) -> None:
     """Refuse, before anything is flown, a detector that needs what no flight has."""
-    there = (*SENSORS, *COMMANDS)
+    there = (*SENSORS, *COMMANDS, *others.channels)
     missing = [channel for channel in channels if channel not in there]
     if missing:
         raise InputError(f"'{detector}' needs {', '.join(missing)}, which no flight has; there are {', '.join(there)}")

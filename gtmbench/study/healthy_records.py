@@ -18,6 +18,7 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.imperfections import Imperfections, drawn, imperfect
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED, fly_in_loop
+from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES, measure
 from gtmbench.checks import meant, naming, number, whole
@@ -68,6 +69,8 @@ class CalibrationFlights:
         How much later than the other sensors' the attitude's samples are.
     sensors : str
         "ideal", or "chain": the aircraft's own chain lies between motion and readings.
+    others : OtherSensors
+        The magnetometer and the GPS that read, too.
 
     Raises
     ------
@@ -92,6 +95,7 @@ class CalibrationFlights:
     attitude: str = OWN
     attitude_late_s: float = 0.0
     sensors: str = IDEAL
+    others: OtherSensors = field(default_factory=OtherSensors)
 
     def __post_init__(self) -> None:
         whole("flights", self.flights, 1, _MOST_FLIGHTS)
@@ -115,8 +119,10 @@ class CalibrationFlights:
         progress : callable
             Told the step, how many are flown, and of how many.
         """
-        check_flown(detector.name, detector.channels)
-        return self._all_flown(detector.channels or SENSORS, self.loops(detector), processes, progress)
+        check_flown(detector.name, detector.channels, self.others)
+        return self._all_flown(
+            detector.channels or (*SENSORS, *self.others.channels), self.loops(detector), processes, progress
+        )
 
     def sensed(self, channels: Sequence[str], *, processes: int = 1, progress: Progress = silent) -> list[Record]:
         """Fly, and return what some sensors read (and commands, where they are named), as `records` does."""
@@ -149,6 +155,7 @@ class CalibrationFlights:
             **({"attitude": self.attitude} if self.attitude != OWN else {}),
             **({"sensors": self.sensors} if self.sensors != IDEAL else {}),
             **({"attitude_late_s": self.attitude_late_s} if self.attitude_late_s else {}),
+            **self.others.facts,
             **_common(self.imperfections),
         }
 
@@ -232,14 +239,16 @@ def _flown(task: tuple[CalibrationFlights, tuple[str, ...], int, bool]) -> Recor
     flights, channels, seed, in_loop = task
     if in_loop:
         how = (flights.aircraft, flights.excitation, flights.duration_s, seed)
-        readings = fly_in_loop(*how, noise=flights.noise, sensors=flights.sensors).readings(commands=True)
-        return _with(readings, flights.imperfections, seed).select(channels)
+        flown = fly_in_loop(*how, noise=flights.noise, sensors=flights.sensors)
+        read = _with(flown.readings(commands=True), flights.imperfections, seed)
+        return flights.others.beside(read, flown.truth, seed).select(channels)
     flight = _truth(flights, seed)
     chain = load_aircraft(flights.aircraft).chain_of(flights.sensors)
     measured = measure(flight, noise=flights.noise, seed=seed, commands=True, sensors=chain)
     gyros = _with(measured, flights.imperfections, seed)  # an estimator reads them as they are
     estimated = estimated_attitude(gyros, flight, flights.attitude, seed)
-    return with_late_attitude(estimated, flights.attitude_late_s).select(channels)
+    late = with_late_attitude(estimated, flights.attitude_late_s)
+    return flights.others.beside(late, flight, seed).select(channels)
 
 
 def _truth(flights: CalibrationFlights, seed: int) -> Record:

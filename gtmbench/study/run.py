@@ -187,7 +187,7 @@ def _baseline(flown: Flown, name: str, monitor: Monitor, healthy: Record, watche
         detector=name,
         setup=flown.setup,
         trim=flown.trim,
-        flight=flown.flight,
+        flight=flown.truth,
         healthy=healthy,
         monitor=monitor,
         watch=watches[0],

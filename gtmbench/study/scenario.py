@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,11 @@ from gtmbench.bench.airborne import LONGEST_S
 from gtmbench.bench.autopilot import Autopilot, autopilot_of
 from gtmbench.bench.controller import found_controller
 from gtmbench.bench.excitation import parts_of
+from gtmbench.bench.gps import Gps
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.loop import GAINS_WANTED
+from gtmbench.bench.magnetometer import Magnetometer
+from gtmbench.bench.other_sensors import OtherSensors, gps_of, magnetometer_of
 from gtmbench.bench.sensor_chain import CHAIN, IDEAL
 from gtmbench.bench.sensors import NOISES, SNR_SPAN
 from gtmbench.checks import keys, meant, naming, number, shown, table_of, text, whole
@@ -22,7 +25,7 @@ from gtmbench.files.disk import is_file
 from gtmbench.files.shipped import read_shipped, shipped_scenarios
 from gtmbench.study.fault_tables import FaultSpec, fault_specs
 from gtmbench.values.attitude import OWN, estimator_of
-from gtmbench.values.channels import CHANNELS, sensor_list
+from gtmbench.values.channels import CHANNELS, OF_OWN_RATE, names_of, sensor_list
 from gtmbench.values.record import Span
 
 _MOST_TRIALS = 1000
@@ -71,6 +74,8 @@ class Setup:
     attitude: str = OWN  # whose it is: a vertical gyro's own, or that of an estimator of `ESTIMATORS`
     sensors: str = IDEAL  # what lies between motion and readings: nothing, or the aircraft's own chain
     attitude_late_s: float = 0.0  # how much later than the other sensors' the attitude's samples are
+    magnetometer: Magnetometer | None = None
+    gps: Gps | None = None
     severity_reference_s: Span = (25.0, 300.0)
     autopilot: Autopilot | None = None
     controller: str | None = None  # FILE.py:OBJECT, of a file that the user has imported
@@ -89,14 +94,21 @@ class Setup:
         return self.autopilot is not None or self.controller is not None
 
     @property
+    def others(self) -> OtherSensors:
+        """The sensors beside the aircraft's own."""
+        return OtherSensors(magnetometer=self.magnetometer, gps=self.gps)
+
+    @property
     def facts(self) -> dict[str, object]:
-        """As plain values; ideal sensors go without saying, and no controller."""
+        """As plain values; ideal sensors go without saying, and a controller and sensors that aren't there."""
         stated = asdict(self)
         if self.sensors == IDEAL:
             del stated["sensors"]
-        if self.controller is None:
-            del stated["controller"]
-        return stated
+        return {
+            name: each
+            for name, each in stated.items()
+            if each is not None or name not in ("controller", "magnetometer", "gps")
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +129,25 @@ class Scenario:
     faults: tuple[FaultSpec, ...]
     states_noise: bool = True
     states_sensors: bool = True
+
+    def __post_init__(self) -> None:
+        check_aboard(self.setup, self.faults)
+
+
+def check_aboard(setup: Setup, specs: Iterable[FaultSpec]) -> None:
+    """Refuse faults of a magnetometer or a GPS that no flight of a setup has.
+
+    Raises
+    ------
+    InputError
+        Naming the fault, and the table that is missing.
+    """
+    for spec in specs:
+        check_aboard(setup, spec.also)
+        for channel in spec.fault.reads:
+            if channel in OF_OWN_RATE and channel not in setup.others.channels:
+                table = names_of(channel)[-1]
+                raise InputError(f"{spec.text}: the flight has no '{channel}'; add a table [{table}]")
 
 
 def load_scenario(source: str | Path) -> Scenario:
@@ -439,6 +470,8 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "attitude": _attitude,
     "sensors": _sensors,
     "attitude_late_s": lambda key, value: number(key, value, 0.0, 10.0),
+    "magnetometer": magnetometer_of,
+    "gps": gps_of,
     "severity_reference_s": _times,
     "autopilot": table_of,
     "controller": _controller,

@@ -18,6 +18,7 @@ Of one watch of a record with one fault or several, for any detector:
   missed, or left undecided, and then `candidates` are what it is left between.
 - *axis right*: there are candidates, and all lie on the axes of sensors that had failed. A gyro and the angle that it
   turns are one axis (p and phi, q and theta, r and psi); any other sensor is one of its own.
+- a sensor of several channels (magnetometer, gps, accelerometers) has failed where one of its channels has.
 - *kind right*: the kind is that of a fault of the sensor that is named, or likeliest, begun by then, or what physically
   is the same (`SAME_KINDS`).
 """
@@ -35,7 +36,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
-from gtmbench.values.channels import COMMANDS, axis_of
+from gtmbench.values.channels import COMMANDS, OF_OWN_RATE, axis_of, names_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
@@ -290,13 +291,13 @@ class _Truth:
         return tuple(fault for fault in self.faults if fault.onset_s <= time_s + _TIE)
 
     def failed(self, time_s: float) -> frozenset[str]:
-        """Return the channels that had failed by a time."""
-        return _changed(self.begun(time_s))
+        """Return the channels that had failed by a time, and the sensors that these are parts of."""
+        return _named(self.begun(time_s))
 
     def judged_right(self, judged: Judgement, time_s: float) -> Fault | None:
         """Return the fault, begun by a time, that a judgement has the kind of, and the sensor."""
         likeliest = set(judged.candidates[:1])
-        own = (fault for fault in self.begun(time_s) if likeliest & set(fault.changes))
+        own = (fault for fault in self.begun(time_s) if likeliest & _named([fault]))
         return next((fault for fault in own if self._is_kind(fault, judged.kind, time_s)), None)
 
     def _is_kind(self, fault: Fault, kind: str | None, time_s: float) -> bool:
@@ -335,13 +336,17 @@ class _Truth:
 
     def gone_s(self, sensor: str | None) -> float | None:
         """Return when the last fault of a sensor ends (of any, where it never failed); None where one lasts."""
-        own = [fault for fault in self.faults if sensor in fault.changes] or self.faults
+        own = [fault for fault in self.faults if sensor in _named([fault])] or self.faults
         ends_s = [math.inf if fault.duration_s is None else fault.onset_s + fault.duration_s for fault in own]
         return max(ends_s) if max(ends_s) < math.inf else None
 
 
 def _changed(faults: Iterable[Fault]) -> frozenset[str]:
     return frozenset(channel for fault in faults for channel in fault.changes)
+
+
+def _named(faults: Iterable[Fault]) -> frozenset[str]:
+    return frozenset(name for channel in _changed(faults) for name in names_of(channel))
 
 
 def first_after(alarms: Iterable[Alarm], onset_s: float) -> Alarm | None:
@@ -368,6 +373,8 @@ def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record | Map
         own = [fault.active(healthy.time_s) for fault in faults if channel in fault.changes]
         active = np.logical_or.reduce(own)
         was, became = healthy[channel][active], broken[channel][active]
+        if channel in OF_OWN_RATE:  # between its readings there is nothing to alter
+            was, became = was[np.isfinite(was)], became[np.isfinite(was)]
         altered.append((was != became) & ~(np.isnan(was) & np.isnan(became)))
     samples = np.concatenate(altered)
     return float(np.mean(samples)) if len(samples) else 0.0

@@ -91,7 +91,7 @@ class Calibrator:
     def of(cls, setup: Setup, watchers: Mapping[str, Any]) -> Calibrator:
         """Refuse what doesn't fit the study's sensors: before anything is flown."""
         for name, watcher in watchers.items():
-            check_flown(name, watcher.channels)
+            check_flown(name, watcher.channels, setup.others)
         for name, watcher in watchers.items():
             if is_ready(watcher):
                 _check_period(name, watcher)
@@ -205,5 +205,6 @@ def _origin(setup: Setup) -> dict[str, Any]:
         "seed": _seed(setup, 0),
         **({"sensors": setup.sensors} if setup.sensors != IDEAL else {}),
         **({"attitude": setup.attitude} if setup.attitude != OWN_ATTITUDE else {}),
+        **setup.others.facts,
         **setup.trim_point,
     }

@@ -118,6 +118,10 @@ GYROS, ATTITUDE, ACCELEROMETERS = ("p", "q", "r"), ("phi", "theta", "psi"), ("nx
 MAGNETOMETER = ("mag_x", "mag_y", "mag_z")  # the field in microtesla: forward, right, down
 GPS_VELOCITY = ("gps_north", "gps_east", "gps_down")  # over ground, in m/s
 OF_OWN_RATE = (*MAGNETOMETER, *GPS_VELOCITY)  # slower than most records, in which rows between readings are missing
+# sensors of several channels, which fail, and are named, as one
+WHOLE = {"magnetometer": MAGNETOMETER, "gps": GPS_VELOCITY, "accelerometers": ACCELEROMETERS}
+_WHOLE_OF = {channel: sensor for sensor, channels in WHOLE.items() for channel in channels}
+_UNITS_OF_OWN_RATE = dict.fromkeys(MAGNETOMETER, "uT") | dict.fromkeys(GPS_VELOCITY, "m/s")
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
@@ -134,13 +138,22 @@ def axis_of(name: str) -> tuple[str, ...]:
     return _AXES.get(name, (name,))
 
 
+def names_of(channel: str) -> tuple[str, ...]:
+    """Return the names by which a channel's sensor may be called: its own, and that of the sensor it is a part of.
+
+    >>> names_of("gps_down"), names_of("p")
+    (('gps_down', 'gps'), ('p',))
+    """
+    return (channel, _WHOLE_OF[channel]) if channel in _WHOLE_OF else (channel,)
+
+
 def unit_of(name: str) -> str:
     """Return a channel's unit, or "" for a channel that the table doesn't know.
 
-    >>> unit_of("p"), unit_of("strain_3")
-    ('deg/s', '')
+    >>> unit_of("p"), unit_of("gps_down"), unit_of("strain_3")
+    ('deg/s', 'm/s', '')
     """
-    return CHANNELS[name].unit if name in CHANNELS else ""
+    return CHANNELS[name].unit if name in CHANNELS else _UNITS_OF_OWN_RATE.get(name, "")
 
 
 def header_of(name: str) -> str:
@@ -177,13 +190,13 @@ def sensor_list(key: str, value: Any) -> tuple[str, ...]:
     return _listed(key, value, SENSORS, "no sensor channel")
 
 
-def breakable_list(key: str, value: Any) -> tuple[str, ...]:
+def breakable_list(key: str, value: Any, beside: tuple[str, ...] = ()) -> tuple[str, ...]:
     """Return a list of channels that can break, sensors, surfaces and the throttle, as `sensor_list` does of sensors.
 
-    >>> breakable_list("channels", ["q", "elevator"])
-    ('q', 'elevator')
+    >>> breakable_list("channels", ["q", "elevator"]), breakable_list("channels", ["mag_x"], beside=OF_OWN_RATE)
+    (('q', 'elevator'), ('mag_x',))
     """
-    return _listed(key, value, (*SENSORS, *COMMANDS), "no channel that can break is")
+    return _listed(key, value, (*SENSORS, *COMMANDS, *beside), "no channel that can break is")
 
 
 def _listed(key: str, value: Any, known: tuple[str, ...], refused: str) -> tuple[str, ...]:

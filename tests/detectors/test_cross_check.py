@@ -63,8 +63,47 @@ def test_a_broken_sensor_is_named(flight, monitor, sensor, fault):
     assert alarms[0].time_s >= ONSET_S
 
 
+@pytest.mark.parametrize(
+    ("faults", "axis"),
+    [
+        ([gb.Bias(channel="mag_y", onset_s=ONSET_S, size=12.0)], "mag_y"),
+        ([gb.Jam(channel="mag_z", onset_s=ONSET_S)], "mag_z"),
+        ([gb.Noise(channel="gps_down", onset_s=ONSET_S, deviation=3.0)], "gps_down"),
+        ([gb.Bias(channel=name, onset_s=ONSET_S, size=8.0) for name in MAGNETOMETER], ""),
+        ([gb.Noise(channel=name, onset_s=ONSET_S, deviation=3.0) for name in GPS_VELOCITY], ""),
+        ([gb.Bias(channel="nz", onset_s=ONSET_S, size=0.4)], ""),
+    ],
+    ids=str,
+)
+def test_the_axis_is_named_where_one_alone_is_wrong(flight, monitor, faults, axis):
+    alarm = monitor.watch(gb.inject(flight, faults)).alarms[0]
+    assert alarm.last.axis == axis
+    assert (f"({axis}) failed" in alarm.verdict) == bool(axis)
+
+
 def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
+
+
+@pytest.mark.parametrize("start_s", [5.0, 20.03, 33.33, 40.1, 61.17])
+def test_a_healthy_record_may_begin_in_flight(flight, monitor, start_s):
+    """Its first readings of the GPS tell of the time before it, and its first block may hold few."""
+    watch = monitor.watch(flight.between(start_s, flight.end_s))
+    assert watch.alarms == ()
+    assert max(np.nanmax(score.values[:300]) for score in watch.scores.values()) < 0.8
+    taught = gb.CrossCheck().calibrate([flight.between(start_s, flight.end_s)])
+    whole = gb.CrossCheck().calibrate([flight])
+    for name, learnt in taught.learnt.items():
+        np.testing.assert_allclose(learnt.noise, whole.learnt[name].noise, rtol=0.5, err_msg=name)
+
+
+def test_gusts_take_nothing_off_a_pull_up_without_them(flight):
+    """In the airspeed's own changes gusts stand: fitted to these, they would pass for 30 to 60 % of its scale."""
+    learnt = gb.CrossCheck().calibrate([flight]).learnt["air, accelerometers"]
+    calm = gb.measure(gb.fly("gtm", "doublets", 60.0, seed=3), noise="t2")
+    (told,) = (each for each in relations(Motion.of(calm), 0.0, None) if each.name == "air, accelerometers")
+    assert np.nanmax(np.abs(calm["nz"] - 1.0)) > 0.3  # it is pulled up
+    assert np.nanstd(learnt.errors(told), axis=0).max() < 0.2  # m/s2
 
 
 @pytest.mark.parametrize(
@@ -125,6 +164,31 @@ def test_a_wind_that_changes_clears_no_broken_sensor(flight, monitor, sensor, fa
     """A relation that the wind may have violated says nothing of sensors that don't enter it."""
     first, *_ = monitor.watch(gb.inject(carried(flight, 20.0, 24.0), fault)).alarms
     assert all(sensor in judged.candidates for judged in first.judgements)
+
+
+@pytest.fixture(scope="module")
+def without_gps(flight):
+    """Return readings whose altitude only the accelerometers are compared with, and who learnt on them."""
+    record = flight.select([*GYROS, *ATTITUDE, "nx", "ny", "nz", "altitude"])
+    return record, gb.CrossCheck(by_itself=False).calibrate([record.between(0.0, LEARNT_S)])
+
+
+@pytest.mark.parametrize(
+    ("fault", "named"),
+    [
+        (gb.Noise(channel="altitude", onset_s=ONSET_S, deviation=60.0), "altitude"),
+        (gb.Bias(channel="altitude", onset_s=ONSET_S, size=200.0), "altitude"),
+        (gb.Hardover(channel="nz", onset_s=ONSET_S, limit=60.0), None),  # what it reads may be wrong
+        (gb.Noise(channel="nz", onset_s=ONSET_S, deviation=40.0), None),
+        (gb.Spikes(channel="nx", onset_s=ONSET_S, size=200.0, rate_hz=5.0), None),
+        (gb.Bias(channel="nz", onset_s=ONSET_S, size=3.0), None),
+    ],
+    ids=str,
+)
+def test_an_altitude_that_no_force_moves_is_named_and_no_force_that_is_read_names_it(without_gps, fault, named):
+    record, monitor = without_gps
+    alarms = monitor.watch(gb.inject(record, fault)).alarms
+    assert {judged.sensor for alarm in alarms for judged in alarm.judgements} - {None} == {named} - {None}
 
 
 def test_turbulence_after_a_calm_is_no_sensor(flight):

@@ -51,5 +51,19 @@ def test_of_px4_the_largest_of_a_sensors_axes(record, tmp_path):
     assert words[RATIO, "heading"].values == pytest.approx(np.full(30, 0.1), rel=1e-5)
 
 
+@pytest.mark.parametrize(("quaternion", "is_told"), [((0.6, 0.0, 0.8, 0.0), True), ((5.0, 1.0, 0.0, 0.0), False)])
+def test_of_an_old_px4_the_states_of_its_filter_and_of_no_other(record, tmp_path, quaternion, is_told):
+    """Of the filter with an attitude first; another estimator has positions and velocities there."""
+    zeros = (0.0,) * 6
+    rows = [(t, *quaternion, *zeros, 1e-4 * v, 2e-4, -1e-4 * v, 0.0) for t, v in zip(TIME_S, RISING, strict=True)]
+    more = {"estimator_status": (["float[14] states"], rows)}
+    words = found(tmp_path / "log.ulg", px4(record, more=more))
+    assert ((BIAS, "p") in words) == is_told
+    if is_told:
+        assert words[BIAS, "p"].values == pytest.approx(np.rad2deg(1e-2 * RISING), rel=1e-5)
+        assert words[BIAS, "q"].values == pytest.approx(np.rad2deg(2e-2), rel=1e-5)
+        assert words[BIAS, "r"].columns == ("estimator_status.states[12]",)
+
+
 def test_a_log_that_tells_nothing_has_none(record, tmp_path):
     assert found(tmp_path / "log.bin", ardupilot([record])) == {}

@@ -107,7 +107,7 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
         assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
     assert [len(load_scenario(tmp_path / f"{name}.toml").faults) for name in ("gusts", "chain")] == [5, 2]
     chain = "".join(blocks(page, "sh")).splitlines()
-    assert len(chain) == 5
+    assert len(chain) == 6
     for line in chain:
         _, command, *arguments = shlex.split(line, comments=True)
         cheap = ["--no-figures", "--no-recording"] if command == "run" else []

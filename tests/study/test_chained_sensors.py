@@ -123,7 +123,7 @@ def test_a_campaign_calibrates_on_the_sensors_of_its_flights(tmp_path):
         files[name].write_text(STATED.format(sensors=f'sensors = "{name}"'))
         assert gb.load_campaign(files[name]).calibration.sensors == name
     files["both"].write_text(f"scenarios = ['{files['ideal']}', '{files['chain']}']\n")
-    with pytest.raises(gb.InputError, match="sensors are chain and ideal in its scenarios"):
+    with pytest.raises(gb.InputError, match="sensors is chain and ideal in its scenarios"):
         gb.load_campaign(files["both"])
 
 

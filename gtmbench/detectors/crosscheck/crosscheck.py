@@ -13,7 +13,7 @@ from gtmbench.checks import number
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.base import BaseMonitor
 from gtmbench.detectors.crosscheck.learnt import Learnt
-from gtmbench.detectors.crosscheck.naming import NAMED, Seen, candidates, text
+from gtmbench.detectors.crosscheck.naming import NAMED, Seen, axis_of, candidates, text
 from gtmbench.detectors.crosscheck.own import OwnNoise, own_ratios
 from gtmbench.detectors.crosscheck.relations import (
     BLOCK_S,
@@ -33,8 +33,10 @@ from gtmbench.method.windowed_alarms import came_down
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record, check_record
 
+CROSS_CHECK = "cross-check"
 _LOOKS_S = (*range(21), *range(25, 121, 5))  # after an alarm: what drifts is told late
 _QUIET_S = 10.0  # below all bounds: it is over
+_NEEDED = (*GYROS, *ATTITUDE)
 _SURE = 2  # looks more at which the same sensor has to be the only one
 
 
@@ -51,7 +53,7 @@ class CrossCheck:
     ----------
     name : str
     channels : tuple of str
-        Those that a record must hold.
+        Empty: it takes what is there. Gyros and attitude have to be.
     by_itself : bool
         Whether a sensor may be found by what it shows itself: that it repeats one reading, falls silent or becomes
         noisy. Of a recorded flight that proves nothing: motors shake its sensors, at 10 Hz a turn changes readings as
@@ -71,8 +73,8 @@ class CrossCheck:
     ('tas failed', ())
     """
 
-    name: str = "cross-check"
-    channels: tuple[str, ...] = (*GYROS, *ATTITUDE)
+    name: str = CROSS_CHECK
+    channels: tuple[str, ...] = ()
     by_itself: bool = True
     margin: float = 1.0
 
@@ -92,10 +94,10 @@ class CrossCheck:
             )
         healthy = as_records(records)
         for record in healthy:
-            record.columns(self.channels)
+            record.columns(_NEEDED)
         progress("learn", 0, 1)
         taken = [name for own in CHANNELS.values() for name in own]
-        used = tuple(name for name in (*self.channels, *taken) if all(name in each for each in healthy))
+        used = tuple(name for name in (*_NEEDED, *taken) if all(name in each for each in healthy))
         motions = [Motion.of(record.select(used)) for record in healthy]
         delay_s, field_ned = gps_delay_s(max(motions, key=lambda each: each.blocks)), _field_of(motions)
         parts: dict[str, list[Relation]] = {}
@@ -215,7 +217,7 @@ class CrossCheckMonitor(BaseMonitor):
         return Watch(
             monitor=self,
             record=record,
-            scores=MappingProxyType({name: _score(name, each, record, ends) for name, each in ratios.items()}),
+            scores=MappingProxyType({name: _score(name, each, record, motion.rows) for name, each in ratios.items()}),
             alarms=tuple(_alarms(seen, own, ratios, motion.turns_rad, record.time_s[ends])),
         )
 
@@ -235,10 +237,10 @@ class CrossCheckMonitor(BaseMonitor):
         }
 
 
-def _score(name: str, ratios: FloatArray, record: Record, ends: slice) -> Score:
-    """Return a relation's ratios as a score, which exists at the end of each block."""
+def _score(name: str, ratios: FloatArray, record: Record, rows: int) -> Score:
+    """Return a relation's ratios as a score: what a block of so many rows tells holds until the next one ends."""
     values = np.full(len(record), np.nan)
-    values[ends] = ratios
+    values[rows - 1 :] = np.repeat(ratios, rows)[: len(record) - rows + 1]
     return Score(name=name, values=values, known_s=record.time_s, armed=came_down(values, 1.0))
 
 
@@ -316,6 +318,7 @@ def _judged(
             time_s=float(known_s[now]),
             sensor=sensor,
             candidates=left,
+            axis=axis_of(sensor, seen, until) if sensor else "",
             reason=reason,
             doubt=reason if is_open or not left else "",
         )

@@ -31,17 +31,20 @@ from gtmbench.detectors.crosscheck.relations import (
     WIND,
     Relation,
 )
-from gtmbench.values.channels import G_M_S2
+from gtmbench.values.channels import G_M_S2, GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
 _CLEAR = 2.0  # times its bound: an error that would be seen
+_LOUD, _NEARLY_ALL = 5.0, 0.95  # deviations of a healthy block, and of what is seen beyond them
 _UNEXPLAINED = 0.35  # of what is seen
 _FASTEST_RAD = 0.35  # in a block: 100 deg/s
 _MOST_G = 2.0  # what is turned, in an ordinary manoeuvre
+_MOST_PULLED = 10.0 * G_M_S2  # by any aircraft
 _STORM_M_S, _GUST_M_S2 = 25.0, 30.0  # no wind changes by more, or by more in a block: 6 m/s in 0.2 s
 AIR = "air"
 FIELD = "field"
 _GPS_FORCE, _GPS_AIR, _AIR_FORCE = "gps, accelerometers", "gps, air", "air, accelerometers"
+_ALTITUDE_FORCE = "altitude, accelerometers"
 
 
 class _Pair(NamedTuple):
@@ -150,6 +153,8 @@ def _is_cleared(
         return True
     if sensor == WIND and _is_no_wind(by_name, part):
         return True
+    if sensor in (ACCEL, ATT) and _is_no_force(by_name, part):
+        return True
     air = [peaks[name] > 1.0 for name in (_GPS_AIR, _AIR_FORCE) if name in by_name]
     if sensor == TAS and any(each.any() for each in air) and not any(each[0] for each in air):
         return True  # it shows along the way first
@@ -160,6 +165,20 @@ def _is_cleared(
                 if (mainly & (peaks[other] <= 1.0) & (expected > _CLEAR)).any():
                     return True
     return False
+
+
+def _is_no_force(by_name: Mapping[str, Seen], part: slice) -> bool:
+    """Tell whether the altitude moves as no force moves an aircraft, whichever way it is turned.
+
+    Were the accelerometers wrong, the aircraft would have to be pulled by e less what they read; were the attitude, it
+    could turn what they read by no more than twice its size.
+    """
+    seen = by_name.get(_ALTITUDE_FORCE)
+    if seen is None or seen.relation.force is None:
+        return False
+    allowed = seen.learnt.allowed(1, np.nan_to_num(seen.widening[part], nan=np.inf))[:, 0]
+    most = 2.0 * seen.relation.force[part] + _MOST_PULLED + allowed
+    return bool((np.abs(np.nan_to_num(seen.errors[part, 0])) > most).any())
 
 
 def _is_no_wind(by_name: Mapping[str, Seen], part: slice) -> bool:
@@ -343,6 +362,23 @@ def _is_sudden(by_name: Mapping[str, Seen], part: slice, turns_rad: FloatArray) 
             if (still & (jumps > allowed)).any():
                 return True
     return False
+
+
+def axis_of(sensor: str, seen: Sequence[Seen], blocks: range) -> str:
+    """Return the channel of a magnetometer or a GPS in which nearly all of what is seen of its error lies; "" if none.
+
+    The field's relation has the axes of the magnetometer, and the GPS's to the accelerometers those of the GPS.
+    """
+    name, channels = {MAG: (FIELD, MAGNETOMETER), GPS: (_GPS_FORCE, GPS_VELOCITY)}.get(sensor, ("", ()))
+    own = next((each for each in seen if each.relation.name == name), None)
+    if own is None:
+        return ""
+    left = own.relation.y - own.relation.design @ own.learnt.constants
+    noise = _LOUD * float(own.learnt.noise.max())
+    beyond = np.maximum(np.abs(np.nan_to_num(left[blocks.start : blocks.stop])) - noise, 0.0)
+    energy = np.sum(beyond**2, axis=0)
+    is_one = energy.sum() > 0.0 and energy.max() >= _NEARLY_ALL * energy.sum()
+    return channels[int(np.argmax(energy))] if is_one else ""
 
 
 def text(left: Sequence[str]) -> str:

@@ -84,6 +84,8 @@ class Relation:
         By axis: an error that is usual beside the noise, in the unit of y.
     is_length : bool
         Whether the first axis is judged by the length of what is read, of which 1 is usual, and not by its share in e.
+    force : shape (blocks,) or None
+        The largest specific force that was read in what a block compares, in m/s2; None where nobody asks for it.
     """
 
     name: str
@@ -95,6 +97,7 @@ class Relation:
     frame: FloatArray = field(repr=False)
     least: tuple[float, ...]
     is_length: bool = False
+    force: FloatArray | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,11 +237,12 @@ class Late:
 
     @classmethod
     def of(cls, motion: Motion, delay_s: float) -> Late:
-        """Return the readings of a motion's GPS."""
+        """Return the readings of a motion's GPS, but for those that tell of the time before the record."""
         velocity = _rows_last(motion.record, GPS_VELOCITY)
+        late = round(delay_s / motion.record.sample_period_s)
         rows = np.flatnonzero(np.isfinite(velocity).all(axis=0))
-        at = np.maximum(rows - round(delay_s / motion.record.sample_period_s), 0)
-        return cls(rows=rows, at=at, velocity=velocity[:, rows])
+        rows = rows[rows >= late]
+        return cls(rows=rows, at=rows - late, velocity=velocity[:, rows])
 
     def mean(self, motion: Motion, values: FloatArray, read: FloatArray) -> FloatArray:
         """Return means over blocks of values of shape (..., readings); NaN where none of a block is read.
@@ -303,10 +307,13 @@ def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
     rows = np.arange(len(motion.record))
     last = np.clip(np.cumsum(np.bincount(late.rows, minlength=len(rows))) - 1, 0, None)
     carried = sunk[last] + (rows - late.rows[last]) * period_s * down[last]  # on, by the last reading
-    behind = np.maximum(rows - (late.rows[0] - late.at[0] if late.at[0] else 0), 0)
-    height = _column(motion.record, ALTITUDE)[behind] * _M_PER_FT
+    behind = rows - (late.rows[0] - late.at[0])
+    height = _column(motion.record, ALTITUDE)[np.maximum(behind, 0)] * _M_PER_FT
     seen = late.mean(motion, np.zeros(len(late.rows)), np.ones(len(rows)))
-    y = _changes(motion.mean(height + carried, motion.there(ALTITUDE)))[:, np.newaxis] + seen[:, np.newaxis]
+    y = (
+        _changes(motion.mean(height + carried, motion.there(ALTITUDE) * (behind >= 0)))[:, np.newaxis]
+        + seen[:, np.newaxis]
+    )
     return Relation(
         name="gps, altitude",
         axes=(("gps, altitude", frozenset({GPS, ALTITUDE})),),
@@ -341,7 +348,6 @@ def _air_and_force(motion: Motion) -> Relation:
     read = motion.there(ACCEL, TAS, *_vanes(motion))
     y = _changes(motion.mean(motion.through - motion.path, read))
     biases = _changes(motion.mean(motion.turning, read))
-    scale = _changes(motion.mean(motion.through, read))[:, :, np.newaxis]
     return Relation(
         name="air, accelerometers",
         axes=tuple(  # an error of the airspeed shows in all of them, where the aircraft turns
@@ -349,9 +355,9 @@ def _air_and_force(motion: Motion) -> Relation:
             for axis, sensor in _air_axes(motion)
         ),
         y=y,
-        design=np.concatenate([-biases, -_eyes(y), scale], axis=2),
-        usual=np.zeros(7),
-        spread=np.array([_BIAS] * 3 + [_COARSE] * 3 + [0.05]),
+        design=np.concatenate([-biases, -_eyes(y)], axis=2),  # no scale of tas: gusts, in its changes, look like one
+        usual=np.zeros(6),
+        spread=np.array([_BIAS] * 3 + [_COARSE] * 3),
         frame=motion.air_frame,
         least=(_TILTED, _TILTED, _TILTED),
     )
@@ -362,8 +368,10 @@ def _altitude_and_force(motion: Motion) -> Relation:
     fallen = np.cumsum(motion.path[2]) * period_s
     height = _column(motion.record, ALTITUDE) * _M_PER_FT
     read = motion.there(ACCEL, ALTITUDE)
-    y = _changes(_changes(motion.mean(height + fallen, read)))[:, np.newaxis]
-    biases = _changes(_changes(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read)))
+    # of the times at which the altitude is read: beside a wrong force its sum soon runs away by tens of metres a row
+    at_s = motion.mean(np.arange(len(motion.record), dtype=np.float64) * period_s, read)
+    y = _curvatures(motion.mean(height + fallen, read)[:, np.newaxis], at_s)
+    biases = _curvatures(motion.mean(np.cumsum(motion.turning[2], axis=1) * period_s, read), at_s)
     return Relation(
         name="altitude, accelerometers",
         axes=(("altitude, accelerometers", frozenset({ALTITUDE, ACCEL, ATT})),),
@@ -373,7 +381,16 @@ def _altitude_and_force(motion: Motion) -> Relation:
         spread=np.array([_BIAS] * 3 + [_COARSE]),
         frame=_eyes(y),
         least=(0.3,),
+        force=_largest_force(motion),
     )
+
+
+def _largest_force(motion: Motion) -> FloatArray:
+    """Return the largest specific force of each block and the two before it, of which second differences are."""
+    size = np.linalg.norm(motion.force[:, : motion.blocks * motion.rows], axis=0)
+    own = size.reshape(motion.blocks, motion.rows).max(axis=1)
+    before = np.concatenate([own[:1], own[:1], own])
+    return np.asarray(np.maximum.reduce([before[:-2], before[1:-1], own]))
 
 
 def _field(motion: Motion, field_ned: FloatArray) -> Relation:
@@ -410,6 +427,7 @@ def _field(motion: Motion, field_ned: FloatArray) -> Relation:
     )
 
 
+_PART = 0.5  # of the readings that a block usually has
 _NED = ("north", "east", "down")
 # an attitude that gyros drive may be off by 5 deg on a healthy day, which turns gravity, the air and the field
 _OFF_RAD = 0.0873
@@ -437,14 +455,30 @@ def _changes(levels: FloatArray) -> FloatArray:
     return changes
 
 
+def _curvatures(levels: FloatArray, at_s: FloatArray) -> FloatArray:
+    """Return second derivatives from each block to the next but one, of levels at uneven times; none before the third.
+
+    With t the times, s = t(k) - t(k-1) and v(k) = (y(k) - y(k-1)) / s(k), they are 2 (v(k) - v(k-1)) / (s(k) + s(k-1)).
+    """
+    steps = np.diff(at_s)[:, np.newaxis]
+    rates = np.diff(levels, axis=0) / steps
+    found = np.full_like(levels, np.nan)
+    found[2:] = 2.0 * np.diff(rates, axis=0) / (steps[1:] + steps[:-1])
+    return found
+
+
 def _eyes(y: FloatArray) -> FloatArray:
     return np.tile(np.eye(y.shape[1]), (len(y), 1, 1))
 
 
 def _means(sums: FloatArray, counts: FloatArray) -> FloatArray:
-    """Return sums of shape (..., blocks) over counts, blocks first; NaN where nothing was counted."""
+    """Return sums of shape (..., blocks) over counts, blocks first; NaN where less than half of the usual was counted.
+
+    A mean of few readings, as where a record begins within a block, is noisier than those that were learnt.
+    """
+    usual = float(np.median(counts[counts > 0.0])) if counts.any() else 1.0
     means = sums / np.maximum(counts, 1.0)
-    means[..., counts == 0.0] = np.nan
+    means[..., counts < _PART * usual] = np.nan
     return np.moveaxis(means, -1, 0)
 
 

@@ -34,10 +34,10 @@ def failed_sensors_text(failed: Sequence[WatchedSensor]) -> str:
     """Say in one sentence which sensors failed and when; "" where none did.
 
     >>> from gtmbench.detectors.alarm import Alarm, Judgement
-    >>> named = Judgement(time_s=212.0, sensor="magnetometer", candidates=("magnetometer",))
+    >>> named = Judgement(time_s=212.0, sensor="magnetometer", candidates=("magnetometer",), axis="mag_y")
     >>> alarm = Alarm(number=0, time_s=210.0, onset_s=210.0, source="field strength", judgements=(named,))
     >>> failed_sensors_text([WatchedSensor(kind="magnetometer", name="MAG2", columns=(), alarms=(alarm,))])
-    'The magnetometer (MAG2) is disturbed from 210.0 s on.'
+    'The magnetometer (MAG2) is disturbed from 210.0 s on, its y axis.'
     """
     told = []
     for each in failed:
@@ -50,7 +50,10 @@ def failed_sensors_text(failed: Sequence[WatchedSensor]) -> str:
 def _how(sensor: WatchedSensor, alarm: Alarm) -> str:
     if alarm.test == FIX:
         return f"lost its fix at {alarm.onset_s:.1f} s"
-    return f"is disturbed from {alarm.time_s:.1f} s on" if sensor.kind == MAG else f"failed at {alarm.time_s:.1f} s"
+    name = alarm.last.axis.rpartition("_")[2] if alarm.last is not None else ""  # mag_y, gps_down
+    axis = "" if not name else f", its {name} axis" if sensor.kind == MAG else f", its velocity {name}"
+    said = f"is disturbed from {alarm.time_s:.1f} s on" if sensor.kind == MAG else f"failed at {alarm.time_s:.1f} s"
+    return said + axis
 
 
 def sensor_why(sensor: WatchedSensor) -> str:
@@ -146,6 +149,7 @@ def sensor_table(sensor: WatchedSensor) -> Mapping[str, Any]:
                 "ended_s": alarm.ended_s,
                 "source": alarm.source,
                 "sensor": alarm.sensor,
+                "axis": alarm.last.axis if alarm.last is not None and alarm.last.axis else None,
                 "candidates": alarm.candidates,
                 "doubt": alarm.doubt,
             }

@@ -26,7 +26,7 @@ from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import with_noise
-from gtmbench.study.scenario import Scenario, Setup, load_scenario, scenario_of, setting
+from gtmbench.study.scenario import Scenario, Setup, check_aboard, load_scenario, scenario_of, setting
 from gtmbench.study.trial import fault_row
 from gtmbench.study.watchers import OWN
 
@@ -261,7 +261,12 @@ def _campaign(name: str, table: dict[str, Any]) -> Campaign:
         healthy=healthy,
         detectors=detectors,
         isolate=boolean("isolate", own.get("isolate", True)),
-        calibration=replace(calibration, attitude_late_s=_lateness(scenarios), sensors=_sensors(scenarios)),
+        calibration=replace(
+            calibration,
+            attitude_late_s=_shared(scenarios, "attitude_late_s"),
+            sensors=_shared(scenarios, "sensors"),
+            others=_shared(scenarios, "others"),
+        ),
         false_alarms_per_hour=rate,
         searches=_searches(scenarios, own),
     )
@@ -294,7 +299,10 @@ def _scenarios(name: str, title: str, named: Any, table: dict[str, Any], *, only
 
 def _searches(scenarios: Sequence[Scenario], table: Mapping[str, Any]) -> tuple[Search, ...]:
     shortest_s = min(scenario.setup.duration_s for scenario in scenarios)
-    return searches_of(table["smallest"], shortest_s) if "smallest" in table else ()
+    searches = searches_of(table["smallest"], shortest_s) if "smallest" in table else ()
+    for scenario in scenarios:
+        check_aboard(scenario.setup, [search.mildest for search in searches])
+    return searches
 
 
 def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
@@ -311,23 +319,13 @@ def _calibration(given: Any) -> tuple[CalibrationFlights, float | None]:
         )
 
 
-def _lateness(scenarios: Sequence[Scenario]) -> float:
-    """Return how late the attitude is, on every flight as on those that detectors are calibrated on."""
-    late_s = sorted({scenario.setup.attitude_late_s for scenario in scenarios})
-    if len(late_s) > 1:
-        given = " and ".join(f"{value:g}" for value in late_s)
-        raise InputError(f"attitude_late_s is {given} in its scenarios; detectors are calibrated for one: split them")
-    return late_s[0]
-
-
-def _sensors(scenarios: Sequence[Scenario]) -> str:
-    """Return which sensors are flown on, on every flight as on those that detectors are calibrated on."""
-    kinds = sorted({scenario.setup.sensors for scenario in scenarios})
-    if len(kinds) > 1:
-        raise InputError(
-            f"sensors are {' and '.join(kinds)} in its scenarios; detectors are calibrated for one: split them"
-        )
-    return kinds[0]
+def _shared(scenarios: Sequence[Scenario], key: str) -> Any:
+    """Return a setting of all flights, which those that detectors are calibrated on have, too."""
+    given = sorted({getattr(scenario.setup, key) for scenario in scenarios}, key=str)
+    if len(given) > 1:
+        said = "[gps] or [magnetometer] differ" if key == "others" else f"{key} is {given[0]} and {given[1]}"
+        raise InputError(f"{said} in its scenarios; detectors are calibrated for one: split them")
+    return given[0]
 
 
 def _names(key: str, given: Any, least: int = 1) -> tuple[str, ...]:

@@ -134,7 +134,7 @@ def search_row(search: Search, flown: Flown, quiet: Watch, number: int = BROKEN)
     What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,
     where every severity would want a flight of its own.
     """
-    reference = flown.flight.between(*flown.setup.severity_reference_s)
+    reference = flown.truth.between(*flown.setup.severity_reference_s)
     onset_s = search.mildest.onset_s
     until_s = math.inf if search.within_s is None else onset_s + search.within_s
     row: Row = {"look_ahead_s": round(quiet.monitor.look_ahead_s, 9)}

@@ -150,7 +150,7 @@ def _flown(flights: CalibrationFlights, detectors: Named, processes: int, progre
     """Fly what all detectors are calibrated on, once."""
     wanted = {channel for detector in detectors.detectors.values() for channel in detector.channels}
     commands = [name for name in COMMANDS if name in wanted]
-    return flights.sensed([*SENSORS, *commands], processes=processes, progress=progress)
+    return flights.sensed([*SENSORS, *flights.others.channels, *commands], processes=processes, progress=progress)
 
 
 def _monitor(

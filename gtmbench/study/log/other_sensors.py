@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
-from gtmbench.detectors.crosscheck.relations import ALTITUDE, ATT, BLOCK_S, CHANNELS, MAG, POSSIBLE, TAS, WIND
+from gtmbench.detectors.crosscheck.relations import ALTITUDE, ATT, CHANNELS, MAG, POSSIBLE, TAS, WIND
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
@@ -38,6 +38,7 @@ _LEARNT_AT = 2  # the window of `WINDOWS` whose bounds are told: 2 s
 _SILENT = 10.0  # times its usual step, and five seconds: it reads nothing
 _MOST = {"m/s²": 15.0, "m/s": 30.0, "%": 50.0, "deg": 45.0}  # larger errors aren't worth a comparison
 _NO_MOTION = "no gyros and attitude to turn its readings with"
+_BY_FORCE = "altitude, accelerometers"
 _DIRECTIONS = ("field direction", "field direction, across")
 UNITS = {
     "gps, accelerometers": "m/s²",
@@ -389,12 +390,14 @@ def _why_doubted(alarm: Alarm, watch: Watch, open_s: float) -> str:
     end_s = np.inf if alarm.ended_s is None else alarm.ended_s
     rows = (watch.record.time_s >= alarm.time_s) & (watch.record.time_s <= end_s)
     loud = {axis: np.nan_to_num(score.values[rows]) > 1.0 for axis, score in watch.scores.items()}
-    lasts_s = BLOCK_S * np.count_nonzero(np.any(list(loud.values()), axis=0))
+    lasts_s = watch.record.sample_period_s * np.count_nonzero(np.any(list(loud.values()), axis=0))
     if lasts_s < _LASTS_S:
         return f"it lasts {lasts_s:.1f} s in all: too short for a name"
     shown = [axis for axis, each in loud.items() if each.any()]
     upright = {axis.split(":")[0] for axis in shown if not axis.endswith(_LEVEL)}
     level = {axis.split(":")[0] for axis in shown if ALTITUDE not in axis and not axis.endswith(_DOWN)}
+    if alarm.sensor == ALTITUDE and shown == [_BY_FORCE]:
+        return ""  # only what no force could have moved the aircraft by leaves the altitude alone in it
     if alarm.sensor != MAG and max(len(upright), len(level)) < _WITNESSES:
         return f"no two comparisons of one direction show it, only {' and '.join(shown)}"
     return ""

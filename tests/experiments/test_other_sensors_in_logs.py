@@ -1,0 +1,19 @@
+"""The study of other sensors in recorded logs: its rows of one simulated flight, as it is and broken."""
+
+import pandas as pd
+
+import other_sensors_in_logs as study
+
+
+def test_a_simulated_log_is_watched_broken_and_summed_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(study, "FLOWN_S", 150.0)
+    (path,) = study.synthetic(tmp_path, range(61_001, 61_002))
+    rows = pd.DataFrame(study.cases(path)).fillna({"fault": "", "why": ""})
+    clean, put = rows[rows["fault"] == ""], rows[rows["fault"] != ""]
+    assert set(clean["kind"]) == {"magnetometer", "gps", "accelerometers", "tas", "altitude"}
+    assert not clean["said"].isin(["accused", "refused"]).any()
+    assert len(put) >= 12
+    assert not (put["said"] == "wrong").any()
+    assert (put["said"] == "right").any()
+    assert ((put["why"] != "") == put["said"].isin(["open", "missed"])).all()
+    assert "| why " in "\n".join(study.report(rows))
