@@ -15,7 +15,9 @@ PER_HOUR = 3e-5  # false alarms of each mean of each axis, by as many independen
 _FEWEST = 8  # healthy windows, before they bound anything
 _ROUNDS, _SMALLEST = 4, 1e-12
 _PRESENT = 0.6  # of a window's blocks have to be there
-_COLOURED = 100.0  # times the noise is taken for what learns the constants: an attitude is off for 20 s, a hundred blocks
+_COLOURED = (
+    100.0  # times the noise is taken for what learns the constants: an attitude is off for 20 s, a hundred blocks
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
