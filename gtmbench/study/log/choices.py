@@ -68,13 +68,14 @@ def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
     watches = tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in said.watches)
     means = said.means and replace(said.means, alarms=tuple(map(change, said.means.alarms)))
     gains = said.gains and replace(said.gains, alarms=tuple(map(change, said.gains.alarms)))
-    return replace(said, watches=watches, means=means, gains=gains)
+    pulls = said.corrections and replace(said.corrections, alarms=tuple(map(change, said.corrections.alarms)))
+    return replace(said, watches=watches, means=means, gains=gains, corrections=pulls)
 
 
 def _accusing(said: Said) -> Iterator[Alarm]:
     """Give the alarms that must be a fault, by what was learnt."""
     yield from (alarm for watch in said.watches for alarm in watch.alarms if _accuses(alarm))
-    for slow in (said.means, said.gains):
+    for slow in (said.means, said.gains, said.corrections):
         yield from (alarm for alarm in (slow.alarms if slow else ()) if _accuses(alarm))
 
 

@@ -24,6 +24,7 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
+from gtmbench.study.log.corrections import Corrections, corrections
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
@@ -66,6 +67,8 @@ class Said:
         log, or the log hasn't both.
     gains : Gains or None
         How far gyros and attitude turn over tens of seconds; None as `means` is.
+    corrections : Corrections or None
+        What references take back of turns; None as `means` is, and where the gyros don't drive the attitude.
     witnesses : tuple of Witness
         The magnetometers and accelerometers that were asked where a gyro or its angle was left open.
     standing : tuple of Alarm
@@ -84,6 +87,7 @@ class Said:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     gains: Gains | None = field(default=None, repr=False)
+    corrections: Corrections | None = field(default=None, repr=False)
     witnesses: tuple[Witness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     frozen: tuple[Alarm, ...] = field(default=(), repr=False)
@@ -95,7 +99,7 @@ def first_alarms(
     standing: Sequence[Alarm],
     comparison: Comparison | None,
     frozen: Sequence[Alarm],
-    slow: Sequence[SlowMeans | Gains | None],
+    slow: Sequence[SlowMeans | Gains | Corrections | None],
 ) -> tuple[Alarm, ...]:
     """Return the first alarm of each fault that is said of a log, in order of time."""
     told = [alarm for watch in watches for alarm in watch.faults]
@@ -149,7 +153,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
-    means, turns = _slow(said)
+    means, turns, pulls = _slow(said)
 
     def told(slow: Sequence[Alarm]) -> tuple[Alarm, ...]:
         beside = but_beside(slow, [alarm for watch in explained for alarm in watch.faults])
@@ -163,6 +167,7 @@ def doubted(said: Said, progress: Progress) -> Said:
             comparison=comparison,
             means=means and replace(means, alarms=told(means.alarms)),
             gains=turns and replace(turns, alarms=told(turns.alarms)),
+            corrections=pulls and replace(pulls, alarms=told(pulls.alarms)),
             frozen=tuple(of_watched(alarm, comparison) for alarm in _frozen(learnt)),
             findings=findings,
         )
@@ -193,15 +198,15 @@ def _beside_accelerometers(said: Said) -> Said:
     return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 
-def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
+def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | None]:
     """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
     learnt = said.learnt
     opened, motion = learnt.opened, learnt.opened.own.motion
     if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
-        return None, None
+        return None, None, None
     heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
-        return None, None
+        return None, None, None
     healthy = _healthy_spans(learnt)
     means = slow_means(
         motion.segments,
@@ -217,7 +222,12 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
         is_driven=opened.is_driven,
         names=opened.imus is None,
     )
-    return means, turns
+    pulls = None
+    if opened.is_driven:
+        pulls = corrections(
+            motion.segments, healthy=healthy, excursions=said.excursions, names=opened.imus is None
+        )
+    return means, turns, pulls
 
 
 def _frozen(learnt: Learnt) -> tuple[Alarm, ...]:
@@ -250,7 +260,7 @@ def _settled(said: Said) -> Said:
         for watch in said.watches
     ]
     told = replace(means, alarms=tuple(settled(alarm, witnesses, means) for alarm in means.alarms))
-    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains))
+    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains, said.corrections))
     found = found_by_forces(forces, told, others, learnt.identified_s[-1][1])
     found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))

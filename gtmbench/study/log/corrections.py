@@ -1,0 +1,326 @@
+"""Corrections: how much of every turn the references take back from an attitude that the gyros drive.
+
+Such an attitude turns as its gyros say, so a gyro of a wrong scale and its attitude agree. But references know better,
+and pull back what was turned too far or too little. Of a gyro that reads y with a gain g, the part d = 1 - 1/g is wrong:
+0 of a right one, 2 of one with a turned sign, -0.43 of one that reads 0.7 of its turns. Carried into the Earth's axes by
+the attitude C, what is wrong adds up, and is corrected within the estimator's time constant tau,
+
+    z_i' = C e_i y_i - z_i / tau,   y - x = sum_i d_i C' z_i / tau
+
+with x the attitude's rate. So each d_i is found by a regression of its axis's y - x on the last seconds' turns, beside a
+constant and what gyro and attitude differ by in scale and axes. tau isn't known: the usual one is taken, unless another
+explains far more.
+
+References may be wrong as well. Accelerometers that take thrust for the vertical pull back a part of every turn though
+gyros are right, and a compass beside iron does so of some turns. But they pull back a part of it: so a gyro is suspected
+only where d has left all between 0 and 1, and what it was where identified. One that reads a little too much, whose d is
+0.2, never shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.excursion import Excursion
+from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
+from gtmbench.values.attitude import USUAL_S
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
+
+CORRECTED = "corrections of turns"  # test of such alarms
+WINDOWS, STEP = (20, 30, 60), 5  # seconds; from one end of windows to the next
+_TAUS_S = (2.0, USUAL_S, 10.0)
+_USUAL = 1  # of these
+_KNOWN = 0.8  # of a window
+_WANDER_DEG_S, _OF_TURN = 0.2, 0.05  # noise of a second's error beside that of its samples: always; of its turning
+_SCALE, _OTHERS = 0.02, 0.5  # a priori deviations: of scale and axes; of what is wrong of the other gyros
+_OWN = 4.0  # unknowns of which the data tell, of seven
+_BETTER = 9.0  # of chi squared, by which another time constant has to explain more
+_LEAST_SCATTER = 0.3  # of errors' variance, over what is expected: less is chance
+_FLOOR, _DEVIATIONS, _OF_HEALTHY = 0.25, 4.0, 3.0  # of a bound; of its own; times the largest where identified
+_LASTS, _NAMED, _OTHER = 0.5, 1.25, 0.5  # bounds: below, it has ended; that name a gyro; of another, at most
+_TURNED = 1.0  # d beyond which a sign is turned
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corrections:
+    """Which part of its readings is wrong of each gyro, by what references take back.
+
+    Attributes
+    ----------
+    start_s : float
+        Windows end every five seconds from then on.
+    usual : FloatArray
+        The part where identified, shape (3,).
+    wrong, bound : FloatArray
+        The part, and by how much it has to leave what it may be, shape (windows, ends, 3); NaN where it isn't known.
+    is_watched : BoolArray
+        Shape (ends,): not where identified.
+    alarms : tuple of Alarm
+    """
+
+    start_s: float
+    usual: FloatArray
+    wrong: FloatArray = field(repr=False)
+    bound: FloatArray = field(repr=False)
+    is_watched: BoolArray = field(repr=False)
+    alarms: tuple[Alarm, ...] = ()
+
+    @property
+    def excess(self) -> FloatArray:
+        """By how many bounds the part has left all from 0 to 1 and the usual one, shape (windows, ends, 3)."""
+        return _beside(self.wrong, self.usual) / self.bound
+
+    def end_s(self, row: int) -> float:
+        """Return when a window ends."""
+        return self.start_s + (row + 1) * STEP * SECOND_S
+
+
+def corrections(
+    records: Sequence[Record],
+    *,
+    healthy: Sequence[Span],
+    excursions: Sequence[Excursion] = (),
+    names: bool = True,
+) -> Corrections | None:
+    """Return what references take back of turns; None where too little is healthy.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        In time, with p, q, r, phi, theta and psi; the gyros drive the attitude.
+    healthy : sequence of (start, end)
+        What was identified on.
+    excursions : sequence of Excursion
+        Stretches in which nothing can be told.
+    names : bool
+        Whether a gyro is ever named: not where several IMUs are compared, for another one may drive the attitude.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> flown = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=160.0, seed=3), noise="t2", seed=3)
+    >>> flight = gb.decimate(gb.filtered_attitude(flown, time_constant_s=5.0, seed=3), 10)
+    >>> turned = gb.SignFlip(channel="r", onset_s=90.0)
+    >>> broken = gb.inject(flight, turned, attitude=gb.AttitudeEstimator(time_constant_s=5.0))
+    >>> [(alarm.verdict, alarm.last.kind) for alarm in corrections([broken], healthy=[(0.0, 80.0)]).alarms]
+    [('r failed', 'sign_flip')]
+    """
+    start_s = records[0].start_s
+    seconds = error_seconds(records, start_s, excursions)
+    count = len(seconds.error) // STEP
+    at_s = start_s + (np.arange(count * STEP) + 0.5) * SECOND_S
+    usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
+    sums = _sums(seconds, [_turned(records, start_s, len(seconds.error), tau_s) for tau_s in _TAUS_S])
+    fifths = usual.reshape(count, STEP)
+    is_usual = fifths.all(axis=1)
+    if count == 0 or np.diff(sums.known)[is_usual].sum() < FEWEST:
+        return None
+    compared = _compared(start_s, sums, is_usual, ~fifths.any(axis=1))
+    rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, axis)]
+    alarms = [_alarm(number, compared, seconds, sums, *rise, names=names) for number, rise in enumerate(rises)]
+    return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
+
+
+def _beside(wrong: FloatArray, usual: FloatArray) -> FloatArray:
+    """Return by how much a part lies beside all from 0 to 1 and the usual one; negative within."""
+    return np.asarray(np.maximum(np.minimum(usual, 0.0) - wrong, wrong - np.maximum(usual, 1.0)))
+
+
+# ---- what was turned ----
+
+
+def _turned(records: Sequence[Record], start_s: float, count: int, tau_s: float) -> FloatArray:
+    """Return C' z_i / tau second by second: what an estimator remembers of gyro i, about each axis; (count, 3, 3)."""
+    turned = np.full((count, 3, 3), np.nan)
+    kept = tau_s / (tau_s + SECOND_S)
+    for record in records:
+        seconds = of_seconds(record, start_s, _carried)
+        if not len(seconds.at):
+            continue
+        to_earth, rates = (each.reshape(-1, 3, 3) for each in np.split(np.nan_to_num(seconds.means), 2, axis=1))
+        memory = np.zeros((len(rates) + 1, 3, 3))
+        halves = 0.5 * SECOND_S * (rates + np.concatenate([np.zeros((1, 3, 3)), rates[:-1]]))
+        for row, half in enumerate(halves):
+            memory[row + 1] = kept * (memory[row] + half)
+        turned[seconds.at] = np.einsum("nji,njk->nik", to_earth, memory[1:]) / tau_s
+    return turned
+
+
+def _carried(record: Record) -> FloatArray:
+    """Return C, from body to Earth's axes, and its columns times the gyros; shape (rows, 18)."""
+    sines, cosines = (of(np.deg2rad(record.matrix(ATTITUDE))).T for of in (np.sin, np.cos))
+    (s_phi, s_theta, s_psi), (c_phi, c_theta, c_psi) = sines, cosines
+    rows = [
+        [c_theta * c_psi, s_phi * s_theta * c_psi - c_phi * s_psi, c_phi * s_theta * c_psi + s_phi * s_psi],
+        [c_theta * s_psi, s_phi * s_theta * s_psi + c_phi * c_psi, c_phi * s_theta * s_psi - s_phi * c_psi],
+        [-s_theta, s_phi * c_theta, c_phi * c_theta],
+    ]
+    to_earth = np.array(rows).transpose(2, 0, 1)
+    rates = to_earth * record.matrix(GYROS)[:, np.newaxis]
+    return np.concatenate([to_earth.reshape(-1, 9), rates.reshape(-1, 9)], axis=1)
+
+
+# ---- the regression ----
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sums:
+    """Normal equations of every axis by each time constant, summed up to every fifth second.
+
+    Unknowns of an axis are d of its gyro, those of the others, what scale and axes make of p, q and r, and a constant.
+    """
+
+    equations: FloatArray  # shape (taus, fifths + 1, 3, 8, 8): the last row and column are the error's
+    known: FloatArray  # seconds that are known, shape (fifths + 1,)
+    turned: FloatArray  # by the usual time constant, shape (seconds, 3), of each gyro about its axis
+    weight: FloatArray  # of each second, 0 where one isn't known, shape (seconds, 3)
+
+
+def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
+    turn = np.linalg.norm(seconds.motion, axis=1)[:, np.newaxis]
+    is_known = np.isfinite(seconds.error).all(axis=1) & np.isfinite(turned[0]).all(axis=(1, 2))
+    weight = 1.0 / (seconds.variance + _WANDER_DEG_S**2 + np.square(_OF_TURN * turn))
+    weight = np.where(is_known[:, np.newaxis], weight, 0.0)
+    count = len(turn) // STEP
+    beside = np.column_stack([seconds.motion, np.ones(len(turn))])
+    equations = np.zeros((len(turned), count + 1, 3, 8, 8))
+    for tau, axis in np.ndindex(len(turned), 3):
+        order = [axis, *(other for other in range(3) if other != axis)]
+        rows = np.column_stack([turned[tau][:, axis, order], beside, seconds.error[:, axis]])
+        rows = np.where(is_known[:, np.newaxis], rows, 0.0)
+        own, weighted = (
+            each[: count * STEP].reshape(count, STEP, 8) for each in (rows, rows * weight[:, axis, np.newaxis])
+        )
+        equations[tau, 1:, axis] = np.cumsum(own.swapaxes(1, 2) @ weighted, axis=0)
+    known = is_known[: count * STEP].reshape(count, STEP).sum(axis=1)
+    return _Sums(
+        equations=equations,
+        known=np.concatenate([[0.0], np.cumsum(known)]),
+        turned=turned[_USUAL].diagonal(axis1=1, axis2=2),
+        weight=weight,
+    )
+
+
+_A_PRIORI = np.diag([0.0, *[_OTHERS**-2.0] * 2, *[_SCALE**-2.0] * 3, 0.0])
+
+
+def _solved(equations: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return d and its deviation, shape (windows, 3), of equations of shape (taus, windows, 3, 8, 8)."""
+    normal = equations[..., :7, :7] + _A_PRIORI + 1e-9 * np.eye(7)
+    target, square = equations[..., :7, 7], equations[..., 7, 7]
+    inverse = np.linalg.inv(normal)
+    found = (inverse @ target[..., np.newaxis])[..., 0]
+    left = np.maximum(square - (found * target).sum(axis=-1), 0.0)  # of squares, with the a priori's
+    free = np.maximum(known - _OWN, 1.0)[:, np.newaxis]
+    is_better = left[_USUAL] - left.min(axis=0) > _BETTER * left[_USUAL] / free
+    best = np.where(is_better, left.argmin(axis=0), _USUAL)[np.newaxis]
+    d, variance, rest = (
+        np.take_along_axis(each, best, axis=0)[0] for each in (found[..., 0], inverse[..., 0, 0], left)
+    )
+    return d, np.sqrt(np.maximum(rest / free, _LEAST_SCATTER) * variance)
+
+
+def _compared(start_s: float, sums: _Sums, is_usual: BoolArray, is_watched: BoolArray) -> Corrections:
+    """Return the parts of all windows, with bounds: how far they left 0 to 1 where identified counts thrice."""
+    own = np.diff(sums.equations, axis=1)[:, is_usual].sum(axis=1)[:, np.newaxis]
+    (usual,), _ = _solved(own, np.diff(sums.known)[is_usual].sum(keepdims=True))
+    wrong, bound = np.full((2, len(WINDOWS), len(is_usual), 3), np.nan)
+    largest = np.zeros(3)
+    for number, window in enumerate(WINDOWS):
+        steps = window // STEP
+        if len(is_usual) < steps:
+            continue
+        known = sums.known[steps:] - sums.known[:-steps]
+        part, deviation = _solved(sums.equations[:, steps:] - sums.equations[:, :-steps], known)
+        part[known < _KNOWN * window] = np.nan
+        within = trailing_means(is_usual.astype(np.float64), steps)[steps - 1 :] == 1.0
+        strays = _beside(part, usual)[within] / deviation[within]
+        largest = np.fmax(largest, np.max(np.nan_to_num(strays), axis=0, initial=0.0))
+        wrong[number, steps - 1 :] = part
+        bound[number, steps - 1 :] = np.maximum(_FLOOR, np.maximum(_OF_HEALTHY * largest, _DEVIATIONS) * deviation)
+    return Corrections(start_s=start_s, usual=usual, wrong=wrong, bound=bound, is_watched=is_watched)
+
+
+# ---- faults ----
+
+
+def _largest(compared: Corrections) -> FloatArray:
+    """Return the excess of whichever window shows most, 0 where none is known, shape (ends, 3)."""
+    return np.asarray(np.max(np.nan_to_num(compared.excess), axis=0))
+
+
+def _rises(compared: Corrections, axis: int) -> Iterator[tuple[int, int]]:
+    """Give the windows' end at which an excess is known, and that at which it has ended."""
+    excess = _largest(compared)[:, axis]
+    starts, stops = runs(np.asarray(excess > _LASTS))
+    for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
+        risen = np.flatnonzero((excess[start:stop] > 1.0) & compared.is_watched[start:stop])
+        if len(risen):
+            yield start + int(risen[0]), stop
+
+
+def _alarm(
+    number: int,
+    compared: Corrections,
+    seconds: ErrorSeconds,
+    sums: _Sums,
+    axis: int,
+    known: int,
+    stop: int,
+    *,
+    names: bool,
+) -> Alarm:
+    excess = _largest(compared)
+    others = np.delete(excess, axis, axis=1).max(axis=1)
+    sure = (excess[:, axis] > _NAMED) & (others < _OTHER * excess[:, axis]) & compared.is_watched
+    decided = [row for row in range(known, stop) if sure[row]] if names else []
+    row = decided[0] if decided else known + int(np.argmax(excess[known:stop, axis]))
+    part = float(compared.wrong[int(np.argmax(np.nan_to_num(compared.excess[:, row, axis]))), row, axis])
+    onset_s = compared.start_s + _onset(seconds, sums, axis, part, known) * SECOND_S
+    judged = _decided if decided else _doubted
+    return Alarm(
+        number=number,
+        time_s=compared.end_s(known),
+        onset_s=onset_s,
+        source=GYROS[axis],
+        test=CORRECTED,
+        judgements=(judged(axis, part, compared.end_s(row if decided else known), onset_s),),
+        ended_s=None if stop >= len(excess) else compared.end_s(stop),
+    )
+
+
+def _onset(seconds: ErrorSeconds, sums: _Sums, axis: int, part: float, known: int) -> int:
+    """Return the second since which such a part explains most of the windows that rose."""
+    stop = (known + 1) * STEP
+    rows = slice(max(stop - WINDOWS[-1], 0), stop)
+    pulled, weight = part * sums.turned[rows, axis], sums.weight[rows, axis]
+    gained = np.nan_to_num(weight * (seconds.error[rows, axis] - 0.5 * pulled) * pulled)
+    return rows.start + int(np.argmax(np.cumsum(gained[::-1])[::-1]))
+
+
+def _decided(axis: int, part: float, judged_s: float, onset_s: float) -> Judgement:
+    is_turned = part > _TURNED
+    return Judgement(
+        time_s=judged_s,
+        sensor=GYROS[axis],
+        candidates=(GYROS[axis],),
+        kind="sign_flip" if is_turned else "scale_factor",
+        parameters={"onset_s": onset_s} | ({} if is_turned else {"factor": 1.0 / (1.0 - part)}),
+    )
+
+
+def _doubted(axis: int, part: float, judged_s: float, _onset_s: float) -> Judgement:
+    gyro = GYROS[axis]
+    return Judgement(
+        time_s=judged_s,
+        sensor=None,
+        candidates=(gyro, ATTITUDE[axis]),
+        doubt=f"the attitude is pulled back by {part:.2g} of what {gyro} turns it",
+        reason="too little to tell the gyro from the attitude's references",
+    )
