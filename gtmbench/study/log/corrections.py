@@ -8,7 +8,7 @@ the attitude C, what is wrong adds up, and is corrected within the estimator's t
     z_i' = C e_i y_i - z_i / tau,   y - x = sum_i d_i C' z_i / tau
 
 with x the attitude's rate. So each d_i is found by a regression of its axis's y - x on the last seconds' turns, beside a
-constant and what gyro and attitude differ by in scale and axes. tau isn't known: the usual one is taken, unless another
+constant, what gyro and attitude differ by in scale and axes, and a delay between them, which is late by the change of y. tau isn't known: the usual one is taken, unless another
 explains far more.
 
 References may be wrong as well. Accelerometers that take thrust for the vertical pull back a part of every turn though
@@ -26,6 +26,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
+from gtmbench.method.regression.slow import interpolated
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.values.attitude import USUAL_S
@@ -38,12 +39,14 @@ _TAUS_S = (2.0, USUAL_S, 10.0)
 _USUAL = 1  # of these
 _KNOWN = 0.8  # of a window
 _WANDER_DEG_S, _OF_TURN = 0.2, 0.05  # noise of a second's error beside that of its samples: always; of its turning
-_SCALE, _OTHERS = 0.02, 0.5  # a priori deviations: of scale and axes; of what is wrong of the other gyros
-_OWN = 4.0  # unknowns of which the data tell, of seven
+# a priori deviations: of scale and axes; of what is wrong of the other gyros; of a delay
+_SCALE, _OTHERS, _DELAY_S = 0.02, 0.5, 0.05
+_UNKNOWNS, _OWN = 8, 5.0  # of an axis; of which data tell
 _BETTER = 9.0  # of chi squared, by which another time constant has to explain more
 _LEAST_SCATTER = 0.3  # of errors' variance, over what is expected: less is chance
 _FLOOR, _DEVIATIONS, _OF_HEALTHY = 0.25, 4.0, 3.0  # of a bound; of its own; times the largest where identified
-_LASTS, _NAMED, _OTHER = 0.5, 1.25, 0.5  # bounds: below, it has ended; that name a gyro; of another, at most
+_LASTS, _NAMED = 0.5, 1.25  # bounds: below, it has ended; that name a gyro
+_OTHER = 0.5  # times its excess may another gyro's be
 _TURNED = 1.0  # d beyond which a sign is turned
 
 
@@ -114,12 +117,14 @@ def corrections(
     start_s = records[0].start_s
     seconds = error_seconds(records, start_s, excursions)
     count = len(seconds.error) // STEP
+    if count == 0:
+        return None
     at_s = start_s + (np.arange(count * STEP) + 0.5) * SECOND_S
     usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
     sums = _sums(seconds, [_turned(records, start_s, len(seconds.error), tau_s) for tau_s in _TAUS_S])
     fifths = usual.reshape(count, STEP)
     is_usual = fifths.all(axis=1)
-    if count == 0 or np.diff(sums.known)[is_usual].sum() < FEWEST:
+    if np.diff(sums.known)[is_usual].sum() < FEWEST:
         return None
     compared = _compared(start_s, sums, is_usual, ~fifths.any(axis=1))
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, axis)]
@@ -143,7 +148,7 @@ def _turned(records: Sequence[Record], start_s: float, count: int, tau_s: float)
         seconds = of_seconds(record, start_s, _carried)
         if not len(seconds.at):
             continue
-        to_earth, rates = (each.reshape(-1, 3, 3) for each in np.split(np.nan_to_num(seconds.means), 2, axis=1))
+        to_earth, rates = (each.reshape(-1, 3, 3) for each in np.split(seconds.means, 2, axis=1))
         memory = np.zeros((len(rates) + 1, 3, 3))
         halves = 0.5 * SECOND_S * (rates + np.concatenate([np.zeros((1, 3, 3)), rates[:-1]]))
         for row, half in enumerate(halves):
@@ -154,7 +159,7 @@ def _turned(records: Sequence[Record], start_s: float, count: int, tau_s: float)
 
 def _carried(record: Record) -> FloatArray:
     """Return C, from body to Earth's axes, and its columns times the gyros; shape (rows, 18)."""
-    sines, cosines = (of(np.deg2rad(record.matrix(ATTITUDE))).T for of in (np.sin, np.cos))
+    sines, cosines = (of(np.deg2rad(interpolated(record.matrix(ATTITUDE)))).T for of in (np.sin, np.cos))
     (s_phi, s_theta, s_psi), (c_phi, c_theta, c_psi) = sines, cosines
     rows = [
         [c_theta * c_psi, s_phi * s_theta * c_psi - c_phi * s_psi, c_phi * s_theta * c_psi + s_phi * s_psi],
@@ -162,7 +167,7 @@ def _carried(record: Record) -> FloatArray:
         [-s_theta, s_phi * c_theta, c_phi * c_theta],
     ]
     to_earth = np.array(rows).transpose(2, 0, 1)
-    rates = to_earth * record.matrix(GYROS)[:, np.newaxis]
+    rates = to_earth * interpolated(record.matrix(GYROS))[:, np.newaxis]
     return np.concatenate([to_earth.reshape(-1, 9), rates.reshape(-1, 9)], axis=1)
 
 
@@ -173,10 +178,11 @@ def _carried(record: Record) -> FloatArray:
 class _Sums:
     """Normal equations of every axis by each time constant, summed up to every fifth second.
 
-    Unknowns of an axis are d of its gyro, those of the others, what scale and axes make of p, q and r, and a constant.
+    Unknowns of an axis are d of its gyro, those of the others, what scale and axes make of p, q and r, a delay, and a
+    constant.
     """
 
-    equations: FloatArray  # shape (taus, fifths + 1, 3, 8, 8): the last row and column are the error's
+    equations: FloatArray  # shape (taus, fifths + 1, 3, unknowns + 1, unknowns + 1): the last row and column are the error's
     known: FloatArray  # seconds that are known, shape (fifths + 1,)
     turned: FloatArray  # by the usual time constant, shape (seconds, 3), of each gyro about its axis
     weight: FloatArray  # of each second, 0 where one isn't known, shape (seconds, 3)
@@ -188,16 +194,19 @@ def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
     weight = 1.0 / (seconds.variance + _WANDER_DEG_S**2 + np.square(_OF_TURN * turn))
     weight = np.where(is_known[:, np.newaxis], weight, 0.0)
     count = len(turn) // STEP
-    beside = np.column_stack([seconds.motion, np.ones(len(turn))])
-    equations = np.zeros((len(turned), count + 1, 3, 8, 8))
+    motion = seconds.motion
+    change = np.gradient(motion, SECOND_S, axis=0) if len(motion) > 1 else np.zeros(motion.shape)
+    change = np.where(np.isfinite(change), change, 0.0)
+    equations = np.zeros((len(turned), count + 1, 3, _UNKNOWNS + 1, _UNKNOWNS + 1))
     for tau, axis in np.ndindex(len(turned), 3):
         order = [axis, *(other for other in range(3) if other != axis)]
-        rows = np.column_stack([turned[tau][:, axis, order], beside, seconds.error[:, axis]])
+        own = [motion, change[:, axis], np.ones(len(turn)), seconds.error[:, axis]]
+        rows = np.column_stack([turned[tau][:, axis, order], *own])
         rows = np.where(is_known[:, np.newaxis], rows, 0.0)
-        own, weighted = (
-            each[: count * STEP].reshape(count, STEP, 8) for each in (rows, rows * weight[:, axis, np.newaxis])
+        each, weighted = (
+            of[: count * STEP].reshape(count, STEP, -1) for of in (rows, rows * weight[:, axis, np.newaxis])
         )
-        equations[tau, 1:, axis] = np.cumsum(own.swapaxes(1, 2) @ weighted, axis=0)
+        equations[tau, 1:, axis] = np.cumsum(each.swapaxes(1, 2) @ weighted, axis=0)
     known = is_known[: count * STEP].reshape(count, STEP).sum(axis=1)
     return _Sums(
         equations=equations,
@@ -207,13 +216,13 @@ def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
     )
 
 
-_A_PRIORI = np.diag([0.0, *[_OTHERS**-2.0] * 2, *[_SCALE**-2.0] * 3, 0.0])
+_A_PRIORI = np.diag([0.0, *[_OTHERS**-2.0] * 2, *[_SCALE**-2.0] * 3, _DELAY_S**-2.0, 0.0])
 
 
 def _solved(equations: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return d and its deviation, shape (windows, 3), of equations of shape (taus, windows, 3, 8, 8)."""
-    normal = equations[..., :7, :7] + _A_PRIORI + 1e-9 * np.eye(7)
-    target, square = equations[..., :7, 7], equations[..., 7, 7]
+    """Return d and its deviation, shape (windows, 3), by equations of shape (taus, windows, 3, ...)."""
+    normal = equations[..., :-1, :-1] + _A_PRIORI + 1e-9 * np.eye(_UNKNOWNS)
+    target, square = equations[..., :-1, -1], equations[..., -1, -1]
     inverse = np.linalg.inv(normal)
     found = (inverse @ target[..., np.newaxis])[..., 0]
     left = np.maximum(square - (found * target).sum(axis=-1), 0.0)  # of squares, with the a priori's
@@ -278,7 +287,7 @@ def _alarm(
 ) -> Alarm:
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
-    sure = (excess[:, axis] > _NAMED) & (others < _OTHER * excess[:, axis]) & compared.is_watched
+    sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
     decided = [row for row in range(known, stop) if sure[row]] if names else []
     row = decided[0] if decided else known + int(np.argmax(excess[known:stop, axis]))
     part = float(compared.wrong[int(np.argmax(np.nan_to_num(compared.excess[:, row, axis]))), row, axis])
