@@ -14,7 +14,7 @@ explains far more.
 References may be wrong as well. Accelerometers that take thrust for the vertical pull back a part of every turn though
 gyros are right, and a compass beside iron does so of some turns. But they pull back a part of it: so a gyro is suspected
 only where d has left all between 0 and 1, and what it was where identified. One that reads a little too much, whose d is
-0.2, never shows.
+0.2, never shows. Nor do five seconds alone tell anything: in an impact gyros miss a turn, too.
 """
 
 from __future__ import annotations
@@ -47,6 +47,7 @@ _LEAST_SCATTER = 0.3  # of errors' variance, over what is expected: less is chan
 _FLOOR, _DEVIATIONS, _OF_HEALTHY = 0.25, 4.0, 3.0  # of a bound; of its own; times the largest where identified
 _LASTS, _NAMED = 0.5, 1.25  # bounds: below, it has ended; that name a gyro
 _OTHER = 0.5  # times its excess may another gyro's be
+_EACH = 0.5  # of what is wrong has to be left without any five seconds
 _TURNED = 1.0  # d beyond which a sign is turned
 
 
@@ -88,6 +89,7 @@ def corrections(
     records: Sequence[Record],
     *,
     healthy: Sequence[Span],
+    watched: Sequence[Span] | None = None,
     excursions: Sequence[Excursion] = (),
     names: bool = True,
 ) -> Corrections | None:
@@ -99,6 +101,8 @@ def corrections(
         In time, with p, q, r, phi, theta and psi; the gyros drive the attitude.
     healthy : sequence of (start, end)
         What was identified on.
+    watched : sequence of (start, end), optional
+        What may hold a fault; all else by default. Seconds that are neither tell nothing, as an impact before.
     excursions : sequence of Excursion
         Stretches in which nothing can be told.
     names : bool
@@ -119,17 +123,24 @@ def corrections(
     count = len(seconds.error) // STEP
     if count == 0:
         return None
-    at_s = start_s + (np.arange(count * STEP) + 0.5) * SECOND_S
-    usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
-    sums = _sums(seconds, [_turned(records, start_s, len(seconds.error), tau_s) for tau_s in _TAUS_S])
-    fifths = usual.reshape(count, STEP)
-    is_usual = fifths.all(axis=1)
+    at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
+    usual = _within(at_s, healthy)
+    may_fail = ~usual if watched is None else _within(at_s, watched) & ~usual
+    seconds.error[~(usual | may_fail)] = np.nan
+    sums = _sums(seconds, [_turned(records, start_s, len(at_s), tau_s) for tau_s in _TAUS_S])
+    is_usual, is_watched = (each[: count * STEP].reshape(count, STEP).all(axis=1) for each in (usual, may_fail))
     if np.diff(sums.known)[is_usual].sum() < FEWEST:
         return None
-    compared = _compared(start_s, sums, is_usual, ~fifths.any(axis=1))
-    rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, axis)]
+    compared = _compared(start_s, sums, is_usual, is_watched)
+    rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
     alarms = [_alarm(number, compared, seconds, sums, *rise, names=names) for number, rise in enumerate(rises)]
     return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
+
+
+def _within(at_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
+    return np.asarray(
+        np.logical_or.reduce([np.zeros(len(at_s), bool), *((at_s >= first) & (at_s <= last) for first, last in spans)])
+    )
 
 
 def _beside(wrong: FloatArray, usual: FloatArray) -> FloatArray:
@@ -264,14 +275,25 @@ def _largest(compared: Corrections) -> FloatArray:
     return np.asarray(np.max(np.nan_to_num(compared.excess), axis=0))
 
 
-def _rises(compared: Corrections, axis: int) -> Iterator[tuple[int, int]]:
+def _is_steady(compared: Corrections, sums: _Sums, axis: int, row: int) -> bool:
+    """Tell whether no five seconds of a window decide: without any of them half of what is wrong is left."""
+    number = int(np.argmax(np.nan_to_num(compared.excess[:, row, axis])))
+    fifths = range(row + 1 - WINDOWS[number] // STEP, row + 1)
+    own, known = np.diff(sums.equations[:, fifths[0] : row + 2], axis=1), np.diff(sums.known[fifths[0] : row + 2])
+    without, _ = _solved(own.sum(axis=1, keepdims=True) - own, known.sum() - known)
+    whole = _beside(compared.wrong[number, row], compared.usual)[axis]
+    return bool((_beside(without, compared.usual)[:, axis] > _EACH * whole).all())
+
+
+def _rises(compared: Corrections, sums: _Sums, axis: int) -> Iterator[tuple[int, int]]:
     """Give the windows' end at which an excess is known, and that at which it has ended."""
     excess = _largest(compared)[:, axis]
     starts, stops = runs(np.asarray(excess > _LASTS))
     for start, stop in zip(starts.tolist(), stops.tolist(), strict=True):
-        risen = np.flatnonzero((excess[start:stop] > 1.0) & compared.is_watched[start:stop])
-        if len(risen):
-            yield start + int(risen[0]), stop
+        risen = (start + np.flatnonzero((excess[start:stop] > 1.0) & compared.is_watched[start:stop])).tolist()
+        known = next((row for row in risen if _is_steady(compared, sums, axis, row)), None)
+        if known is not None:
+            yield known, stop
 
 
 def _alarm(
@@ -288,18 +310,19 @@ def _alarm(
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
     sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
-    decided = [row for row in range(known, stop) if sure[row]] if names else []
-    row = decided[0] if decided else known + int(np.argmax(excess[known:stop, axis]))
+    rows = (row for row in range(known, stop) if names and sure[row] and _is_steady(compared, sums, axis, row))
+    decided = next(rows, None)
+    row = known + int(np.argmax(excess[known:stop, axis])) if decided is None else decided
     part = float(compared.wrong[int(np.argmax(np.nan_to_num(compared.excess[:, row, axis]))), row, axis])
     onset_s = compared.start_s + _onset(seconds, sums, axis, part, known) * SECOND_S
-    judged = _decided if decided else _doubted
+    judged = _doubted if decided is None else _decided
     return Alarm(
         number=number,
         time_s=compared.end_s(known),
         onset_s=onset_s,
         source=GYROS[axis],
         test=CORRECTED,
-        judgements=(judged(axis, part, compared.end_s(row if decided else known), onset_s),),
+        judgements=(judged(axis, part, compared.end_s(known if decided is None else row), onset_s),),
         ended_s=None if stop >= len(excess) else compared.end_s(stop),
     )
 

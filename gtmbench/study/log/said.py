@@ -225,7 +225,11 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | Non
     pulls = None
     if opened.is_driven:
         pulls = corrections(
-            motion.segments, healthy=healthy, excursions=said.excursions, names=opened.imus is None
+            motion.segments,
+            healthy=healthy,
+            watched=_left_s(learnt),
+            excursions=said.excursions,
+            names=opened.imus is None,
         )
     return means, turns, pulls
 
