@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,12 +42,13 @@ _KNOWN = 0.8  # of a window
 _WANDER_DEG_S, _OF_TURN = 0.2, 0.05  # noise of a second's error beside that of its samples: always; of its turning
 # a priori deviations: of scale and axes; of what is wrong of the other gyros; of a delay
 _SCALE, _OTHERS, _DELAY_S = 0.02, 0.5, 0.05
-_UNKNOWNS, _OWN = 8, 5.0  # of an axis; of which data tell
+_UNKNOWNS, _GAINS, _OWN = 8, 3, 5.0  # of an axis; the first that is a scale; of how many data tell
 _BETTER = 9.0  # of chi squared, by which another time constant has to explain more
 _LEAST_SCATTER = 0.3  # of errors' variance, over what is expected: less is chance
 _FLOOR, _DEVIATIONS, _OF_HEALTHY = 0.25, 4.0, 3.0  # of a bound; of its own; times the largest where identified
 _LASTS, _NAMED = 0.5, 1.25  # bounds: below, it has ended; that name a gyro
 _OTHER = 0.5  # times its excess may another gyro's be
+_APART, _TOGETHER = 0.15, 0.25  # of a turn, by which an attitude turns otherwise than a gyro that drives it
 _EACH = 0.5  # of what is wrong has to be left without any five seconds
 _TURNED = 1.0  # d beyond which a sign is turned
 
@@ -91,7 +93,7 @@ def corrections(
     healthy: Sequence[Span],
     watched: Sequence[Span] | None = None,
     excursions: Sequence[Excursion] = (),
-    names: bool = True,
+    is_alone: bool = True,
 ) -> Corrections | None:
     """Return what references take back of turns; None where too little is healthy.
 
@@ -105,8 +107,9 @@ def corrections(
         What may hold a fault; all else by default. Seconds that are neither tell nothing, as an impact before.
     excursions : sequence of Excursion
         Stretches in which nothing can be told.
-    names : bool
-        Whether a gyro is ever named: not where several IMUs are compared, for another one may drive the attitude.
+    is_alone : bool
+        Whether the log has one IMU. Of several any may drive the attitude, so that one is named only if the attitude is
+        seen to turn as it reads.
 
     Examples
     --------
@@ -133,7 +136,7 @@ def corrections(
         return None
     compared = _compared(start_s, sums, is_usual, is_watched)
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
-    alarms = [_alarm(number, compared, seconds, sums, *rise, names=names) for number, rise in enumerate(rises)]
+    alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
     return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
 
 
@@ -230,13 +233,24 @@ def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
 _A_PRIORI = np.diag([0.0, *[_OTHERS**-2.0] * 2, *[_SCALE**-2.0] * 3, _DELAY_S**-2.0, 0.0])
 
 
+class _Fit(NamedTuple):
+    """Least squares by equations of shape (..., unknowns + 1, unknowns + 1)."""
+
+    found: FloatArray
+    inverse: FloatArray
+    left: FloatArray  # of squares, with the a priori's
+
+
+def _fitted(equations: FloatArray, a_priori: FloatArray) -> _Fit:
+    inverse = np.linalg.inv(equations[..., :-1, :-1] + a_priori + 1e-9 * np.eye(_UNKNOWNS))
+    target = equations[..., :-1, -1]
+    found = (inverse @ target[..., np.newaxis])[..., 0]
+    return _Fit(found, inverse, np.maximum(equations[..., -1, -1] - (found * target).sum(axis=-1), 0.0))
+
+
 def _solved(equations: FloatArray, known: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return d and its deviation, shape (windows, 3), by equations of shape (taus, windows, 3, ...)."""
-    normal = equations[..., :-1, :-1] + _A_PRIORI + 1e-9 * np.eye(_UNKNOWNS)
-    target, square = equations[..., :-1, -1], equations[..., -1, -1]
-    inverse = np.linalg.inv(normal)
-    found = (inverse @ target[..., np.newaxis])[..., 0]
-    left = np.maximum(square - (found * target).sum(axis=-1), 0.0)  # of squares, with the a priori's
+    found, inverse, left = _fitted(equations, _A_PRIORI)
     free = np.maximum(known - _OWN, 1.0)[:, np.newaxis]
     is_better = left[_USUAL] - left.min(axis=0) > _BETTER * left[_USUAL] / free
     best = np.where(is_better, left.argmin(axis=0), _USUAL)[np.newaxis]
@@ -277,12 +291,36 @@ def _largest(compared: Corrections) -> FloatArray:
 
 def _is_steady(compared: Corrections, sums: _Sums, axis: int, row: int) -> bool:
     """Tell whether no five seconds of a window decide: without any of them half of what is wrong is left."""
-    number = int(np.argmax(np.nan_to_num(compared.excess[:, row, axis])))
+    number = _window(compared, axis, row)
     fifths = range(row + 1 - WINDOWS[number] // STEP, row + 1)
     own, known = np.diff(sums.equations[:, fifths[0] : row + 2], axis=1), np.diff(sums.known[fifths[0] : row + 2])
     without, _ = _solved(own.sum(axis=1, keepdims=True) - own, known.sum() - known)
     whole = _beside(compared.wrong[number, row], compared.usual)[axis]
     return bool((_beside(without, compared.usual)[:, axis] > _EACH * whole).all())
+
+
+def _names(compared: Corrections, sums: _Sums, axis: int, row: int, is_alone: bool) -> bool:
+    """Tell whether a window names a gyro: no five seconds decide, and the attitude turns as it reads.
+
+    Where the attitude doesn't, another gyro drives it, and may be wrong itself. How much more the gyro reads at once is
+    the scale that this axis has if it isn't known a priori.
+    """
+    if not _is_steady(compared, sums, axis, row):
+        return False
+    steps, own = WINDOWS[_window(compared, axis, row)] // STEP, _GAINS + axis
+    loose = _A_PRIORI.copy()
+    loose[own, own] = 1.0
+    fit = _fitted(sums.equations[:, row + 1, axis] - sums.equations[:, row + 1 - steps, axis], loose)
+    best = int(fit.left.argmin())
+    free = max(sums.known[row + 1] - sums.known[row + 1 - steps] - _OWN, 1.0)
+    scale = abs(float(fit.found[best, own]))
+    unsure = 2.0 * np.sqrt(max(fit.left[best] / free, _LEAST_SCATTER) * fit.inverse[best, own, own])
+    return bool(scale - unsure < _APART if is_alone else scale + unsure < _TOGETHER)
+
+
+def _window(compared: Corrections, axis: int, row: int) -> int:
+    """Return the number of the window that shows most."""
+    return int(np.argmax(np.nan_to_num(compared.excess[:, row, axis])))
 
 
 def _rises(compared: Corrections, sums: _Sums, axis: int) -> Iterator[tuple[int, int]]:
@@ -305,15 +343,14 @@ def _alarm(
     known: int,
     stop: int,
     *,
-    names: bool,
+    is_alone: bool,
 ) -> Alarm:
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
     sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
-    rows = (row for row in range(known, stop) if names and sure[row] and _is_steady(compared, sums, axis, row))
-    decided = next(rows, None)
+    decided = next((row for row in range(known, stop) if sure[row] and _names(compared, sums, axis, row, is_alone)), None)
     row = known + int(np.argmax(excess[known:stop, axis])) if decided is None else decided
-    part = float(compared.wrong[int(np.argmax(np.nan_to_num(compared.excess[:, row, axis]))), row, axis])
+    part = float(compared.wrong[_window(compared, axis, row), row, axis])
     onset_s = compared.start_s + _onset(seconds, sums, axis, part, known) * SECOND_S
     judged = _doubted if decided is None else _decided
     return Alarm(

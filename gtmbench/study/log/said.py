@@ -167,11 +167,15 @@ def doubted(said: Said, progress: Progress) -> Said:
             comparison=comparison,
             means=means and replace(means, alarms=told(means.alarms)),
             gains=turns and replace(turns, alarms=told(turns.alarms)),
-            corrections=pulls and replace(pulls, alarms=told(pulls.alarms)),
-            frozen=tuple(of_watched(alarm, comparison) for alarm in _frozen(learnt)),
+            corrections=pulls and replace(pulls, alarms=_of_imu(told(pulls.alarms), comparison)),
+            frozen=_of_imu(_frozen(learnt), comparison),
             findings=findings,
         )
     )
+
+
+def _of_imu(alarms: Sequence[Alarm], comparison: Comparison | None) -> tuple[Alarm, ...]:
+    return tuple(of_watched(alarm, comparison) for alarm in alarms)
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
@@ -224,12 +228,13 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | Non
     )
     pulls = None
     if opened.is_driven:
+        watched = _left_s(learnt)
         pulls = corrections(
             motion.segments,
             healthy=healthy,
-            watched=_left_s(learnt),
+            watched=watched,
             excursions=said.excursions,
-            names=opened.imus is None,
+            is_alone=opened.imus is None,
         )
     return means, turns, pulls
 
