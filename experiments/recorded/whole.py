@@ -270,7 +270,9 @@ def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains, said.corrections))
+    told = first_alarms(
+        said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains, said.corrections)
+    )
     return [alarm for alarm in told if not alarm.has_passed]
 
 

@@ -191,7 +191,9 @@ def _fault_text(same: Sequence[Alarm]) -> str:
     parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
     unit = unit_of(judged.sensor)
     known = judged.kind is not None and judged.kind != UNKNOWN
-    kind = f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else _size(judged)
+    kind = (
+        f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else _size(judged)
+    )
     return f"the {sensor_text(judged.sensor)}{imu} failed {at}{kind}"
 
 

@@ -99,4 +99,6 @@ def _agree(alarm: Alarm, other: Alarm) -> bool:
     """
     soon_s = CORRECTED_OVER[-1] * SECOND_S if CORRECTED in (alarm.test, other.test) else _SOON_S
     is_told = other.accuses or alarm.test == CORRECTED
-    return bool(set(alarm.candidates) & set(other.candidates)) and is_told and abs(alarm.onset_s - other.onset_s) <= soon_s
+    return (
+        bool(set(alarm.candidates) & set(other.candidates)) and is_told and abs(alarm.onset_s - other.onset_s) <= soon_s
+    )

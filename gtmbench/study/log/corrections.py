@@ -196,7 +196,9 @@ class _Sums:
     constant.
     """
 
-    equations: FloatArray  # shape (taus, fifths + 1, 3, unknowns + 1, unknowns + 1): the last row and column are the error's
+    equations: (
+        FloatArray  # shape (taus, fifths + 1, 3, unknowns + 1, unknowns + 1): the last row and column are the error's
+    )
     known: FloatArray  # seconds that are known, shape (fifths + 1,)
     turned: FloatArray  # by the usual time constant, shape (seconds, 3), of each gyro about its axis
     weight: FloatArray  # of each second, 0 where one isn't known, shape (seconds, 3)
@@ -348,7 +350,9 @@ def _alarm(
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
     sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
-    decided = next((row for row in range(known, stop) if sure[row] and _names(compared, sums, axis, row, is_alone)), None)
+    decided = next(
+        (row for row in range(known, stop) if sure[row] and _names(compared, sums, axis, row, is_alone)), None
+    )
     row = known + int(np.argmax(excess[known:stop, axis])) if decided is None else decided
     part = float(compared.wrong[_window(compared, axis, row), row, axis])
     onset_s = compared.start_s + _onset(seconds, sums, axis, part, known) * SECOND_S

@@ -15,8 +15,8 @@ from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
-from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.corrections import CORRECTED, Corrections
+from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.gps_itself import with_itself
 from gtmbench.study.log.identified import LeftOut
