@@ -106,6 +106,7 @@ def _result(whole: Whole, fault: gb.Fault, tau_s: float) -> Row | None:
 
 
 def in_words(alarm: Alarm) -> str:
+    """Return when an alarm came, by what, whom it names, and why."""
     last = alarm.last
     reason = "" if last is None else last.witness or last.reason
     return f"{alarm.time_s:.0f} s {alarm.source} {alarm.test}: {alarm.verdict} {alarm.candidates} [{reason}]"

@@ -2,12 +2,13 @@
 
     python experiments/wrong_scales_in_logs.py [FOLDER ...] [--synthetic FIRST:LAST] [--out DIR] [--processes N]
 
-Watches every log below the folders by `gtmbench monitor`'s detector auto, as it is and with one gyro at a time that reads
-0.5, 0.7 or 1.5 of its turns, or all of them with the wrong sign. A fault begins a quarter of the way from the end of what
-was learnt to the end of the flight, and lasts; an estimator of 2, 5 or 20 s, by turns, makes the attitude of the broken
-gyro. *Without* is the verdict without what the references take back of turns. Prints tables, writes report.md and
-cases.csv into DIR, and ends with code 1 where a healthy sensor is named. No log is kept. With --synthetic the same of
-flights of the GTM by their seeds, written as tables at 10 Hz, whose attitude a filter of 20 s makes of the gyros.
+Watches every log below the folders by `gtmbench monitor`'s detector auto, as it is and with one gyro at a time that
+reads 0.5, 0.7 or 1.5 of its turns, or all of them with the wrong sign. A fault begins a quarter of the way from the end
+of what was learnt to the end of the flight, and lasts; an estimator of 2, 5 or 20 s, by turns, makes the attitude of
+the broken gyro. *Without* is the verdict without what the references take back of turns. Prints tables, writes
+report.md and cases.csv into DIR, and ends with code 1 where a healthy sensor is named. No log is kept. With --synthetic
+the same of flights of the GTM by their seeds, written as tables at 10 Hz, whose attitude a filter of 20 s makes of the
+gyros.
 """
 
 from __future__ import annotations

@@ -1,20 +1,20 @@
 """Corrections: how much of every turn the references take back from an attitude that the gyros drive.
 
 Such an attitude turns as its gyros say, so a gyro of a wrong scale and its attitude agree. But references know better,
-and pull back what was turned too far or too little. Of a gyro that reads y with a gain g, the part d = 1 - 1/g is wrong:
-0 of a right one, 2 of one with a turned sign, -0.43 of one that reads 0.7 of its turns. Carried into the Earth's axes by
-the attitude C, what is wrong adds up, and is corrected within the estimator's time constant tau,
+and pull back what was turned too far or too little. Of a gyro that reads y with a gain g, the part d = 1 - 1/g is
+wrong: 0 of a right one, 2 of one with a turned sign, -0.43 of one that reads 0.7 of its turns. Carried into the Earth's
+axes by the attitude C, what is wrong adds up, and is corrected within the estimator's time constant tau,
 
     z_i' = C e_i y_i - z_i / tau,   y - x = sum_i d_i C' z_i / tau
 
-with x the attitude's rate. So each d_i is found by a regression of its axis's y - x on the last seconds' turns, beside a
-constant, what gyro and attitude differ by in scale and axes, and a delay between them, which is late by the change of y. tau isn't known: the usual one is taken, unless another
-explains far more.
+with x the attitude's rate. So d_i is found by a regression of gyro i's y - x on the last seconds' turns, beside a
+constant, what gyro and attitude differ by in scale and axes, and a delay between them, whose error is the rate's
+change. tau isn't known: the usual one is taken, unless another explains far more.
 
 References may be wrong as well. Accelerometers that take thrust for the vertical pull back a part of every turn though
-gyros are right, and a compass beside iron does so of some turns. But they pull back a part of it: so a gyro is suspected
-only where d has left all between 0 and 1, and what it was where identified. One that reads a little too much, whose d is
-0.2, never shows. Nor do five seconds alone tell anything: in an impact gyros miss a turn, too.
+gyros are right, and a compass beside iron a part of some. But a part it is: so a gyro is suspected only where d has
+left all from 0 to 1, and what it was where identified. One that reads a little too much, whose d is 0.2, never shows.
+Nor do five seconds decide alone, for in an impact gyros miss a turn, too.
 """
 
 from __future__ import annotations
@@ -126,12 +126,14 @@ def corrections(
     count = len(seconds.error) // STEP
     if count == 0:
         return None
-    at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
+    at_s = np.asarray(start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S, np.float64)
     usual = _within(at_s, healthy)
     may_fail = ~usual if watched is None else _within(at_s, watched) & ~usual
     seconds.error[~(usual | may_fail)] = np.nan
     sums = _sums(seconds, [_turned(records, start_s, len(at_s), tau_s) for tau_s in _TAUS_S])
-    is_usual, is_watched = (each[: count * STEP].reshape(count, STEP).all(axis=1) for each in (usual, may_fail))
+    is_usual, is_watched = (
+        np.asarray(each[: count * STEP].reshape(count, STEP).all(axis=1), dtype=np.bool_) for each in (usual, may_fail)
+    )
     if np.diff(sums.known)[is_usual].sum() < FEWEST:
         return None
     compared = _compared(start_s, sums, is_usual, is_watched)
@@ -206,7 +208,7 @@ class _Sums:
 
 def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
     turn = np.linalg.norm(seconds.motion, axis=1)[:, np.newaxis]
-    is_known = np.isfinite(seconds.error).all(axis=1) & np.isfinite(turned[0]).all(axis=(1, 2))
+    is_known = np.asarray(np.isfinite(seconds.error).all(axis=1) & np.isfinite(turned[0]).all(axis=(1, 2)))
     weight = 1.0 / (seconds.variance + _WANDER_DEG_S**2 + np.square(_OF_TURN * turn))
     weight = np.where(is_known[:, np.newaxis], weight, 0.0)
     count = len(turn) // STEP
@@ -244,7 +246,7 @@ class _Fit(NamedTuple):
 
 
 def _fitted(equations: FloatArray, a_priori: FloatArray) -> _Fit:
-    inverse = np.linalg.inv(equations[..., :-1, :-1] + a_priori + 1e-9 * np.eye(_UNKNOWNS))
+    inverse = np.asarray(np.linalg.inv(equations[..., :-1, :-1] + a_priori + 1e-9 * np.eye(_UNKNOWNS)), np.float64)
     target = equations[..., :-1, -1]
     found = (inverse @ target[..., np.newaxis])[..., 0]
     return _Fit(found, inverse, np.maximum(equations[..., -1, -1] - (found * target).sum(axis=-1), 0.0))
