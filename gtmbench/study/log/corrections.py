@@ -130,7 +130,7 @@ def corrections(
     usual = _within(at_s, healthy)
     may_fail = ~usual if watched is None else _within(at_s, watched) & ~usual
     seconds.error[~(usual | may_fail)] = np.nan
-    sums = _sums(seconds, [_turned(records, start_s, len(at_s), tau_s) for tau_s in _TAUS_S])
+    sums = _sums(seconds, _turned(records, start_s, len(at_s)))
     is_usual, is_watched = (
         np.asarray(each[: count * STEP].reshape(count, STEP).all(axis=1), dtype=np.bool_) for each in (usual, may_fail)
     )
@@ -156,20 +156,21 @@ def _beside(wrong: FloatArray, usual: FloatArray) -> FloatArray:
 # ---- what was turned ----
 
 
-def _turned(records: Sequence[Record], start_s: float, count: int, tau_s: float) -> FloatArray:
-    """Return C' z_i / tau second by second: what an estimator remembers of gyro i, about each axis; (count, 3, 3)."""
-    turned = np.full((count, 3, 3), np.nan)
-    kept = tau_s / (tau_s + SECOND_S)
+def _turned(records: Sequence[Record], start_s: float, count: int) -> FloatArray:
+    """Return C' z_i / tau, what an estimator remembers of gyro i, about each axis; shape (taus, count, 3, 3)."""
+    taus_s = np.array(_TAUS_S)[:, np.newaxis, np.newaxis]
+    kept = taus_s / (taus_s + SECOND_S)
+    turned = np.full((len(_TAUS_S), count, 3, 3), np.nan)
     for record in records:
         seconds = of_seconds(record, start_s, _carried)
         if not len(seconds.at):
             continue
         to_earth, rates = (each.reshape(-1, 3, 3) for each in np.split(seconds.means, 2, axis=1))
-        memory = np.zeros((len(rates) + 1, 3, 3))
+        memory = np.zeros((len(rates) + 1, len(_TAUS_S), 3, 3))
         halves = 0.5 * SECOND_S * (rates + np.concatenate([np.zeros((1, 3, 3)), rates[:-1]]))
         for row, half in enumerate(halves):
             memory[row + 1] = kept * (memory[row] + half)
-        turned[seconds.at] = np.einsum("nji,njk->nik", to_earth, memory[1:]) / tau_s
+        turned[:, seconds.at] = np.einsum("nji,ntjk->tnik", to_earth, memory[1:] / taus_s)
     return turned
 
 
@@ -198,15 +199,13 @@ class _Sums:
     constant.
     """
 
-    equations: (
-        FloatArray  # shape (taus, fifths + 1, 3, unknowns + 1, unknowns + 1): the last row and column are the error's
-    )
+    equations: FloatArray  # shape (taus, fifths + 1, 3, unknowns + 1, unknowns + 1): the error comes last
     known: FloatArray  # seconds that are known, shape (fifths + 1,)
     turned: FloatArray  # by the usual time constant, shape (seconds, 3), of each gyro about its axis
     weight: FloatArray  # of each second, 0 where one isn't known, shape (seconds, 3)
 
 
-def _sums(seconds: ErrorSeconds, turned: Sequence[FloatArray]) -> _Sums:
+def _sums(seconds: ErrorSeconds, turned: FloatArray) -> _Sums:
     turn = np.linalg.norm(seconds.motion, axis=1)[:, np.newaxis]
     is_known = np.asarray(np.isfinite(seconds.error).all(axis=1) & np.isfinite(turned[0]).all(axis=(1, 2)))
     weight = 1.0 / (seconds.variance + _WANDER_DEG_S**2 + np.square(_OF_TURN * turn))
