@@ -94,6 +94,7 @@ def corrections(
     watched: Sequence[Span] | None = None,
     excursions: Sequence[Excursion] = (),
     is_alone: bool = True,
+    seconds: ErrorSeconds | None = None,
 ) -> Corrections | None:
     """Return what references take back of turns; None where too little is healthy.
 
@@ -110,6 +111,8 @@ def corrections(
     is_alone : bool
         Whether the log has one IMU. Of several any may drive the attitude, so that one is named only if the attitude is
         seen to turn as it reads.
+    seconds : ErrorSeconds, optional
+        What `error_seconds` makes of the records, where that is known.
 
     Examples
     --------
@@ -122,14 +125,14 @@ def corrections(
     [('r failed', 'sign_flip')]
     """
     start_s = records[0].start_s
-    seconds = error_seconds(records, start_s, excursions)
+    seconds = error_seconds(records, start_s, excursions) if seconds is None else seconds
     count = len(seconds.error) // STEP
     if count == 0:
         return None
     at_s = np.asarray(start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S, np.float64)
     usual = _within(at_s, healthy)
     may_fail = ~usual if watched is None else _within(at_s, watched) & ~usual
-    seconds.error[~(usual | may_fail)] = np.nan
+    seconds = replace(seconds, error=np.where((usual | may_fail)[:, np.newaxis], seconds.error, np.nan))
     sums = _sums(seconds, _turned(records, start_s, len(at_s)))
     is_usual, is_watched = (
         np.asarray(each[: count * STEP].reshape(count, STEP).all(axis=1), dtype=np.bool_) for each in (usual, may_fail)

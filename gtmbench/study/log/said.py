@@ -31,6 +31,7 @@ from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
 from gtmbench.study.log.learnt import Learnt
+from gtmbench.study.log.mean_errors import error_seconds
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
@@ -212,12 +213,14 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | Non
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
         return None, None, None
     healthy = _healthy_spans(learnt)
+    seconds = error_seconds(motion.segments, motion.segments[0].start_s, said.excursions)
     means = slow_means(
         motion.segments,
         healthy=healthy,
         excursions=said.excursions,
         is_driven=opened.is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
+        seconds=seconds,
     )
     turns = gains(
         motion.segments,
@@ -235,6 +238,7 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | Non
             watched=watched,
             excursions=said.excursions,
             is_alone=opened.imus is None,
+            seconds=seconds,
         )
     return means, turns, pulls
 
