@@ -28,6 +28,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.method.regression.slow import interpolated
+from gtmbench.study.log.bent import doubt_behind
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.values.attitude import USUAL_S
@@ -142,7 +143,16 @@ def corrections(
     compared = _compared(start_s, sums, is_usual, is_watched)
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
     alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
-    return replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
+    first_to_last = sorted(alarms, key=lambda alarm: alarm.time_s)
+    return replace(compared, alarms=tuple(_but_behind(alarm, first_to_last) for alarm in first_to_last))
+
+
+def _but_behind(alarm: Alarm, alarms: Sequence[Alarm]) -> Alarm:
+    """Return an alarm that doubts whom it names after another gyro was named, which bends the attitude since."""
+    doubt, last = doubt_behind(alarm, alarms), alarm.last
+    if not doubt or last is None:
+        return alarm
+    return replace(alarm, judgements=(replace(last, sensor=None, doubt=doubt, kind=None, parameters={}),))
 
 
 def _within(at_s: FloatArray, spans: Sequence[Span]) -> BoolArray:

@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import TOUCHDOWN
 from gtmbench.study.log.choices import _agree
-from gtmbench.study.log.corrections import CORRECTED, WINDOWS, corrections
+from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 PERIOD_S, LENGTH_S, ONSET_S = 0.1, 220.0, 130.0
@@ -142,6 +142,16 @@ def test_what_was_learnt_what_nobody_watches_and_too_little_raise_nothing():
     short = turning(0).between(0.0, 18.0)
     assert corrections([short], healthy=[(0.0, 18.0)]).alarms == ()
     assert corrections([short.between(0.0, 3.0)], healthy=[(0.0, 3.0)]) is None
+
+
+def test_nobody_is_named_behind_a_gyro_that_was_named():
+    (first,) = said(broken(turning(1), scaled("r", -1.0))).alarms
+    (other,) = said(broken(turning(1), scaled("p", -1.0))).alarms
+    later = replace(other, time_s=first.time_s + 30.0)
+    assert _but_behind(first, [first, later]) == first
+    doubted = _but_behind(later, [first, later])
+    assert (doubted.sensor, doubted.accuses) == (None, False)
+    assert doubted.doubt.startswith("r failed before")
 
 
 def test_missing_samples_and_parts_of_a_log_are_left_out():
