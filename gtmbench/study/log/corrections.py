@@ -41,7 +41,7 @@ _TAUS_S = (2.0, USUAL_S, 10.0)
 _USUAL = 1  # of these
 _KNOWN = 0.8  # of a window
 _WANDER_DEG_S, _OF_TURN = 0.2, 0.05  # noise of a second's error beside that of its samples: always; of its turning
-# a priori deviations: of scale and axes; of what is wrong of the other gyros; of a delay
+# a priori deviations: of scale and axes; of the other gyros' d; of a delay
 _SCALE, _OTHERS, _DELAY_S = 0.02, 0.5, 0.05
 _UNKNOWNS, _GAINS, _OWN = 8, 3, 5.0  # of an axis; the first that is a scale; of how many data tell
 _BETTER = 9.0  # of chi squared, by which another time constant has to explain more
@@ -50,7 +50,7 @@ _FLOOR, _DEVIATIONS, _OF_HEALTHY = 0.25, 4.0, 3.0  # of a bound; of its own; tim
 _LASTS, _NAMED = 0.5, 1.25  # bounds: below, it has ended; that name a gyro
 _OTHER = 0.5  # times its excess may another gyro's be
 _APART, _TOGETHER = 0.15, 0.25  # of a turn, by which an attitude turns otherwise than a gyro that drives it
-_EACH = 0.5  # of what is wrong has to be left without any five seconds
+_EACH = 0.5  # of the excess has to be left without any five seconds
 _TURNED = 1.0  # d beyond which a sign is turned
 
 
@@ -306,7 +306,7 @@ def _largest(compared: Corrections) -> FloatArray:
 
 
 def _is_steady(compared: Corrections, sums: _Sums, axis: int, row: int) -> bool:
-    """Tell whether no five seconds of a window decide: without any of them half of what is wrong is left."""
+    """Tell whether no five seconds of a window decide: without any of them half of the excess is left."""
     number = _window(compared, axis, row)
     fifths = range(row + 1 - WINDOWS[number] // STEP, row + 1)
     own, known = np.diff(sums.equations[:, fifths[0] : row + 2], axis=1), np.diff(sums.known[fifths[0] : row + 2])
