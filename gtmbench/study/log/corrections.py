@@ -26,10 +26,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.crosscheck.relations import GPS
 from gtmbench.detectors.excursion import Excursion
+from gtmbench.intake.magnetometers import FieldReadings
+from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.method.regression.slow import interpolated
 from gtmbench.study.log.bent import doubt_behind
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
+from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.values.attitude import USUAL_S
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -95,6 +99,7 @@ def corrections(
     watched: Sequence[Span] | None = None,
     excursions: Sequence[Excursion] = (),
     is_alone: bool = True,
+    names: Sequence[str] = GYROS,
     seconds: ErrorSeconds | None = None,
 ) -> Corrections | None:
     """Return what references take back of turns; None where too little is healthy.
@@ -112,6 +117,8 @@ def corrections(
     is_alone : bool
         Whether the log has one IMU. Of several any may drive the attitude, so that one is named only if the attitude is
         seen to turn as it reads.
+    names : sequence of str
+        The gyros that may be named, as `nameable` tells.
     seconds : ErrorSeconds, optional
         What `error_seconds` makes of the records, where that is known.
 
@@ -142,9 +149,21 @@ def corrections(
         return None
     compared = _compared(start_s, sums, is_usual, is_watched)
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
-    alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
+    alarms = [
+        _alarm(number, compared, seconds, sums, *rise, is_alone=is_alone, may_name=GYROS[rise[0]] in names)
+        for number, rise in enumerate(rises)
+    ]
     first_to_last = sorted(alarms, key=lambda alarm: alarm.time_s)
     return replace(compared, alarms=tuple(_but_behind(alarm, first_to_last) for alarm in first_to_last))
+
+
+def nameable(sensors: Sequence[SensorReadings], magnetometers: Sequence[FieldReadings]) -> tuple[str, ...]:
+    """Return the gyros that corrections may name: not r of a log with a GPS and no magnetometer.
+
+    There the course corrects the heading, and a wind turns one against the other, by more or less in every direction.
+    """
+    has_course = any(kind_of(each) == GPS for each in sensors)
+    return GYROS[:2] if has_course and not magnetometers else GYROS
 
 
 def _but_behind(alarm: Alarm, alarms: Sequence[Alarm]) -> Alarm:
@@ -360,13 +379,13 @@ def _alarm(
     stop: int,
     *,
     is_alone: bool,
+    may_name: bool,
 ) -> Alarm:
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
     sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
-    decided = next(
-        (row for row in range(known, stop) if sure[row] and _names(compared, sums, axis, row, is_alone)), None
-    )
+    rows = range(known, stop) if may_name else ()
+    decided = next((row for row in rows if sure[row] and _names(compared, sums, axis, row, is_alone)), None)
     row = known + int(np.argmax(excess[known:stop, axis])) if decided is None else decided
     part = float(compared.wrong[_window(compared, axis, row), row, axis])
     onset_s = compared.start_s + _onset(seconds, sums, axis, part, known) * SECOND_S

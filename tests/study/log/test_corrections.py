@@ -8,9 +8,11 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import TOUCHDOWN
+from gtmbench.intake.magnetometers import FieldReadings
+from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.choices import _agree
-from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections, nameable
+from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS
 
 PERIOD_S, LENGTH_S, ONSET_S = 0.1, 220.0, 130.0
 HEALTHY = [(0.0, 90.0)]
@@ -152,6 +154,23 @@ def test_nobody_is_named_behind_a_gyro_that_was_named():
     doubted = _but_behind(later, [first, later])
     assert (doubted.sensor, doubted.accuses) == (None, False)
     assert doubted.doubt.startswith("r failed before")
+
+
+def test_r_isnt_named_where_a_course_may_correct_the_heading():
+    time_s = np.arange(100.0)
+    gps = SensorReadings(
+        name="GPS",
+        channels=GPS_VELOCITY,
+        columns=("n", "e", "d"),
+        time_s=time_s,
+        values=np.zeros((100, 3)),
+        is_late=True,
+    )
+    field = FieldReadings(name="MAG", columns=("x", "y", "z"), time_s=time_s, field=np.ones((100, 3)))
+    assert nameable([gps], [field]) == nameable([], []) == GYROS
+    assert nameable([gps], []) == ("p", "q")
+    (alarm,) = said(broken(turning(1), scaled("r", -1.0)), names=("p", "q")).alarms
+    assert (alarm.sensor, alarm.candidates) == (None, ("r", "psi"))
 
 
 def test_missing_samples_and_parts_of_a_log_are_left_out():
