@@ -153,8 +153,8 @@ def corrections(
         _alarm(number, compared, seconds, sums, *rise, is_alone=is_alone, may_name=GYROS[rise[0]] in names)
         for number, rise in enumerate(rises)
     ]
-    first_to_last = sorted(alarms, key=lambda alarm: alarm.time_s)
-    return replace(compared, alarms=tuple(_but_behind(alarm, first_to_last) for alarm in first_to_last))
+    compared = replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
+    return but_behind(compared, compared.alarms)
 
 
 def nameable(sensors: Sequence[SensorReadings], magnetometers: Sequence[FieldReadings]) -> tuple[str, ...]:
@@ -164,6 +164,11 @@ def nameable(sensors: Sequence[SensorReadings], magnetometers: Sequence[FieldRea
     """
     has_course = any(kind_of(each) == GPS for each in sensors)
     return GYROS[:2] if has_course and not magnetometers else GYROS
+
+
+def but_behind(found: Corrections, named: Sequence[Alarm]) -> Corrections:
+    """Return corrections that doubt whom they name after some alarms, of any test, named another gyro."""
+    return replace(found, alarms=tuple(_but_behind(alarm, named) for alarm in found.alarms))
 
 
 def _but_behind(alarm: Alarm, alarms: Sequence[Alarm]) -> Alarm:

@@ -24,7 +24,7 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
-from gtmbench.study.log.corrections import Corrections, corrections, nameable
+from gtmbench.study.log.corrections import Corrections, but_behind, corrections, nameable
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
@@ -280,7 +280,9 @@ def _settled(said: Said) -> Said:
     told = replace(told, alarms=(*told.alarms, *found))
     if learnt.opened.is_driven:
         watches = [_but_behind(watch, told.alarms) for watch in watches]
-    return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
+    named = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains, said.corrections))
+    pulls = said.corrections and but_behind(said.corrections, named)
+    return replace(said, watches=tuple(watches), means=told, corrections=pulls, witnesses=witnesses)
 
 
 def _but_behind(watch: Watch, named: Sequence[Alarm]) -> Watch:
