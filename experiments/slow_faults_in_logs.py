@@ -61,10 +61,10 @@ def cases(path: Path) -> list[Row]:
         return [{"log": path.name, "fault": "", "said": "refused", "told": str(error)[:120]}]
     watched = whole.watched
     beside = {kind_of(each) for each in whole.learnt.opened.sensors}
-    told = " | ".join(_told(alarm) for alarm in watched.alarms)
+    told = " | ".join(in_words(alarm) for alarm in watched.alarms)
     whose: Row = {"log": path.name, "gps": GPS in beside, "mag": MAG in beside}
     rows: list[Row] = [{**whose, "fault": "", "said": watched.outcome.name, "told": told, "cpu_s": whole.cpu_s}]
-    onset_s = _onset_s(whole)
+    onset_s = onset_in(whole)
     if onset_s is None:
         return rows
     left_s = watched.log.segments[-1].end_s - onset_s
@@ -77,7 +77,7 @@ def cases(path: Path) -> list[Row]:
     return rows
 
 
-def _onset_s(whole: Whole) -> float | None:
+def onset_in(whole: Whole) -> float | None:
     """Return when a fault begins; None where nothing can be put on the log."""
     watched = whole.watched
     if watched.check.stops or not watched.identified_s or watched.gyros_outcome.name == "FAILED":
@@ -101,11 +101,12 @@ def _result(whole: Whole, fault: gb.Fault, tau_s: float) -> Row | None:
         "said": verdict_on(told, fault.channel),
         "without": verdict_on(without, fault.channel),
         "found_s": found_s,
-        "told": " | ".join(map(_told, told))[:600],
+        "told": " | ".join(map(in_words, told))[:600],
     }
 
 
-def _told(alarm: Alarm) -> str:
+def in_words(alarm: Alarm) -> str:
+    """Return when an alarm came, by what, whom it names, and why."""
     last = alarm.last
     reason = "" if last is None else last.witness or last.reason
     return f"{alarm.time_s:.0f} s {alarm.source} {alarm.test}: {alarm.verdict} {alarm.candidates} [{reason}]"

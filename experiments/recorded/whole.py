@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from gtmbench.study.log.asked import asked
 from gtmbench.study.log.choices import agreed
 from gtmbench.study.log.contacts import is_contact
 from gtmbench.study.log.healthy import chosen
+from gtmbench.study.log.imu_comparison import channels_of, watched_imu
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
@@ -217,20 +218,44 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
 def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Opened:
     """Return an opened log with a fault from its onset on, put through an estimator if one is given.
 
-    The estimator goes on over gaps as if nothing had moved.
+    The estimator goes on over gaps as if nothing had moved. Of several IMUs the one that is watched breaks.
     """
-    parts = []
-    for record in log.log.segments:
-        if record.end_s < fault.onset_s:
-            parts.append(record)
-            continue
-        broken = gb.inject(record, _from(fault, record.start_s))
-        if estimator is not None and {*GYROS, *ATTITUDE} <= set(record.channels):
-            broken = estimator.bent(record, broken)
-        parts.append(broken)
-    changed = replace(log.log, segments=tuple(parts))
+    changed = replace(log.log, segments=tuple(_broken(record, fault, estimator) for record in log.log.segments))
     motion = changed if log.own.motion is log.log else None
-    return replace(log, own=OpenedLog(log=changed, motion=motion))
+    watched = watched_imu(log.log, log.log.imus)
+    imus = log.imus
+    if imus is not None and watched is not None:
+        own = dict(zip(GYROS, channels_of(watched), strict=True))
+        parts = tuple(_with_broken_imu(record, own, fault, estimator) for record in imus.segments)
+        imus = replace(imus, segments=parts)
+    return replace(log, own=OpenedLog(log=changed, motion=motion), imus=imus)
+
+
+def _broken(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:
+    if record.end_s < fault.onset_s:
+        return record
+    broken = gb.inject(record, _from(fault, record.start_s))
+    if estimator is not None and {*GYROS, *ATTITUDE} <= set(record.channels):
+        broken = estimator.bent(record, broken)
+    return broken
+
+
+def _with_broken_imu(
+    record: Record, own: Mapping[str, str], fault: gb.Fault, estimator: gb.AttitudeEstimator | None
+) -> Record:
+    """Return a record of IMUs side by side in which one is broken, whose channels are told, and the attitude bent."""
+    if not {*own.values()} <= set(record.channels):
+        return record
+    alone = Record(
+        record.matrix((*own.values(), *ATTITUDE)),
+        channels=(*own, *ATTITUDE),
+        sample_period_s=record.sample_period_s,
+        start_s=record.start_s,
+    )
+    broken = _broken(alone, fault, estimator)
+    for name in broken.channels:
+        record = record.replace(own.get(name, name), broken[name])
+    return record
 
 
 def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
@@ -245,7 +270,9 @@ def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains))
+    told = first_alarms(
+        said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains, said.corrections)
+    )
     return [alarm for alarm in told if not alarm.has_passed]
 
 

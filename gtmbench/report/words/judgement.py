@@ -16,6 +16,7 @@ from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, with_error
+from gtmbench.study.log.corrections import CORRECTED
 from gtmbench.study.log.gains import GAIN
 from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.score import first_after
@@ -203,6 +204,8 @@ def slow_text(alarm: Alarm) -> str:
         return f"the gain of {alarm.source} against the attitude's rate"
     if alarm.test == AT_REST:
         return f"what {alarm.source} reads at rest"
+    if alarm.test == CORRECTED:
+        return f"how the attitude is pulled back after turns of {alarm.source}"
     return f"the mean of {alarm.source} less the attitude's rate"
 
 

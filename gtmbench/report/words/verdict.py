@@ -11,7 +11,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from gtmbench.checks import listed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.monitor.regime import FAILURE
 from gtmbench.detectors.protocol import is_ready
@@ -192,8 +192,21 @@ def _fault_text(same: Sequence[Alarm]) -> str:
     parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
     unit = unit_of(judged.sensor)
     known = judged.kind is not None and judged.kind != UNKNOWN
-    kind = f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else ""
+    kind = (
+        f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else _size(judged)
+    )
     return f"the {sensor_text(judged.sensor)}{imu} failed {at}{kind}"
+
+
+def _size(judged: Judgement) -> str:
+    """Return how far a witness measured a sensor off, in brackets; nothing where none did.
+
+    >>> said = "MAG: the magnetometer knows r to 4 deg/s only; accelerometers: r reads -2.1 deg/s more"
+    >>> _size(Judgement(time_s=9.0, sensor="r", candidates=("r",), witness=said))
+    ' (accelerometers: r reads -2.1 deg/s more)'
+    """
+    measured = (said for said in judged.witness.split("; ") if f": {judged.sensor} reads " in said)
+    return next((f" ({said})" for said in measured), "")
 
 
 def _why(watched: WatchedLog) -> list[str]:

@@ -9,6 +9,8 @@ from dataclasses import replace
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.corrections import CORRECTED
+from gtmbench.study.log.corrections import WINDOWS as CORRECTED_OVER
 from gtmbench.study.log.field_witnesses import FORCES
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import with_doubt
@@ -47,7 +49,8 @@ def agreed(said: Said, progress: Progress) -> Said:
     others: list[Alarm] = []
     with contextlib.suppress(InputError):  # too little to learn from: nobody else accuses
         again = replace(opened, asked=replace(opened.asked, spans=((first_s, until_s),)))
-        others = list(_accusing(doubted(listened(learnt(chosen(again), progress), progress), progress)))
+        other = doubted(listened(learnt(chosen(again), progress), progress), progress)
+        others = [*_accusing(other), *(other.corrections.alarms if other.corrections else ())]
     doubt = (
         f"it shows if {first_s:.0f} to {last_s:.0f} s are taken as healthy, not if {first_s:.0f} to {until_s:.0f} s are"
     )
@@ -74,13 +77,14 @@ def _each(said: Said, change: Callable[[Alarm], Alarm]) -> Said:
     watches = tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in said.watches)
     means = said.means and replace(said.means, alarms=tuple(map(change, said.means.alarms)))
     gains = said.gains and replace(said.gains, alarms=tuple(map(change, said.gains.alarms)))
-    return replace(said, watches=watches, means=means, gains=gains)
+    pulls = said.corrections and replace(said.corrections, alarms=tuple(map(change, said.corrections.alarms)))
+    return replace(said, watches=watches, means=means, gains=gains, corrections=pulls)
 
 
 def _accusing(said: Said) -> Iterator[Alarm]:
     """Give the alarms that must be a fault, by what was learnt."""
     yield from (alarm for watch in said.watches for alarm in watch.alarms if _accuses(alarm))
-    for slow in (said.means, said.gains):
+    for slow in (said.means, said.gains, said.corrections):
         yield from (alarm for alarm in (slow.alarms if slow else ()) if _accuses(alarm))
 
 
@@ -95,5 +99,12 @@ def _by_witness(alarm: Alarm) -> bool:
 
 
 def _agree(alarm: Alarm, other: Alarm) -> bool:
-    """Tell whether another alarm is of the same fault."""
-    return bool(set(alarm.candidates) & set(other.candidates)) and abs(alarm.onset_s - other.onset_s) <= _SOON_S
+    """Tell whether another alarm is of the same fault.
+
+    What references take back shows in windows that are long, and whose bounds hang on the choice: a doubt is enough.
+    """
+    soon_s = CORRECTED_OVER[-1] * SECOND_S if CORRECTED in (alarm.test, other.test) else _SOON_S
+    is_told = other.accuses or alarm.test == CORRECTED
+    return (
+        bool(set(alarm.candidates) & set(other.candidates)) and is_told and abs(alarm.onset_s - other.onset_s) <= soon_s
+    )

@@ -141,7 +141,7 @@ def compare(
         Stretches in which nothing can be told.
     """
     imus = log.imus[:_MOST_IMUS]
-    watched = _watched(log, imus)
+    watched = watched_imu(log, imus)
     return compared(side_by_side.segments, imus, healthy=healthy, excursions=excursions, watched=watched)
 
 
@@ -237,7 +237,8 @@ def doubted(judgement: Judgement, doubt: str) -> Judgement:
     return replace(judgement, sensor=None, partner=None, doubt=doubt, reason=reason)
 
 
-def _watched(log: FlightLog, imus: Sequence[Imu]) -> Imu | None:
+def watched_imu(log: FlightLog, imus: Sequence[Imu]) -> Imu | None:
+    """Return the IMU whose gyros are a log's p, q and r; None where none of them is."""
     columns = {source.column for source in log.sources if source.channel in GYROS}
     return next((imu for imu in imus if set(imu.columns) & columns), None)
 

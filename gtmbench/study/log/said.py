@@ -24,12 +24,14 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
+from gtmbench.study.log.corrections import Corrections, but_behind, corrections, nameable
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
 from gtmbench.study.log.gains import Gains, gains
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, of_watched, with_doubt
 from gtmbench.study.log.learnt import Learnt
+from gtmbench.study.log.mean_errors import error_seconds
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.rests import found_at_rest, rests_of, settled_at_rest
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
@@ -67,6 +69,8 @@ class Said:
         log, or the log hasn't both.
     gains : Gains or None
         How far gyros and attitude turn over tens of seconds; None as `means` is.
+    corrections : Corrections or None
+        What references take back of turns; None as `means` is, and where the gyros don't drive the attitude.
     witnesses : tuple of Witness
         The magnetometers and accelerometers that were asked where a gyro or its angle was left open.
     standing : tuple of Alarm
@@ -85,6 +89,7 @@ class Said:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     gains: Gains | None = field(default=None, repr=False)
+    corrections: Corrections | None = field(default=None, repr=False)
     witnesses: tuple[Witness, ...] = field(default=(), repr=False)
     standing: tuple[Alarm, ...] = field(default=(), repr=False)
     frozen: tuple[Alarm, ...] = field(default=(), repr=False)
@@ -96,7 +101,7 @@ def first_alarms(
     standing: Sequence[Alarm],
     comparison: Comparison | None,
     frozen: Sequence[Alarm],
-    slow: Sequence[SlowMeans | Gains | None],
+    slow: Sequence[SlowMeans | Gains | Corrections | None],
 ) -> tuple[Alarm, ...]:
     """Return the first alarm of each fault that is said of a log, in order of time."""
     told = [alarm for watch in watches for alarm in watch.faults]
@@ -150,7 +155,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
     explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
-    means, turns = _slow(said)
+    means, turns, pulls = _slow(said)
 
     def told(slow: Sequence[Alarm]) -> tuple[Alarm, ...]:
         beside = but_beside(slow, [alarm for watch in explained for alarm in watch.faults])
@@ -164,10 +169,15 @@ def doubted(said: Said, progress: Progress) -> Said:
             comparison=comparison,
             means=means and replace(means, alarms=told(means.alarms)),
             gains=turns and replace(turns, alarms=told(turns.alarms)),
-            frozen=tuple(of_watched(alarm, comparison) for alarm in _frozen(learnt)),
+            corrections=pulls and replace(pulls, alarms=_of_imu(told(pulls.alarms), comparison)),
+            frozen=_of_imu(_frozen(learnt), comparison),
             findings=findings,
         )
     )
+
+
+def _of_imu(alarms: Sequence[Alarm], comparison: Comparison | None) -> tuple[Alarm, ...]:
+    return tuple(of_watched(alarm, comparison) for alarm in alarms)
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
@@ -194,22 +204,24 @@ def _beside_accelerometers(said: Said) -> Said:
     return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 
-def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
+def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | None]:
     """Return what gyros and attitude of a log say of each other over tens of seconds, where it was learnt from."""
     learnt = said.learnt
     opened, motion = learnt.opened, learnt.opened.own.motion
     if not (learnt.identified_s and motion is not None and basis_of(learnt.monitor).kinematic):
-        return None, None
+        return None, None, None
     heading = () if f"psi={NONE}" in opened.asked.mapping else ("psi",)
     if not {*GYROS, "phi", "theta", *heading} <= set(learnt.monitor.channels):  # what it doesn't read, it doesn't doubt
-        return None, None
+        return None, None, None
     healthy = _healthy_spans(learnt)
+    seconds = error_seconds(motion.segments, motion.segments[0].start_s, said.excursions)
     means = slow_means(
         motion.segments,
         healthy=healthy,
         excursions=said.excursions,
         is_driven=opened.is_driven,
         least_deg_s=opened.asked.least_error_deg_s,
+        seconds=seconds,
     )
     turns = gains(
         motion.segments,
@@ -218,7 +230,19 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None]:
         is_driven=opened.is_driven,
         names=opened.imus is None,
     )
-    return means, turns
+    pulls = None
+    if opened.is_driven:
+        watched = _left_s(learnt)
+        pulls = corrections(
+            motion.segments,
+            healthy=healthy,
+            watched=watched,
+            excursions=said.excursions,
+            is_alone=opened.imus is None,
+            names=nameable(opened.sensors, opened.magnetometers),
+            seconds=seconds,
+        )
+    return means, turns, pulls
 
 
 def _frozen(learnt: Learnt) -> tuple[Alarm, ...]:
@@ -254,14 +278,16 @@ def _settled(said: Said) -> Said:
 
     watches = [replace(watch, alarms=tuple(map(asked, watch.alarms))) for watch in said.watches]
     told = replace(means, alarms=tuple(map(asked, means.alarms)))
-    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains))
+    others = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains, said.corrections))
     found = found_by_forces(forces, told, others, last_s)
     found += found_at_rest(stands, told, (*others, *found), last_s)
     found = but_after_crashes(found, watches, said.excursions)
     told = replace(told, alarms=(*told.alarms, *found))
     if learnt.opened.is_driven:
         watches = [_but_behind(watch, told.alarms) for watch in watches]
-    return replace(said, watches=tuple(watches), means=told, witnesses=witnesses)
+    named = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains, said.corrections))
+    pulls = said.corrections and but_behind(said.corrections, named)
+    return replace(said, watches=tuple(watches), means=told, corrections=pulls, witnesses=witnesses)
 
 
 def _but_behind(watch: Watch, named: Sequence[Alarm]) -> Watch:

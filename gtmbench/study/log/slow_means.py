@@ -90,6 +90,7 @@ def slow_means(
     excursions: Sequence[Excursion] = (),
     is_driven: bool,
     least_deg_s: float = LEAST_DEG_S,
+    seconds: ErrorSeconds | None = None,
 ) -> SlowMeans | None:
     """Compare gyros and attitude over tens of seconds; None where too little of it is healthy.
 
@@ -105,6 +106,8 @@ def slow_means(
         Whether the gyros drive the attitude.
     least_deg_s : float
         No smaller mean error raises an alarm.
+    seconds : ErrorSeconds, optional
+        What `error_seconds` makes of the records, where that is known.
 
     Examples
     --------
@@ -116,7 +119,7 @@ def slow_means(
     [(102.0, 'q failed')]
     """
     start_s = records[0].start_s
-    seconds = error_seconds(records, start_s, excursions)
+    seconds = error_seconds(records, start_s, excursions) if seconds is None else seconds
     at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
     usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
     errors = mean_errors(seconds, usual)

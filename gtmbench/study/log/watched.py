@@ -15,6 +15,7 @@ from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
+from gtmbench.study.log.corrections import CORRECTED, Corrections
 from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.gps_itself import with_itself
@@ -77,6 +78,8 @@ class WatchedLog:
         log, or rests on no attitude.
     gains : Gains or None
         Between what the gain of each gyro against the attitude lies, over 20 s; None as `means` is.
+    corrections : Corrections or None
+        What references take back of turns; None as `means` is, and where the gyros don't drive the attitude.
     witnesses : tuple of Witness
         The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
         monitor wasn't identified on it.
@@ -126,6 +129,7 @@ class WatchedLog:
     comparison: Comparison | None = field(default=None, repr=False)
     means: SlowMeans | None = field(default=None, repr=False)
     gains: Gains | None = field(default=None, repr=False)
+    corrections: Corrections | None = field(default=None, repr=False)
     witnesses: tuple[Witness, ...] = field(default=(), repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
@@ -148,12 +152,13 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        return first_alarms(self.watches, self.standing, self.comparison, self.frozen, (self.means, self.gains))
+        slow = (self.means, self.gains, self.corrections)
+        return first_alarms(self.watches, self.standing, self.comparison, self.frozen, slow)
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
-        """Those of them that only means or gains over tens of seconds raised, or rests."""
-        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN, AT_REST))
+        """Those of them that only means, gains or corrections over tens of seconds raised, or rests."""
+        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN, CORRECTED, AT_REST))
 
     @property
     def armed_hours(self) -> float:
@@ -225,6 +230,7 @@ def concluded(said: Said) -> WatchedLog:
         comparison=said.comparison,
         means=said.means,
         gains=said.gains,
+        corrections=said.corrections,
         witnesses=said.witnesses,
         sensors=sensors_of(said),
         estimator=learnt.opened.estimator,
