@@ -34,7 +34,7 @@ _NAMES = {
     "rudder": "rudder",
     "throttle": "throttle",
     "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime "
-    "date",
+    "currenttime date",
 }
 _KNOWN = {
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)

@@ -76,6 +76,31 @@ def test_a_flight_tests_table_opens_whatever_its_rates_are_called(tmp_path):
     assert {channel: read[channel] for channel in (*names, *angles)} == {**names, **angles}
 
 
+def test_rates_of_px4s_attitude_topic_and_a_time_that_states_its_unit_need_no_map(tmp_path):
+    """Until 2018 PX4's tables of attitude held rates, too; some flight stacks write a current time."""
+    log, px4, table = flight(), tmp_path / "log_7_vehicle_attitude_0.csv", tmp_path / "stack.csv"
+    rates = {name: np.deg2rad(log[of]) for name, of in zip(("rollspeed", "pitchspeed", "yawspeed"), "pqr", strict=True)}
+    half = [np.deg2rad(log[name]) / 2.0 for name in ("phi", "theta", "psi")]
+    (s1, s2, s3), (c1, c2, c3) = np.sin(half), np.cos(half)
+    quaternion = [
+        c1 * c2 * c3 + s1 * s2 * s3,
+        s1 * c2 * c3 - c1 * s2 * s3,
+        c1 * s2 * c3 + s1 * c2 * s3,
+        c1 * c2 * s3 - s1 * s2 * c3,
+    ]
+    stamps = (1e6 * (1.0 + log.time_s)).astype(np.int64)
+    q = {f"q[{axis}]": each for axis, each in enumerate(quaternion)}
+    pd.DataFrame({"timestamp": stamps, **rates, **q}).to_csv(px4, index=False)
+    pd.DataFrame({"Current time [s]": log.time_s, **{f"{name} [deg/s]": log[name] for name in "pqr"}}).to_csv(
+        table, index=False
+    )
+    read = gb.open_log(tmp_path / px4.name, needs=CHANNELS).segments[0]
+    assert read.matrix("pqr") == pytest.approx(log[list("pqr")].to_numpy(), abs=1e-3)
+    assert gb.open_log(table, needs=("p", "q", "r")).segments[0].matrix("pqr") == pytest.approx(
+        log[list("pqr")].to_numpy(), abs=1e-9
+    )
+
+
 def test_rates_without_an_attitude_of_the_same_motion_stay_open(tmp_path):
     table = flight()
     noise = np.random.default_rng(2).standard_normal((len(table), 3))

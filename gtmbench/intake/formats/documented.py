@@ -31,6 +31,7 @@ PX4: Documented = {
     **_numbered("sensor_combined", "gyro_rad[{}]", "p q r", "rad/s"),
     **_numbered("sensor_combined", "accelerometer_m_s2[{}]", "nx ny -nz", "m/s2"),
     **_numbered("vehicle_angular_velocity", "xyz[{}]", "p q r", "rad/s"),
+    **_axes("vehicle_attitude", "rollspeed pitchspeed yawspeed", "p q r", "rad/s"),  # until 2018, less biases
     **_numbered("vehicle_acceleration", "xyz[{}]", "nx ny -nz", "m/s2"),
     **{
         ("vehicle_attitude", f"q({angle})"): Meaning(channel=channel, unit="deg")
