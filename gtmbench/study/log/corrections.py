@@ -12,9 +12,10 @@ constant, what gyro and attitude differ by in scale and axes, and a delay betwee
 change. tau isn't known: the usual one is taken, unless another explains far more.
 
 References may be wrong as well. Accelerometers that take thrust for the vertical pull back a part of every turn though
-gyros are right, and a compass beside iron a part of some. But a part it is: so a gyro is suspected only where d has
+gyros are right. But a part it is: so a gyro is suspected only where d has
 left all from 0 to 1, and what it was where identified. One that reads a little too much, whose d is 0.2, never shows.
-Nor do five seconds decide alone, for in an impact gyros miss a turn, too.
+Nor do five seconds decide alone, for in an impact gyros miss a turn, too. r is never named: iron of a fifth of the
+field, which comes near a compass while the aircraft circles, looks like r of half its scale, or of a turned sign.
 """
 
 from __future__ import annotations
@@ -26,14 +27,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.crosscheck.relations import GPS
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.intake.magnetometers import FieldReadings
-from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.method.regression.slow import interpolated
 from gtmbench.study.log.bent import doubt_behind
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
-from gtmbench.study.log.other_sensors import kind_of
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.values.attitude import USUAL_S
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -43,6 +40,7 @@ CORRECTED = "corrections of turns"  # test of such alarms
 WINDOWS, STEP = (20, 30, 60), 5  # seconds; from one end of windows to the next
 _TAUS_S = (2.0, USUAL_S, 10.0)
 _USUAL = 1  # of these
+_NAMEABLE = (0, 1)  # axes: what a compass beside iron takes back of r by heading looks like a wrong scale, or sign
 _KNOWN = 0.8  # of a window
 _WANDER_DEG_S, _OF_TURN = 0.2, 0.05  # noise of a second's error beside that of its samples: always; of its turning
 # a priori deviations: of scale and axes; of the other gyros' d; of a delay
@@ -99,7 +97,6 @@ def corrections(
     watched: Sequence[Span] | None = None,
     excursions: Sequence[Excursion] = (),
     is_alone: bool = True,
-    names: Sequence[str] = GYROS,
     seconds: ErrorSeconds | None = None,
 ) -> Corrections | None:
     """Return what references take back of turns; None where too little is healthy.
@@ -117,8 +114,6 @@ def corrections(
     is_alone : bool
         Whether the log has one IMU. Of several any may drive the attitude, so that one is named only if the attitude is
         seen to turn as it reads.
-    names : sequence of str
-        The gyros that may be named, as `nameable` tells.
     seconds : ErrorSeconds, optional
         What `error_seconds` makes of the records, where that is known.
 
@@ -127,10 +122,10 @@ def corrections(
     >>> import gtmbench as gb
     >>> flown = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=160.0, seed=3), noise="t2", seed=3)
     >>> flight = gb.decimate(gb.filtered_attitude(flown, time_constant_s=5.0, seed=3), 10)
-    >>> turned = gb.SignFlip(channel="r", onset_s=90.0)
+    >>> turned = gb.SignFlip(channel="p", onset_s=90.0)
     >>> broken = gb.inject(flight, turned, attitude=gb.AttitudeEstimator(time_constant_s=5.0))
     >>> [(alarm.verdict, alarm.last.kind) for alarm in corrections([broken], healthy=[(0.0, 80.0)]).alarms]
-    [('r failed', 'sign_flip')]
+    [('p failed', 'sign_flip')]
     """
     start_s = records[0].start_s
     seconds = error_seconds(records, start_s, excursions) if seconds is None else seconds
@@ -149,21 +144,9 @@ def corrections(
         return None
     compared = _compared(start_s, sums, is_usual, is_watched)
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
-    alarms = [
-        _alarm(number, compared, seconds, sums, *rise, is_alone=is_alone, may_name=GYROS[rise[0]] in names)
-        for number, rise in enumerate(rises)
-    ]
+    alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
     compared = replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
     return but_behind(compared, compared.alarms)
-
-
-def nameable(sensors: Sequence[SensorReadings], magnetometers: Sequence[FieldReadings]) -> tuple[str, ...]:
-    """Return the gyros that corrections may name: not r of a log with a GPS and no magnetometer.
-
-    There the course corrects the heading, and a wind turns one against the other, by more or less in every direction.
-    """
-    has_course = any(kind_of(each) == GPS for each in sensors)
-    return GYROS[:2] if has_course and not magnetometers else GYROS
 
 
 def but_behind(found: Corrections, named: Sequence[Alarm]) -> Corrections:
@@ -384,12 +367,11 @@ def _alarm(
     stop: int,
     *,
     is_alone: bool,
-    may_name: bool,
 ) -> Alarm:
     excess = _largest(compared)
     others = np.delete(excess, axis, axis=1).max(axis=1)
     sure = (excess[:, axis] > _NAMED) & (others < np.minimum(_OTHER * excess[:, axis], 1.0)) & compared.is_watched
-    rows = range(known, stop) if may_name else ()
+    rows = range(known, stop) if axis in _NAMEABLE else ()
     decided = next((row for row in rows if sure[row] and _names(compared, sums, axis, row, is_alone)), None)
     row = known + int(np.argmax(excess[known:stop, axis])) if decided is None else decided
     part = float(compared.wrong[_window(compared, axis, row), row, axis])

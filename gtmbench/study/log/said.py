@@ -24,7 +24,7 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
-from gtmbench.study.log.corrections import Corrections, but_behind, corrections, nameable
+from gtmbench.study.log.corrections import Corrections, but_behind, corrections
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
@@ -239,7 +239,6 @@ def _slow(said: Said) -> tuple[SlowMeans | None, Gains | None, Corrections | Non
             watched=watched,
             excursions=said.excursions,
             is_alone=opened.imus is None,
-            names=nameable(opened.sensors, opened.magnetometers),
             seconds=seconds,
         )
     return means, turns, pulls

@@ -8,17 +8,15 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import TOUCHDOWN
-from gtmbench.intake.magnetometers import FieldReadings
-from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.choices import _agree
-from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections, nameable
-from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS
+from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 PERIOD_S, LENGTH_S, ONSET_S = 0.1, 220.0, 130.0
 HEALTHY = [(0.0, 90.0)]
 
 
-def turning(seed, *, noise=0.1, late_s=0.0):
+def turning(seed, *, noise=0.1, late_s=0.0, circles_deg_s=0.0):
     """Return a flight of smooth turns by some deg/s, whose Euler angles are exact to the second order of small ones."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, LENGTH_S, PERIOD_S)
@@ -26,6 +24,7 @@ def turning(seed, *, noise=0.1, late_s=0.0):
     amplitude = 4.0 * rng.standard_normal((12, 3)) / np.sqrt(6.0)
     arms = pulsation * (time_s[:, np.newaxis, np.newaxis] - late_s) + phase
     angles = (amplitude / pulsation * np.sin(arms)).sum(axis=1)
+    angles[:, 2] += circles_deg_s * time_s
     (phi, theta, _), slopes = np.deg2rad(angles).T, np.gradient(angles, PERIOD_S, axis=0).T
     p = slopes[0] - np.sin(theta) * slopes[2]
     q = np.cos(phi) * slopes[1] + np.sin(phi) * np.cos(theta) * slopes[2]
@@ -60,16 +59,19 @@ def leaning(record, share, time_constant_s=5.0):
 
 @pytest.mark.parametrize("channel", GYROS)
 @pytest.mark.parametrize("factor", [0.5, 0.6, -1.0])
-def test_the_part_of_the_readings_that_is_wrong_is_measured_and_the_gyro_named(channel, factor):
+def test_the_part_of_the_readings_that_is_wrong_is_measured_and_p_or_q_named(channel, factor):
     found = said(broken(turning(1), scaled(channel, factor)))
     axis = GYROS.index(channel)
     assert found.wrong[-1, -1, axis] == pytest.approx(1.0 - 1.0 / factor, abs=0.15 + 0.05 / abs(factor))
     assert np.abs(np.delete(found.wrong[-1, -1], axis)).max() < 0.3
     (alarm,) = found.alarms
-    assert (alarm.test, alarm.sensor) == (CORRECTED, channel)
+    assert (alarm.test, alarm.source) == (CORRECTED, channel)
+    assert alarm.sensor == (channel if channel != "r" else None)
     assert ONSET_S < alarm.time_s < ONSET_S + 65.0
     assert abs(alarm.onset_s - ONSET_S) < 20.0
-    if factor < 0.0:
+    if channel == "r":
+        assert alarm.doubt.startswith("the attitude is pulled back by ")
+    elif factor < 0.0:
         assert alarm.last.kind == "sign_flip"
     else:
         assert alarm.last.kind == "scale_factor"
@@ -78,8 +80,8 @@ def test_the_part_of_the_readings_that_is_wrong_is_measured_and_the_gyro_named(c
 
 @pytest.mark.parametrize("time_constant_s", [2.0, 5.0, 12.0])
 def test_a_turned_sign_is_named_whatever_the_estimators_time_constant(time_constant_s):
-    alarms = said(broken(turning(2), scaled("r", -1.0), time_constant_s=time_constant_s)).alarms
-    assert [alarm.sensor for alarm in alarms] == ["r"]
+    alarms = said(broken(turning(2), scaled("q", -1.0), time_constant_s=time_constant_s)).alarms
+    assert [alarm.sensor for alarm in alarms] == ["q"]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -129,9 +131,9 @@ def test_a_gyro_by_which_the_attitude_doesnt_turn_isnt_named(channel, factor, is
 
 
 def test_of_several_imus_the_one_is_named_that_the_attitude_follows_visibly():
-    record = broken(turning(1), scaled("r", -1.0))
-    assert [alarm.sensor for alarm in said(record, is_alone=False).alarms] == ["r"]
-    hidden = record.replace("psi", record["psi"] + np.random.default_rng(1).standard_normal(len(record)))
+    record = broken(turning(1), scaled("q", -1.0))
+    assert [alarm.sensor for alarm in said(record, is_alone=False).alarms] == ["q"]
+    hidden = record.replace("theta", record["theta"] + np.random.default_rng(1).standard_normal(len(record)))
     assert not any(alarm.accuses for alarm in said(hidden, is_alone=False).alarms)
 
 
@@ -147,59 +149,60 @@ def test_what_was_learnt_what_nobody_watches_and_too_little_raise_nothing():
 
 
 def test_nobody_is_named_behind_a_gyro_that_was_named():
-    (first,) = said(broken(turning(1), scaled("r", -1.0))).alarms
+    (first,) = said(broken(turning(1), scaled("q", -1.0))).alarms
     (other,) = said(broken(turning(1), scaled("p", -1.0))).alarms
     later = replace(other, time_s=first.time_s + 30.0)
     assert _but_behind(first, [first, later]) == first
     doubted = _but_behind(later, [first, later])
     assert (doubted.sensor, doubted.accuses) == (None, False)
-    assert doubted.doubt.startswith("r failed before")
+    assert doubted.doubt.startswith("q failed before")
 
 
-def test_r_isnt_named_where_a_course_may_correct_the_heading():
-    time_s = np.arange(100.0)
-    gps = SensorReadings(
-        name="GPS",
-        channels=GPS_VELOCITY,
-        columns=("n", "e", "d"),
-        time_s=time_s,
-        values=np.zeros((100, 3)),
-        is_late=True,
-    )
-    field = FieldReadings(name="MAG", columns=("x", "y", "z"), time_s=time_s, field=np.ones((100, 3)))
-    assert nameable([gps], [field]) == nameable([], []) == GYROS
-    assert nameable([gps], []) == ("p", "q")
-    (alarm,) = said(broken(turning(1), scaled("r", -1.0)), names=("p", "q")).alarms
-    assert (alarm.sensor, alarm.candidates) == (None, ("r", "psi"))
+@pytest.mark.parametrize("circles_deg_s", [0.0, 6.0, 15.0])
+@pytest.mark.parametrize("share", [0.2, 0.6])
+def test_iron_that_comes_near_a_compass_accuses_nobody(share, circles_deg_s):
+    """Iron of a share of the field turns a compass by heading: by atan2(-s sin(psi), 1 + s cos(psi))."""
+    for seed in (3, 5):
+        record = turning(seed, circles_deg_s=circles_deg_s)
+        values = record.values.copy()
+        heading = np.deg2rad(values[:, 5])
+        iron = share * np.clip((record.time_s - ONSET_S) / 30.0, 0.0, 1.0)
+        wrong = np.rad2deg(np.arctan2(-iron * np.sin(heading), 1.0 + iron * np.cos(heading)))
+        off = 0.0
+        for row in range(1, len(values)):  # the estimator's heading follows the compass in 5 s
+            off += PERIOD_S / 5.0 * (wrong[row] - off)
+            values[row, 5] += off
+        bent = gb.Record(values, channels=record.channels, sample_period_s=PERIOD_S)
+        assert {alarm.sensor for alarm in said(bent).alarms} <= {None}
 
 
 def test_missing_samples_and_parts_of_a_log_are_left_out():
-    record = broken(turning(1), scaled("r", -1.0))
+    record = broken(turning(1), scaled("q", -1.0))
     values = record.values.copy()
     values[np.random.default_rng(1).random(values.shape) < 0.01] = np.nan
     holed = gb.Record(values, channels=record.channels, sample_period_s=PERIOD_S)
     parts = [holed.between(0.0, 120.0), holed.between(140.0, 219.0)]
-    assert [alarm.sensor for alarm in corrections(parts, healthy=HEALTHY).alarms] == ["r"]
+    assert [alarm.sensor for alarm in corrections(parts, healthy=HEALTHY).alarms] == ["q"]
 
 
 def test_another_choice_of_what_is_healthy_agrees_by_a_doubt_within_its_windows():
-    (named,) = said(broken(turning(1), scaled("r", -1.0))).alarms
-    doubted = replace(named, judgements=(replace(named.last, sensor=None, candidates=("r", "psi"), doubt="small"),))
+    (named,) = said(broken(turning(1), scaled("q", -1.0))).alarms
+    doubted = replace(named, judgements=(replace(named.last, sensor=None, candidates=("q", "theta"), doubt="small"),))
     assert _agree(named, doubted)
     assert not _agree(named, said(broken(turning(1), scaled("p", -1.0))).alarms[0])
-    moved = gb.Alarm(number=0, time_s=300.0, onset_s=named.onset_s + WINDOWS[-1] + 1.0, source="r", test=CORRECTED)
+    moved = gb.Alarm(number=0, time_s=300.0, onset_s=named.onset_s + WINDOWS[-1] + 1.0, source="q", test=CORRECTED)
     assert not _agree(named, moved)
 
 
 def test_a_log_names_a_turned_sign_that_its_attitude_follows(tmp_path):
     truth = gb.fly(excitation="multisine+turbulence", duration_s=240.0, seed=5)
     flight = gb.decimate(gb.filtered_attitude(gb.measure(truth, noise="t2", seed=5), time_constant_s=5.0, seed=5), 10)
-    fault = gb.SignFlip(channel="r", onset_s=150.0)
+    fault = gb.SignFlip(channel="q", onset_s=150.0)
     gb.write_log(broken(flight, fault), tmp_path / "log.csv")
     gb.write_log(flight, tmp_path / "healthy.csv")
     watched = gb.watch_log(tmp_path / "log.csv", "auto", attitude="driven")
-    assert {alarm.sensor for alarm in watched.corrections.alarms} == {"r"}
-    assert {alarm.sensor for alarm in watched.alarms if alarm.accuses} == {"r"}
+    assert {alarm.sensor for alarm in watched.corrections.alarms} == {"q"}
+    assert {alarm.sensor for alarm in watched.alarms if alarm.accuses} == {"q"}
     healthy = gb.watch_log(tmp_path / "healthy.csv", "auto", attitude="driven")
     assert (healthy.outcome.name, healthy.corrections.alarms) == ("HEALTHY", ())
     assert gb.watch_log(tmp_path / "healthy.csv", "auto", attitude="own").corrections is None
