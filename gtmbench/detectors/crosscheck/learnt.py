@@ -15,9 +15,6 @@ PER_HOUR = 3e-5  # false alarms of each mean of each axis, by as many independen
 _FEWEST = 8  # healthy windows, before they bound anything
 _ROUNDS, _SMALLEST = 4, 1e-12
 _PRESENT = 0.6  # of a window's blocks have to be there
-_COLOURED = (
-    100.0  # times the noise is taken for what learns the constants: an attitude is off for 20 s, a hundred blocks
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +49,7 @@ class Learnt:
         if np.count_nonzero(known) < _FEWEST:
             return None
         first = parts[0]
-        constants, covariance = _fitted(y[known], design[known], first.usual, first.spread)
+        constants, covariance = _fitted(y[known], design[known], first)
         least = np.array(first.least)
         raw = cls(
             constants=constants, covariance=covariance, noise=np.ones(y.shape[1]), bounds=np.zeros(0), least=least
@@ -139,16 +136,16 @@ def mean_of(running_sums: tuple[FloatArray, FloatArray], window: int) -> FloatAr
     return means
 
 
-def _fitted(y: FloatArray, design: FloatArray, usual: FloatArray, spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return constants by least squares with what is usual, and their covariance."""
-    target = y - design @ usual
+def _fitted(y: FloatArray, design: FloatArray, of: Relation) -> tuple[FloatArray, FloatArray]:
+    """Return a relation's constants by least squares with what is usual, and their covariance."""
+    target = y - design @ of.usual
     flat = design.reshape(-1, design.shape[2])
     variance = float(np.var(target)) + _SMALLEST
     for _ in range(_ROUNDS):
-        inverse = np.linalg.inv(flat.T @ flat / variance + np.diag(spread**-2.0))
+        inverse = np.linalg.inv(flat.T @ flat / variance + np.diag(of.spread**-2.0))
         found = inverse @ (flat.T @ target.ravel()) / variance
-        variance = max(_COLOURED * float(np.mean((target.ravel() - flat @ found) ** 2)), _SMALLEST)
-    return usual + found, np.asarray(inverse)
+        variance = max(of.lasts * float(np.mean((target.ravel() - flat @ found) ** 2)), _SMALLEST)
+    return of.usual + found, np.asarray(inverse)
 
 
 def _bound(parts: Sequence[FloatArray], window: int, least: Sequence[float]) -> FloatArray:

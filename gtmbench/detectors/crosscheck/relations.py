@@ -84,6 +84,8 @@ class Relation:
         By axis: an error that is usual beside the noise, in the unit of y.
     is_length : bool
         Whether the first axis is judged by the length of what is read, of which 1 is usual, and not by its share in e.
+    lasts : float
+        For so many blocks errors are alike, so that so many teach the constants no more than one.
     force : shape (blocks,) or None
         The largest specific force that was read in what a block compares, in m/s2; None where nobody asks for it.
     """
@@ -97,6 +99,7 @@ class Relation:
     frame: FloatArray = field(repr=False)
     least: tuple[float, ...]
     is_length: bool = False
+    lasts: float = 10.0
     force: FloatArray | None = field(default=None, repr=False)
 
 
@@ -424,6 +427,7 @@ def _field(motion: Motion, field_ned: FloatArray) -> Relation:
         frame=basis @ turned,
         least=(0.04, _OFF_RAD, _OFF_RAD),
         is_length=True,
+        lasts=_OFF_BLOCKS,
     )
 
 
@@ -431,6 +435,7 @@ _PART = 0.5  # of the readings that a block usually has
 _NED = ("north", "east", "down")
 # an attitude that gyros drive may be off by 5 deg on a healthy day, which turns gravity, the air and the field
 _OFF_RAD = 0.0873
+_OFF_BLOCKS = 100.0  # for 20 s, in which iron at the headings that it has learns it
 _TILTED, _SLIPPED = _OFF_RAD * G_M_S2, 4.5  # m/s2, m/s
 _BIAS, _COARSE = 0.3, 0.05  # m/s2: of an accelerometer; of gravity, and of a round Earth that turns
 
