@@ -2,8 +2,8 @@
 
 No model is asked. A gyro's noise changes every reading, or does so often; how long it ever stands still where nothing
 is wrong is learnt, for counts are coarse and telemetry repeats. What gyros do together tells of none of them: it is a
-logger's pause, an aircraft that stands, or the ground of a simulator. Nor does one whose noise stays within a count
-while the others' steps over one, so these have to move as they do in flight, or a tenth of it.
+logger's pause, an aircraft that stands, or the ground of a simulator. Nor does one that
+ever repeats readings, whose noise may stay within a count while the others' steps over one, unless these move by more.
 """
 
 from __future__ import annotations
@@ -19,7 +19,9 @@ from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 FROZEN = "reads one value"  # test of such alarms
 _LEAST_S, _OF_USUAL = 3.0, 5.0  # it stands still; times the longest that it does so where identified
 _SAME = 1e-6  # of its deviation: interpolation rounds
-_LIVE, _OF_MOTION = 0.5, 0.1  # of the others' steps that aren't zero meanwhile; of their deviation where identified
+_LIVE = 0.5  # of the other gyros' steps that aren't zero meanwhile
+_MOVES_DEG_S = 0.2  # of the others' deviations: less is noise within counts of an aircraft that stands
+_FEW = 3  # values, between which noise within counts steps
 _FEWEST_S = 15.0  # of what is healthy
 
 
@@ -45,21 +47,17 @@ def frozen_gyros(records: Sequence[Record], healthy: Sequence[Span]) -> tuple[Al
     if not (told and healthy):
         return ()
     stills = [_still(record) for record in told]
-    usual_s, known_s, moved = np.zeros(len(GYROS)), 0.0, []
+    usual_s, known_s = np.zeros(len(GYROS)), 0.0
     for record, still in zip(told, stills, strict=True):
         for first_s, last_s in healthy:
             within = (record.time_s >= first_s) & (record.time_s <= last_s)
             known_s += np.count_nonzero(within) * record.sample_period_s
-            moved.append(record.matrix(GYROS)[within])
             usual_s = np.maximum(usual_s, [_longest(own & within) * record.sample_period_s for own in still.T])
     if known_s < _FEWEST_S:
         return ()
     least_s = np.maximum(_LEAST_S, _OF_USUAL * usual_s)
-    motion = _deviations(np.concatenate(moved))
     found = [
-        alarm
-        for record, still in zip(told, stills, strict=True)
-        for alarm in _of(record, still, least_s, usual_s, motion)
+        alarm for record, still in zip(told, stills, strict=True) for alarm in _of(record, still, least_s, usual_s)
     ]
     return tuple(sorted(found, key=lambda alarm: alarm.time_s))
 
@@ -77,15 +75,19 @@ def _deviations(gyros: FloatArray) -> FloatArray:
     return np.array([float(np.std(own[np.isfinite(own)])) if np.isfinite(own).any() else 0.0 for own in gyros.T])
 
 
+def _within_counts(others: FloatArray, *, repeats: bool) -> bool:
+    """Tell whether the others show no more than noise within counts: few values, or little where a gyro repeats any."""
+    is_little = repeats and _deviations(others).min() < _MOVES_DEG_S
+    return bool(is_little or min(len(np.unique(own[np.isfinite(own)])) for own in others.T) <= _FEW)
+
+
 def _longest(still: BoolArray) -> int:
     starts, ends = runs(still)
     return int((ends - starts).max(initial=0))
 
 
-def _of(
-    record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArray, motion: FloatArray
-) -> Iterator[Alarm]:
-    """Give the alarms of a record; `motion` is how much each gyro moves where identified."""
+def _of(record: Record, still: BoolArray, least_s: FloatArray, usual_s: FloatArray) -> Iterator[Alarm]:
+    """Give the alarms of a record."""
     gyros = record.matrix(GYROS)
     for axis, gyro in enumerate(GYROS):
         starts, ends = runs(still[:, axis])
@@ -94,8 +96,7 @@ def _of(
             lasts_s = (end - start) * record.sample_period_s
             if lasts_s < least_s[axis] or moves.min() < _LIVE:
                 continue
-            far = _deviations(gyros[start:end]) / np.maximum(motion, 1e-300)
-            if np.delete(far, axis).min() < _OF_MOTION:  # on the ground noise may stay within a count
+            if _within_counts(np.delete(gyros[start:end], axis, axis=1), repeats=usual_s[axis] > 0.0):
                 continue
             onset_s = float(record.time_s[start - 1])
             known_s = onset_s + float(least_s[axis])
