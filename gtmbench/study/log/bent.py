@@ -8,6 +8,7 @@ at its first fault; but means over tens of seconds may have named a gyro before,
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -63,3 +64,15 @@ def doubt_behind(alarm: Alarm, named: Sequence[Alarm]) -> str:
     if first is None or not (alarm.accuses and alarm.judgements) or alarm.time_s <= first.time_s:
         return ""
     return f"{first.sensor} failed before, at {first.onset_s:.1f} s, and turns the attitude since"
+
+
+def but_behind(alarms: Sequence[Alarm], named: Sequence[Alarm]) -> tuple[Alarm, ...]:
+    """Return alarms of tests over tens of seconds that doubt whom they name after another gyro was named."""
+    return tuple(_but_behind(alarm, named) for alarm in alarms)
+
+
+def _but_behind(alarm: Alarm, named: Sequence[Alarm]) -> Alarm:
+    doubt, last = doubt_behind(alarm, named), alarm.last
+    if not doubt or last is None:
+        return alarm
+    return replace(alarm, judgements=(replace(last, sensor=None, doubt=doubt, kind=None, parameters={}),))

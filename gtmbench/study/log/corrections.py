@@ -29,7 +29,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.method.regression.slow import interpolated
-from gtmbench.study.log.bent import doubt_behind
+from gtmbench.study.log.bent import but_behind
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
 from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
 from gtmbench.values.attitude import USUAL_S
@@ -146,20 +146,7 @@ def corrections(
     rises = [(axis, *rise) for axis in range(3) for rise in _rises(compared, sums, axis)]
     alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
     compared = replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
-    return but_behind(compared, compared.alarms)
-
-
-def but_behind(found: Corrections, named: Sequence[Alarm]) -> Corrections:
-    """Return corrections that doubt whom they name after some alarms, of any test, named another gyro."""
-    return replace(found, alarms=tuple(_but_behind(alarm, named) for alarm in found.alarms))
-
-
-def _but_behind(alarm: Alarm, alarms: Sequence[Alarm]) -> Alarm:
-    """Return an alarm that doubts whom it names after another gyro was named, which bends the attitude since."""
-    doubt, last = doubt_behind(alarm, alarms), alarm.last
-    if not doubt or last is None:
-        return alarm
-    return replace(alarm, judgements=(replace(last, sensor=None, doubt=doubt, kind=None, parameters={}),))
+    return replace(compared, alarms=but_behind(compared.alarms, compared.alarms))
 
 
 def _within(at_s: FloatArray, spans: Sequence[Span]) -> BoolArray:

@@ -22,9 +22,9 @@ from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.bent import BENT, are_bent, doubt_behind
+from gtmbench.study.log.bent import BENT, are_bent, but_behind, doubt_behind
 from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
-from gtmbench.study.log.corrections import Corrections, but_behind, corrections
+from gtmbench.study.log.corrections import Corrections, corrections
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
 from gtmbench.study.log.frozen import frozen_gyros
@@ -285,8 +285,11 @@ def _settled(said: Said) -> Said:
     if learnt.opened.is_driven:
         watches = [_but_behind(watch, told.alarms) for watch in watches]
     named = first_alarms(watches, said.standing, said.comparison, said.frozen, (told, said.gains, said.corrections))
-    pulls = said.corrections and but_behind(said.corrections, named)
-    return replace(said, watches=tuple(watches), means=told, corrections=pulls, witnesses=witnesses)
+    pulls = said.corrections and replace(said.corrections, alarms=but_behind(said.corrections.alarms, named))
+    turns = said.gains
+    if turns is not None and learnt.opened.is_driven:
+        turns = replace(turns, alarms=but_behind(turns.alarms, named))
+    return replace(said, watches=tuple(watches), means=told, gains=turns, corrections=pulls, witnesses=witnesses)
 
 
 def _but_behind(watch: Watch, named: Sequence[Alarm]) -> Watch:

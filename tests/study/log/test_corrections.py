@@ -8,8 +8,9 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import TOUCHDOWN
+from gtmbench.study.log.bent import but_behind
 from gtmbench.study.log.choices import _agree
-from gtmbench.study.log.corrections import CORRECTED, WINDOWS, _but_behind, corrections
+from gtmbench.study.log.corrections import CORRECTED, WINDOWS, corrections
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 PERIOD_S, LENGTH_S, ONSET_S = 0.1, 220.0, 130.0
@@ -152,8 +153,9 @@ def test_nobody_is_named_behind_a_gyro_that_was_named():
     (first,) = said(broken(turning(1), scaled("q", -1.0))).alarms
     (other,) = said(broken(turning(1), scaled("p", -1.0))).alarms
     later = replace(other, time_s=first.time_s + 30.0)
-    assert _but_behind(first, [first, later]) == first
-    doubted = _but_behind(later, [first, later])
+    behind = but_behind([first, later], [first, later])
+    assert behind[0] == first
+    doubted = behind[1]
     assert (doubted.sensor, doubted.accuses) == (None, False)
     assert doubted.doubt.startswith("q failed before")
 
