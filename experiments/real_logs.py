@@ -53,7 +53,7 @@ DependableSystemsLab/DeLorean (`dl_`, `data/`; some are attacked, and nothing sa
 (`mavrik_`, `forwardFlight/logs/`), 1202martin/pymavlink_tutorial (`martin_`, `logs/`), maikbasso/drone-control
 (`maik_`, `logs/`), aiba4531/DarpaTriage (`darpa_`, `logs/`), skapila/Control_Tunning_Project (`skapila_`,
 `ArdupilotRcTraining/logs/`), DaniGitman79/uav-sysid (`dani_`) and Gehtschon/autonomous-soaring (`gehtschon_`) are of
-ArduPilot's simulator.
+ArduPilot's simulator. Where those of `look7`, `unseen7` and `sitl7` come from, a table of the report says.
 
 - *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged after what was learnt from.
   *watched*: the share of these in which residuals could alarm; *or means*: or means over tens of seconds.
