@@ -344,13 +344,13 @@ def _of_other_gain(case: Case, best: FittedHypothesis) -> tuple[str, ...]:
     """
     if best.channel not in case.driving or best.kind not in ("scale_factor", "sign_flip"):
         return ()
-    (angle,) = (name for name in axis_of(best.channel) if name in ANGLES)
-    suspect = suspect_through(case, angle, None)
     factor = best.parameters.get("factor", -1.0)
-    if suspect is None or abs(factor) < _DEAD:
+    angles = suspects_in(case, [name for name in axis_of(best.channel) if name in ANGLES])
+    if not angles or abs(factor) < _DEAD:
         return ()
-    of_gyro, of_angle = (_energies(case, left, best.channel) for left in (best.left, suspect.rescaled(1.0 / factor)))
-    return (angle,) if of_angle < of_gyro + _OTHER_AXES else ()
+    (angle,) = angles
+    of_gyro, of_angle = (_energies(case, left, best.channel) for left in (best.left, angle.rescaled(1.0 / factor)))
+    return (angle.channel,) if of_angle < of_gyro + _OTHER_AXES else ()
 
 
 def _energies(case: Case, left: Left, channel: str) -> float:

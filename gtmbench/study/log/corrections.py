@@ -31,7 +31,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.method.regression.slow import interpolated
 from gtmbench.study.log.bent import but_behind
 from gtmbench.study.log.mean_errors import ErrorSeconds, error_seconds
-from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, seconds_in, trailing_means
 from gtmbench.values.attitude import USUAL_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
@@ -132,11 +132,10 @@ def corrections(
     count = len(seconds.error) // STEP
     if count == 0:
         return None
-    at_s = np.asarray(start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S, np.float64)
-    usual = _within(at_s, healthy)
-    may_fail = ~usual if watched is None else _within(at_s, watched) & ~usual
+    usual = seconds_in(healthy, start_s, len(seconds.error))
+    may_fail = ~usual if watched is None else seconds_in(watched, start_s, len(seconds.error)) & ~usual
     seconds = replace(seconds, error=np.where((usual | may_fail)[:, np.newaxis], seconds.error, np.nan))
-    sums = _sums(seconds, _turned(records, start_s, len(at_s)))
+    sums = _sums(seconds, _turned(records, start_s, len(seconds.error)))
     is_usual, is_watched = (
         np.asarray(each[: count * STEP].reshape(count, STEP).all(axis=1), dtype=np.bool_) for each in (usual, may_fail)
     )
@@ -147,12 +146,6 @@ def corrections(
     alarms = [_alarm(number, compared, seconds, sums, *rise, is_alone=is_alone) for number, rise in enumerate(rises)]
     compared = replace(compared, alarms=tuple(sorted(alarms, key=lambda alarm: alarm.time_s)))
     return replace(compared, alarms=but_behind(compared.alarms, compared.alarms))
-
-
-def _within(at_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
-    return np.asarray(
-        np.logical_or.reduce([np.zeros(len(at_s), bool), *((at_s >= first) & (at_s <= last) for first, last in spans)])
-    )
 
 
 def _beside(wrong: FloatArray, usual: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.method.regression.slow import HALF, interpolated, slow
-from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, trailing_means
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, of_seconds, seconds_in, trailing_means
 from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.study.log.wrong_angles import SURE, for_the_gyro
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -115,8 +115,7 @@ def gains(
     """
     start_s = records[0].start_s
     moments = _moments(records, start_s, excursions)
-    at_s = start_s + (np.arange(len(moments.x)) + 0.5) * SECOND_S
-    usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
+    usual = seconds_in(healthy, start_s, len(moments.x))
     learnt = _learnt(moments, usual)
     if learnt is None:
         return None
@@ -279,9 +278,10 @@ def _alarm(
     onset_s = compared.start_s + _onset(squares, known) * SECOND_S
     judged = _doubted(compared, axis, rise)
     decided = [row for row in range(known, stop) if names and _is_sure(compared, axis, known, row)]
-    for row in decided[:: WINDOW // 2]:  # the longer it lasts, the more is told of which it is
-        if row == decided[0] or judged.sensor is None:
-            judged = _decided(compared, axis, row, onset_s, is_gyros=is_gyros)
+    looks = (_decided(compared, axis, row, onset_s, is_gyros=is_gyros) for row in decided[:: WINDOW // 2])
+    if decided:  # the longer it lasts, the more is told of which it is
+        judged = next(looks)
+        judged = judged if judged.sensor else next((look for look in looks if look.sensor), judged)
     return Alarm(
         number=number,
         time_s=compared.start_s + (known + 1) * SECOND_S,

@@ -23,7 +23,7 @@ from gtmbench.intake.imus import Imu
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.units import unit
-from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, trailing_means
+from gtmbench.study.log.seconds import FEWEST, SECOND_S, beyond_gains, rows_by_second, seconds_in, trailing_means
 from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
@@ -290,8 +290,7 @@ def _blocks(
         out = slice(max(first - 1, 0), max(last + 2, 0))
         gyros[:, out], attitude[out] = np.nan, np.nan
     motion = gyros.mean(axis=0)
-    at_s = start_s + (np.arange(count) + 0.5) * SECOND_S
-    within = np.logical_or.reduce([(at_s >= span[0]) & (at_s <= span[1]) for span in healthy])
+    within = seconds_in(healthy, start_s, count)
     calm = np.asarray(within & np.isfinite(motion).all(axis=1), dtype=np.bool_)
     pairs = list(combinations(range(len(imus)), 2))
     return _Blocks(

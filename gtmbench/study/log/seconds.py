@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gtmbench.values.record import BoolArray, FloatArray, Record
+from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
 IntArray = npt.NDArray[np.int_]
 
@@ -84,6 +84,19 @@ def of_seconds(record: Record, start_s: float, columns: Callable[[Record], Float
         means=np.concatenate(means) if means else none,
         deviations=np.concatenate(deviations) if deviations else none,
     )
+
+
+def seconds_in(spans: Sequence[Span], start_s: float, count: int) -> BoolArray:
+    """Tell which of so many seconds since a time have their middle in any of some spans.
+
+    >>> seconds_in([(0.0, 1.0), (2.5, 9.0)], start_s=0.0, count=3)
+    array([ True, False,  True])
+    """
+    middle_s = start_s + (np.arange(count, dtype=np.float64) + 0.5) * SECOND_S
+    within = np.zeros(count, dtype=np.bool_)
+    for first_s, last_s in spans:
+        within |= (middle_s >= first_s) & (middle_s <= last_s)
+    return within
 
 
 def beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray) -> FloatArray:

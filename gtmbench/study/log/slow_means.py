@@ -21,7 +21,7 @@ from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.study.log.mean_errors import ErrorSeconds, MeanErrors, error_seconds, mean_errors, weighted_means
-from gtmbench.study.log.seconds import SECOND_S, trailing_means
+from gtmbench.study.log.seconds import SECOND_S, seconds_in, trailing_means
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
@@ -120,8 +120,7 @@ def slow_means(
     """
     start_s = records[0].start_s
     seconds = error_seconds(records, start_s, excursions) if seconds is None else seconds
-    at_s = start_s + (np.arange(len(seconds.error)) + 0.5) * SECOND_S
-    usual = np.asarray(np.logical_or.reduce([(at_s >= first) & (at_s <= last) for first, last in healthy]))
+    usual = seconds_in(healthy, start_s, len(seconds.error))
     errors = mean_errors(seconds, usual)
     if errors is None:
         return None
