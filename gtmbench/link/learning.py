@@ -99,7 +99,7 @@ class Lesson:
                 return None, str(error).replace(f"{path}: ", "").replace(str(path), "the link")
         if not (taught.check.passed and is_ready(taught.monitor)):
             self._forget()
-            return None, "; ".join([*map(str, taught.check.stops), *taught.check.doubts]) or "it is no flight"
+            return None, "; ".join([*map(str, taught.check.stops), *map(str, taught.check.doubts)]) or "it is no flight"
         (start_s, end_s), *_ = taught.identified_s or ((0.0, 0.0),)
         return taught.monitor, f"learnt from {end_s - start_s:.0f} s"
 

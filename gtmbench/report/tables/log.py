@@ -46,7 +46,6 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "outcome": watched.outcome.name.lower(),
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
-        "hardly_watched": watched.hardly_watched,
         "louder_than_learnt": [asdict(each) for each in watched.louder],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
@@ -113,7 +112,7 @@ def _check(check: SelfCheck) -> Mapping[str, Any]:
         "causes": [asdict(cause) for cause in check.causes],
         "explained": [asdict(each) for each in check.explained],
         "stops": [str(stop) for stop in check.stops],
-        "doubts": check.doubts,
+        "doubts": list(map(str, check.doubts)),
         "notes": check.notes,
     }
 

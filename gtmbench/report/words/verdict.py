@@ -89,7 +89,7 @@ def verdict_text(watched: WatchedLog) -> str:
 
 def _gyros_text(watched: WatchedLog, of: str = "") -> str:
     """Say the same of gyros and attitude alone."""
-    if watched.gyros_outcome is Outcome.UNKNOWN:
+    if watched.outcome is Outcome.UNKNOWN:
         return (
             _until_text(watched) or f"Cannot tell{f' whether a fault{of}' if of else ''}: {'; '.join(causes(watched))}."
         )
@@ -110,7 +110,7 @@ def _until_text(watched: WatchedLog) -> str:
     """Say that nothing was found until a crash, where only the crash and what follows can't be told; else nothing."""
     doubtful = [alarm for alarm in watched.alarms if not alarm.has_passed]
     reasons = [alarm.doubt for alarm in doubtful]
-    if not doubtful or not {*reasons} <= {*CONTACTS, FAILURE} or not watched.check.passed or watched.hardly_watched:
+    if not doubtful or not {*reasons} <= {*CONTACTS, FAILURE} or not watched.check.passed:
         return ""
     first_s = min(alarm.onset_s for alarm in doubtful)
     before = [each.start_s for each in watched.excursions if each.reason in reasons and each.end_s >= first_s]
@@ -320,7 +320,7 @@ def _next(watched: WatchedLog) -> list[str]:
 
 def _unseen(watched: WatchedLog) -> list[str]:
     """Say whose silence says nothing."""
-    names = watched.hardly_watched if watched.watches else ()
+    names = ()
     hidden = [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
     return [*[_louder_text(each) for each in watched.louder], *hidden]
 

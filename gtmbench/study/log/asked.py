@@ -14,6 +14,7 @@ from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
+from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,6 +35,12 @@ class Asked:
     attitude : str
     least_error_deg_s : float
         No smaller mean error is called a failure where the attitude is an estimator's.
+    judge : tuple of str or None
+        The sensors that the verdict speaks for, as they were named; None for the usual ones.
+    limits : tuple of str
+        Sizes that may not hide, as they were typed.
+    judged : float
+        The least share of the time in motion that each is judged for.
     """
 
     path: Path
@@ -45,6 +52,20 @@ class Asked:
     false_alarms_per_hour: float | None
     attitude: str
     least_error_deg_s: float = LEAST_DEG_S
+    judge: tuple[str, ...] | None = None
+    limits: tuple[str, ...] = ()
+    judged: float = JUDGED
+
+    def scope(self, there: Sequence[str], usual: Sequence[str]) -> Scope:
+        """Return what is asked of a log with some sensors, of which some are the usual ones.
+
+        Raises
+        ------
+        InputError
+            Where a sensor is asked that the log hasn't, or a limit is none.
+        """
+        sensors = asked_sensors(self.judge, there, usual)
+        return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
 
     @property
     def says_healthy(self) -> bool:
@@ -62,6 +83,9 @@ def asked(
     false_alarms_per_hour: float | None,
     attitude: str,
     least_error_deg_s: float = LEAST_DEG_S,
+    judge: str | Sequence[str] | None = None,
+    limits: Sequence[str] = (),
+    judged: float = JUDGED,
 ) -> Asked:
     """Return what is asked, as `watch_log` takes it.
 
@@ -72,6 +96,7 @@ def asked(
     """
     watcher = prepared(detector)
     check_attitude(attitude)
+    Scope(sensors=()).with_limits(limits)  # a limit that is none is refused before anything is read
     if is_ready(watcher):
         _check_ready(watcher, healthy, rate_hz, attitude)
     others = tuple(Path(given) for given in healthy if isinstance(given, (str, Path)))
@@ -89,6 +114,9 @@ def asked(
         false_alarms_per_hour=None if wanted is None else number("false_alarms_per_hour", wanted, 1e-9, 1e3),
         attitude=attitude,
         least_error_deg_s=number("least_error_deg_s", least_error_deg_s, 0.0, 100.0),
+        judge=None if judge is None else tuple(judge.split(",") if isinstance(judge, str) else judge),
+        limits=tuple(limits),
+        judged=number("judged", judged, 0.0, 1.0),
     )
 
 

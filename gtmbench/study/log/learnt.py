@@ -20,8 +20,9 @@ from gtmbench.study.log.identified import LeftOut, undisturbed
 from gtmbench.study.log.opened import Opened, but_heading
 from gtmbench.study.log.opened import opened as opened_anew
 from gtmbench.study.log.records import outside, whole_s
-from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, SelfCheck, check_identified, check_wiring
+from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, Doubt, SelfCheck, check_identified, check_wiring
 from gtmbench.study.watchers import with_provenance
+from gtmbench.values.channels import axis_of
 from gtmbench.values.record import Record, Span
 
 _R = "r"
@@ -86,7 +87,7 @@ def _but_r(found: Learnt, others: Learnt) -> Learnt:
     return replace(
         others,
         opened=replace(others.opened, unwatched={**others.opened.unwatched, _R: doubt}),
-        check=replace(others.check, doubts=(*others.check.doubts, doubt)),
+        check=replace(others.check, doubts=(*others.check.doubts, Doubt(text=doubt, sensors=axis_of(_R)))),
         findings=tuple(doubt if finding == untold else finding for finding in others.findings),
     )
 
@@ -108,7 +109,7 @@ def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
         check = check_identified(check, monitor, stretches.records)
     check = _in_all_of_it(check, healthy)
     if healthy.doubt:
-        check = replace(check, doubts=(healthy.doubt, *check.doubts))
+        check = replace(check, doubts=(Doubt(text=healthy.doubt), *check.doubts))
     was_learnt = bool(check.explained) or not check.stops
     return Learnt(
         opened=opened,

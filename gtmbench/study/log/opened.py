@@ -32,7 +32,7 @@ from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.study.log.records import open_for, within
 from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import Span
 
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
@@ -92,6 +92,8 @@ class Opened:
         fault shows in other residuals, too.
     unwatched : mapping of str to str
         Why gyros aren't watched that the channels give no relation.
+    there : tuple of str
+        The sensors that the log has, whoever watches them.
     """
 
     asked: Asked
@@ -106,6 +108,7 @@ class Opened:
     findings: tuple[str, ...]
     bends: bool
     unwatched: Mapping[str, str]
+    there: tuple[str, ...]
 
     @property
     def is_driven(self) -> bool:
@@ -158,7 +161,17 @@ def opened(asked: Asked) -> Opened:
         findings=findings,
         bends=bends,
         unwatched=unwatched,
+        there=_there(read, asked, log),
     )
+
+
+def _there(read: ReadLog, asked: Asked, log: FlightLog) -> tuple[str, ...]:
+    """Return the sensors that a log has: those that were opened, then the others that could be."""
+    usable: tuple[str, ...] = ()
+    with contextlib.suppress(InputError):
+        mapping = [text for text in asked.mapping if text.partition("=")[2].strip() != NONE]
+        usable = log_contents(read, mapping=mapping).usable
+    return tuple(name for name in dict.fromkeys([*log.channels, *usable]) if name not in COMMANDS)
 
 
 def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:

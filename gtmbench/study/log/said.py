@@ -34,7 +34,7 @@ from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.mean_errors import error_seconds
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.rests import found_at_rest, rests_of, settled_at_rest
-from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
+from gtmbench.study.log.self_check.outcome import WATCHED, Doubt, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.study.log.slow_means import SlowMeans, beyond, but_beside, mean_error_deg_s, slow_means
 from gtmbench.study.log.standing import but_of_others, standing_gyros
 from gtmbench.study.log.starts import steady
@@ -153,7 +153,7 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     crash = crash_of(watches, said.excursions)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
-    findings = (*check.doubts, *_limits(watches), *_installed(said.installation), *said.findings)
+    findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
     means, turns, pulls = _slow(said)
 
@@ -200,7 +200,7 @@ def _beside_accelerometers(said: Said) -> Said:
     if motion is None or said.check.causes:
         return said
     wrong = contradiction(motion.segments)
-    doubts = (*said.check.doubts, *([wrong] if wrong else []))
+    doubts = (*said.check.doubts, *([Doubt(text=wrong)] if wrong else []))
     return replace(said, standing=standing_gyros(motion.segments), check=replace(said.check, doubts=doubts))
 
 

@@ -26,6 +26,7 @@ from gtmbench.study.log.said import doubted, listened
 from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.record import Span
+from gtmbench.verdict.scope import JUDGED
 
 
 def bank_between(inputs: Sequence[str], outputs: Sequence[str], *, look_s: float = 0.5) -> Bank:
@@ -67,6 +68,9 @@ def watch_log(
     false_alarms_per_hour: float | None = None,
     attitude: str = FROM_LOG,
     least_error_deg_s: float = LEAST_DEG_S,
+    judge: str | Sequence[str] | None = None,
+    limits: Sequence[str] = (),
+    judged: float = JUDGED,
     progress: Progress = silent,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -99,6 +103,14 @@ def watch_log(
     least_error_deg_s : float
         Where the gyros drive the attitude, no smaller mean error of one is called a failure, in deg/s: estimators err
         as much themselves.
+    judge : str or sequence of str, optional
+        The sensors that the verdict speaks for: ``p,q,r``, ``gyros``, ``attitude``, ``all``; by default p, q, r and the
+        angles that the log has, of a monitor that compares these, and otherwise the sensors that it predicts.
+    limits : sequence of str
+        The sizes that may not hide in a span that is called clear: ``5deg/s`` and ``10deg`` by default; a factor, such
+        as ``factor=0.7``, only where it is named.
+    judged : float
+        The least share of the time in motion for which each of these sensors has to be judged.
     progress : callable
         Called with the step, the number done and the total.
 
@@ -130,6 +142,9 @@ def watch_log(
         false_alarms_per_hour=false_alarms_per_hour,
         attitude=attitude,
         least_error_deg_s=least_error_deg_s,
+        judge=judge,
+        limits=limits,
+        judged=judged,
     )
     monitor = learnt(chosen(opened(question)), progress)
     said = doubted(listened(monitor, progress), progress)

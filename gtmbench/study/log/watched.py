@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
 from functools import cached_property
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.mapping import NONE
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.study.log.certificate import Certificate, certificate_of, hardly_watched
+from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.corrections import CORRECTED, Corrections
 from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
@@ -27,25 +28,13 @@ from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
+from gtmbench.study.log.timeline import JUDGED, Evidence, timeline_of
+from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
-from gtmbench.values.record import Span
-
-
-class Outcome(IntEnum):
-    """The outcome for a log; the value is the command's exit code.
-
-    Unknown: nothing could have alarmed, or a test statistic couldn't, or the log isn't what the monitor expects.
-
-    Examples
-    --------
-    >>> import gtmbench as gb
-    >>> [(outcome.name, outcome.value) for outcome in gb.Outcome]  # the exit codes of `gtmbench monitor`
-    [('HEALTHY', 0), ('FAILED', 1), ('UNKNOWN', 3)]
-    """
-
-    HEALTHY = 0
-    FAILED = 1
-    UNKNOWN = 3
+from gtmbench.values.record import Record, Span
+from gtmbench.verdict.scope import Scope
+from gtmbench.verdict.timeline import Timeline
+from gtmbench.verdict.verdict import LogVerdict, Outcome, verdict_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,6 +90,14 @@ class WatchedLog:
         Why gyros aren't watched that the log's channels give no relation, or one that doesn't fit.
     is_assumed_healthy : bool
         Whether `identified_s` is the log's first part, taken for healthy because nobody said what is.
+    moving : tuple of Record
+        The log with gyros and attitude, as the monitor read them; none where it doesn't compare these.
+    has_heading : bool
+        Whether the log's heading is a sensor's.
+    there : tuple of str
+        The sensors that the log has.
+    scope : Scope
+        What the verdict is asked.
 
     Examples
     --------
@@ -139,6 +136,10 @@ class WatchedLog:
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
     is_assumed_healthy: bool = False
+    moving: tuple[Record, ...] = field(default=(), repr=False)
+    has_heading: bool = True
+    there: tuple[str, ...] = ()
+    scope: Scope = field(default=Scope(sensors=()), repr=False)
 
     def _repr_html_(self) -> str:
         facts = {
@@ -177,33 +178,47 @@ class WatchedLog:
         failed = [(each.failed.time_s, each) for each in self.sensors if each.failed is not None]
         return tuple(each for _, each in sorted(failed, key=lambda told: told[0]))
 
+    @cached_property
+    def timeline(self) -> Timeline:
+        """What is known of every sensor, from the log's first sample to its last, as far as it is asked."""
+        return self.verdict.timeline
+
+    @cached_property
+    def verdict(self) -> LogVerdict:
+        """The verdict: what the timeline comes to for the sensors that are asked."""
+        return verdict_of(timeline_of(self._evidence), self.scope)
+
     @property
     def outcome(self) -> Outcome:
-        """Failed if a sensor that no gyro enters did; otherwise what gyros and attitude say (`gyros_outcome`)."""
-        return Outcome.FAILED if self.failed_sensors else self.gyros_outcome
+        """The verdict's outcome; its value is the exit code."""
+        return self.verdict.outcome
 
     @property
-    def gyros_outcome(self) -> Outcome:
-        """Failed if an alarm is left to explain; unknown if nothing, or not every statistic, could have alarmed.
-
-        It is also unknown if an alarm may be no fault's, or silence proves nothing by the self-check or the
-        certificate.
-        """
-        left = [alarm for alarm in self.alarms if not alarm.has_passed]
-        if any(not alarm.doubt for alarm in left):
-            return Outcome.FAILED
-        could_tell = self.armed_hours > 0.0 and not left and not self.stuck_above and self.check.passed
-        return Outcome.HEALTHY if could_tell and not self.louder and not self.hardly_watched else Outcome.UNKNOWN
+    def _evidence(self) -> Evidence:
+        others = tuple(each.failed for each in self.sensors if each.failed is not None)
+        watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
+        return Evidence(
+            log=self.log,
+            sensors=self.there or self.log.channels,
+            monitor=self.monitor,
+            moving=self.moving,
+            has_heading=self.has_heading,
+            is_driven=self.attitude is not None and self.attitude.is_driven,
+            alarms=(*self.alarms, *others),
+            watches=self.watches,
+            learnt_s=self.identified_s,
+            check=self.check,
+            excursions=self.excursions,
+            louder=self.louder,
+            unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
+            certificate=None if self.moving else self.certificate,
+            watched_imu=watched_imu,
+        )
 
     @cached_property
     def certificate(self) -> Certificate:
         """The smallest faults that would have been detected: most of the work, done when they are first asked for."""
         return certificate_of(self.monitor, self.watches, named=self.is_named, means=self.means)
-
-    @cached_property
-    def hardly_watched(self) -> tuple[str, ...]:
-        """The gyros whose silence proves nothing: what the certificate says of biases."""
-        return hardly_watched(self.monitor, self.watches, means=self.means)
 
     @cached_property
     def louder(self) -> tuple[Louder, ...]:
@@ -218,8 +233,9 @@ class WatchedLog:
 def concluded(said: Said) -> WatchedLog:
     """Conclude what was said of a log."""
     learnt = said.learnt
+    opened = learnt.opened
     return WatchedLog(
-        log=learnt.opened.log,
+        log=opened.log,
         monitor=learnt.monitor,
         identified_s=learnt.identified_s,
         watches=said.watches,
@@ -233,14 +249,37 @@ def concluded(said: Said) -> WatchedLog:
         corrections=said.corrections,
         witnesses=said.witnesses,
         sensors=sensors_of(said),
-        estimator=learnt.opened.estimator,
+        estimator=opened.estimator,
         standing=said.standing,
         frozen=said.frozen,
         installation=said.installation,
-        attitude=learnt.opened.attitude,
-        unwatched=learnt.opened.unwatched,
-        is_assumed_healthy=bool(learnt.identified_s) and not learnt.opened.asked.says_healthy,
+        attitude=opened.attitude,
+        unwatched=opened.unwatched,
+        is_assumed_healthy=bool(learnt.identified_s) and not opened.asked.says_healthy,
+        moving=moving_of(said),
+        has_heading=f"psi={NONE}" not in opened.asked.mapping,
+        there=opened.there,
+        scope=opened.asked.scope(opened.there, usual_of(said)),
     )
+
+
+def moving_of(said: Said) -> tuple[Record, ...]:
+    """Return a log with gyros and attitude, as its monitor read them; none where it doesn't compare these."""
+    opened = said.learnt.opened
+    if opened.own.motion is None or not basis_of(said.learnt.monitor).kinematic:
+        return ()
+    installed = said.installation is not None and bool(said.installation.said)
+    return tuple(watch.record for watch in said.watches) if installed else opened.own.motion.segments
+
+
+def usual_of(said: Said) -> tuple[str, ...]:
+    """Return the sensors that are asked where nobody says which: those that the monitor speaks for."""
+    monitor = said.learnt.monitor
+    basis = basis_of(monitor)
+    if basis.kinematic:
+        return JUDGED
+    suspects = monitor.suspects if is_ready(monitor) else ()
+    return basis.predicts or suspects or monitor.channels
 
 
 def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:

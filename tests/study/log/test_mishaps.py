@@ -109,4 +109,4 @@ def test_a_log_that_had_to_learn_from_a_crash_is_no_all_clear(tmp_path):
         watched = gb.watch_log(tmp_path / "log.csv", "auto", attitude="own")
         outcomes.append(watched.outcome)
     assert outcomes == [Outcome.HEALTHY, Outcome.UNKNOWN]
-    assert "lies on its side from 10" in watched.check.doubts[0]
+    assert "lies on its side from 10" in str(watched.check.doubts[0])

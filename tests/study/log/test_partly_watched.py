@@ -94,7 +94,7 @@ def test_an_impact_after_which_it_flies_on_leaves_nothing_unexplained(monitored)
     as_told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about], None)
     assert as_told.doubts == ()
     unaware = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [], None)
-    assert unaware.doubts[0].startswith("in the part watched, ")
+    assert str(unaware.doubts[0]).startswith("in the part watched, ")
 
 
 def test_what_a_crash_leaves_unexplained_is_a_doubt_of_what_follows_alone(monitored):
@@ -105,5 +105,6 @@ def test_what_a_crash_leaves_unexplained_is_a_doubt_of_what_follows_alone(monito
     assert crash is about
     told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about], crash)
     (doubt,) = told.doubts
-    assert doubt.startswith("no fault shows in p until 129.5 s, where ")
-    assert doubt.endswith(f"{FAILURE} and what follows are not judged")
+    assert (doubt.sensors, doubt.since_s) == (("p", "phi"), 129.5)
+    assert str(doubt).startswith("no fault shows in p until 129.5 s, where ")
+    assert str(doubt).endswith(f"{FAILURE} and what follows are not judged")

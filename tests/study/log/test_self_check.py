@@ -101,7 +101,7 @@ def test_a_wrong_scale_from_the_beginning_is_no_all_clear(names, factor, tmp_pat
         record = record.replace(name, factor * record[name])
     said = watched(record, tmp_path)
     assert said.outcome is Outcome.UNKNOWN
-    told = {doubt[0] for doubt in said.check.doubts if "times as far as the attitude" in doubt}
+    told = {str(doubt)[0] for doubt in said.check.doubts if "times as far as the attitude" in str(doubt)}
     assert told == {*names} or [cause.changes[0].kind for cause in said.check.causes] == ["clock"]
 
 

@@ -32,7 +32,7 @@ from gtmbench.study.log.self_check.explained import (
     explained_where_watched,
 )
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
-from gtmbench.values.channels import COMMANDS
+from gtmbench.values.channels import COMMANDS, axis_of
 from gtmbench.values.pieces import pieces
 from gtmbench.values.record import FloatArray, Record, Span
 
@@ -86,6 +86,22 @@ class Stop:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """Why silence says nothing of some sensors, from a time on; of all sensors where none is named.
+
+    >>> str(Doubt(text="p moves too little to show what it is", sensors=("p",)))
+    'p moves too little to show what it is'
+    """
+
+    text: str
+    sensors: tuple[str, ...] = ()
+    since_s: float = -np.inf
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, kw_only=True)
 class SelfCheck:
     """What the self-check found.
 
@@ -96,7 +112,7 @@ class SelfCheck:
     explained : tuple of Explained
     stops : tuple of Stop
         Why nothing is watched.
-    doubts : tuple of str
+    doubts : tuple of Doubt
         Why silence says nothing, where something was watched.
     notes : tuple of str
         What isn't checked.
@@ -105,7 +121,7 @@ class SelfCheck:
     causes: tuple[Cause, ...] = ()
     explained: tuple[Explained, ...] = ()
     stops: tuple[Stop, ...] = ()
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
     notes: tuple[str, ...] = ()
 
     @property
@@ -160,7 +176,7 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     """
     causes: list[Cause] = []
     stops: list[Stop] = []
-    doubts: list[str] = []
+    doubts: list[Doubt] = []
     for part in parts:
         sensors = [channel for channel in watcher.channels if channel not in COMMANDS]  # a command may stand still
         at, dead = f"{part.log.path.name}, {where}", _dead(part.records, sensors)
@@ -179,11 +195,20 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
             stops.append(Stop(text=f"{_OTHER_MOTION}; {nothing_found_text()}", at=at, is_motion=True))
         elif not named and where == IDENTIFIED:
             asked = {"", *basis_of(watcher).kinematic}
-            doubts += [scale_text(name, gain) for name, gain in other_scales(tried).items() if name in asked]
-            doubts += [lag_text(name, lag_s) for name, lag_s in small_lags_s(tried).items() if name in asked]
+            doubts += [
+                _doubt(scale_text(name, gain), name) for name, gain in other_scales(tried).items() if name in asked
+            ]
+            doubts += [
+                _doubt(lag_text(name, late), name) for name, late in small_lags_s(tried).items() if name in asked
+            ]
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), doubts=tuple(dict.fromkeys(doubts)), notes=notes)
+
+
+def _doubt(text: str, output: str, since_s: float = -np.inf) -> Doubt:
+    """Return a doubt of what predicts a sensor: of it, and of the angle that it turns; of all where none is named."""
+    return Doubt(text=text, sensors=axis_of(output) if output else (), since_s=since_s)
 
 
 def scale_text(gyro: str, gain: tuple[float, float]) -> str:
@@ -282,8 +307,11 @@ def check_watched(
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
-    silent = [each.text for each in counting(log, spans, monitor.channels) if each.channel not in told]
-    doubts = (*check.doubts, *(f"{text}; no alarm was raised by it" for text in silent))
+    silent = [each for each in counting(log, spans, monitor.channels) if each.channel not in told]
+    doubts = (
+        *check.doubts,
+        *(_doubt(f"{each.text}; no alarm was raised by it", each.channel or "") for each in silent),
+    )
     if not predicts(monitor):
         return replace(check, doubts=doubts)
     identified = {each.output: each for each in check.explained}
@@ -297,9 +325,13 @@ def check_watched(
         before = explained_where_watched(monitor, watches, [*untold, (crash.start_s, np.inf)])
     for whole, flown in zip(explained, before, strict=True):
         if whole.is_blind and whole.output not in told:
-            doubts += (crashed_text(crash, flown) if crash and not flown.is_blind else unexplained_text(whole),)
+            if crash and not flown.is_blind:
+                doubts += (_doubt(crashed_text(crash, flown), whole.output, crash.start_s),)
+            else:
+                doubts += (_doubt(unexplained_text(whole), whole.output),)
         elif whole.output in identified and not (whole.is_shown or identified[whole.output].is_shown):
-            doubts += (f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for",)
+            why = f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for"
+            doubts += (_doubt(why, whole.output),)
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 

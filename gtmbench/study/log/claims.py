@@ -1,0 +1,191 @@
+"""What today's pipelines claim of a log's sensors: their alarms, the self-check, contacts, and what wasn't read.
+
+Each claim is a span of a sensor's timeline. An alarm that names a sensor is a failure; one that leaves several is a
+suspicion of each; one that may be no fault's, or that nothing explains, is a span that isn't judged. None of these
+clears a sensor: what does is the relation of gyros and attitude (`hindsight`), or a certificate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.protocol import Watch
+from gtmbench.faults.additive import Bias, Noise
+from gtmbench.faults.shaping import ScaleFactor
+from gtmbench.study.log.certificate import Certificate
+from gtmbench.study.log.louder import Louder
+from gtmbench.study.log.self_check.outcome import SelfCheck
+from gtmbench.values.channels import axis_of
+from gtmbench.values.record import BoolArray, Record, Span, runs
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+
+Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
+_PASSED = "its residual rose, and no fault explains it"
+_SHORT_S = 0.5  # of what wasn't armed: a statistic looks back as far
+
+
+def began_s(alarm: Alarm) -> float:
+    """Return when a fault began: as its kind's fit tells, or else the alarm's test."""
+    return alarm.onset_s if alarm.last is None else alarm.last.parameters.get("onset_s", alarm.onset_s)
+
+
+def of_alarm(alarm: Alarm, end_s: float, concerned: Sequence[str], watched_imu: str) -> Iterator[Claim]:
+    """Give what an alarm claims, until its end, or the log's.
+
+    Parameters
+    ----------
+    alarm : Alarm
+    end_s : float
+        The log's.
+    concerned : sequence of str
+        The sensors that its statistic depends on, which are meant where it names nobody.
+    watched_imu : str
+        The IMU whose gyros p, q and r are; "" where a log has one.
+    """
+    last, since_s = alarm.last, min(began_s(alarm), alarm.time_s)
+    until_s = end_s if alarm.ended_s is None else max(alarm.ended_s, alarm.time_s)
+    about = {"start_s": since_s, "end_s": until_s}
+    if last is None:
+        reason = f"{alarm.source} raised an alarm at {alarm.time_s:.1f} s"
+        suspects = tuple(concerned)
+        for sensor in suspects:
+            yield sensor, SensorSpan(**about, state=State.SUSPECTED, reason=reason, suspects=suspects)
+    elif alarm.has_passed or last.doubt:
+        passed_s = max(last.time_s, alarm.time_s) if alarm.has_passed and alarm.ended_s is None else until_s
+        reason = last.doubt or last.reason or _PASSED
+        for sensor in dict.fromkeys(
+            [*last.candidates, *(axis_of(alarm.source) if alarm.source in concerned else concerned)]
+        ):
+            yield sensor, SensorSpan(start_s=since_s, end_s=passed_s, state=State.NOT_JUDGED, reason=reason)
+    elif last.sensor is not None:
+        named = (last.sensor, last.partner) if last.swapped else (last.sensor,)
+        for sensor in filter(None, named):
+            yield _of_imu(sensor, last.imu, watched_imu), SensorSpan(**about, state=State.FAILED, judgement=last)
+    else:
+        for sensor in last.candidates:
+            claim = SensorSpan(
+                **about, state=State.SUSPECTED, reason=last.reason, suspects=last.candidates, judgement=last
+            )
+            yield _of_imu(sensor, last.imu, watched_imu), claim
+
+
+def _of_imu(sensor: str, imu: str, watched_imu: str) -> str:
+    """Return whose a gyro is: one of the IMU that is watched has its own name."""
+    return f"{sensor} of {imu}" if imu and imu != watched_imu else sensor
+
+
+def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str]) -> Iterator[Claim]:
+    """Give what the self-check claims: where it stops, no sensor is judged; a doubt is of those that it names."""
+    causes = list(dict.fromkeys(cause.text for cause in check.causes))
+    stops = [" or ".join(causes)] if causes else [stop.text for stop in check.stops[:1]]
+    for reason in stops:
+        for sensor in sensors:
+            yield sensor, _unjudged(span_s, reason)
+    for doubt in check.doubts:
+        for sensor in doubt.sensors or sensors:
+            yield sensor, _unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
+
+
+def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> Iterator[Claim]:
+    """Give the stretches in which nothing can be told, such as a contact with the ground; hard motion alone is none."""
+    for each in excursions:
+        if excuses(each):
+            for sensor in sensors:
+                yield sensor, _unjudged((each.start_s, each.end_s), each.reason)
+
+
+def excuses(excursion: Excursion) -> bool:
+    """Tell whether gyros and attitude are asked nothing in an excursion: they show one motion however hard it is."""
+    return excursion.reason != MOTION and not excursion.is_judged
+
+
+def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span) -> Iterator[Claim]:
+    """Give the residuals that no test could judge: those above their threshold throughout, and far above the usual."""
+    for watch in watches:
+        for name, score in watch.scores.items():
+            if score.is_stuck_above:
+                reason = "its test statistic never came down: a fault from the beginning, or other noise"
+                for sensor in axis_of(name):
+                    yield sensor, _unjudged((watch.record.start_s, watch.record.end_s), reason)
+    for each in louder:
+        reason = f"its residual stood {each.times:.1f} times as high as usual, {each.start_s:.0f} to {each.end_s:.0f} s"
+        for sensor in axis_of(each.sensor):
+            yield sensor, _unjudged(span_s, reason)
+
+
+def of_certificate(certificate: Certificate, watches: Sequence[Watch], learnt_s: Sequence[Span]) -> Iterator[Claim]:
+    """Give where a bank's certificate clears the sensors that it predicts: where it was armed, but for the ends."""
+    sensors = dict.fromkeys(row.sensor for row in certificate.rows)
+    for sensor in sensors:
+        bias, scale, noise = (certificate.of(sensor, kind.kind) for kind in (Bias, ScaleFactor, Noise))
+        if bias is None or bias.size is None:
+            continue
+        factor = None if scale is None else scale.size
+        sizes = Sizes(
+            error=bias.size,
+            within_s=bias.within_s,
+            factors=None if factor is None else (1.0 - factor, 1.0 + factor),
+            noise=None if noise is None else noise.size,
+        )
+        for start_s, end_s in _armed_s(watches, sensor, bias.within_s):
+            yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=sizes)
+        for span in learnt_s:
+            yield sensor, _unjudged(span, f"{sensor} was learnt from here, and nothing else judges it")
+
+
+def _armed_s(watches: Sequence[Watch], sensor: str, within_s: float) -> Iterator[Span]:
+    for watch in watches:
+        record = watch.record
+        score = watch.scores.get(sensor)
+        armed = watch.armed if score is None else score.armed
+        starts, ends = runs(_closed(armed, record))
+        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+            start_s, end_s = record.time_at(start), record.time_at(end - 1) - within_s
+            if end_s > start_s:
+                yield start_s, end_s
+
+
+def _closed(armed: BoolArray, record: Record) -> BoolArray:
+    """Return what was armed, with pauses that a statistic looks over."""
+    closed = armed.copy()
+    starts, ends = runs(~armed)
+    short = (ends - starts) * record.sample_period_s <= _SHORT_S
+    for start, end in zip(starts[short].tolist(), ends[short].tolist(), strict=True):
+        closed[start:end] = start > 0 and end < len(armed)
+    return closed
+
+
+def _unjudged(span_s: Span, reason: str) -> SensorSpan:
+    return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
+
+
+def motion_spans(lively_s: Sequence[float], span_s: Span, unread_s: Sequence[Span]) -> tuple[Span, ...]:
+    """Return where a log moves: seconds that do, and gaps with motion on both sides.
+
+    Where one ends with samples that weren't read, these count as what lies before them.
+
+    >>> motion_spans([0.5, 1.5, 2.5, 7.5], (0.0, 12.0), [(3.0, 7.0), (8.0, 12.0)])
+    ((0.0, 12.0),)
+    """
+    seconds = np.asarray(lively_s, dtype=np.float64)
+    own = [(max(time_s - 0.5, span_s[0]), min(time_s + 0.5, span_s[1])) for time_s in seconds.tolist()]
+    for start_s, end_s in unread_s:
+        moves_before = bool(np.any((seconds > start_s - _BESIDE_S) & (seconds <= start_s + 0.5)))
+        moves_behind = bool(np.any((seconds >= end_s - 0.5) & (seconds < end_s + _BESIDE_S)))
+        is_end = end_s >= span_s[1] - 1e-6
+        if moves_before and (moves_behind or is_end):
+            own.append((start_s, end_s))
+    joined: list[Span] = []
+    for start_s, end_s in sorted(own):
+        if joined and start_s <= joined[-1][1] + 1e-3:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end_s)
+        else:
+            joined.append((start_s, end_s))
+    return tuple(joined)
+
+
+_BESIDE_S = 5.0  # of a gap: motion on that side

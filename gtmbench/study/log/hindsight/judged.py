@@ -1,0 +1,337 @@
+"""Where gyros and angles are clear by their relation over the whole log, up to which sizes, and where nobody can tell.
+
+A level that shifts says that something broke, and not what: its gyro and its angle aren't judged then, before the shift
+or behind it, unless an alarm names one of them. Where no level shifts, a gyro is clear from every onset from which a
+shift would have shown, up to the size that would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from gtmbench.study.log.hindsight.blocks import Blocks
+from gtmbench.study.log.hindsight.levels import PROMISED_S, WINDOWS_S, Shift, departs, shift_of
+from gtmbench.study.log.hindsight.relation import (
+    Relation,
+    error_level,
+    gain_level,
+    jumps_deg,
+    noise_level,
+    noise_size,
+    relation_of,
+)
+from gtmbench.values.attitude import SLOWEST_S
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, Span, runs
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+
+_STANDS_S, _OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
+_MOVES_DEG_S = 1.5  # the attitude meanwhile, or one who stands still is right
+_JUMP_FLOOR_DEG = 1.0  # a smaller jump is an estimator's correction
+_OFTEN = 0.95  # of the onsets in a span, from which its size shows
+_COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
+_MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
+_AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
+_AT_EDGE, _MASKED = "too little of the log lies before or behind it", "gyros or attitude are missing, or excused"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Change:
+    """A level that shifts: of which axis, what of it, when, and by how much."""
+
+    axis: int
+    of: str
+    time_s: float
+    size: float
+
+    @property
+    def text(self) -> str:
+        """Say it in words."""
+        gyro, when = GYROS[self.axis], f"from {self.time_s:.0f} s on than before"
+        if self.of == "error":
+            more = "more" if self.size > 0.0 else "less"
+            return f"{gyro} reads {abs(self.size):.2g} deg/s {more}, against the attitude, {when}"
+        if self.of == "gain":
+            return f"{gyro} turns {abs(self.size):.2g} times {'further' if self.size > 0.0 else 'less'} {when}"
+        if self.of == "offset":
+            return f"{gyro} reads {self.size:+.2g} deg/s, against the attitude, throughout"
+        if self.of == "scale":
+            return f"{gyro} turns {self.size:.2g} times as far as the attitude throughout"
+        return f"{gyro} is {np.exp(0.5 * self.size):.2g} times as noisy, beside the other gyros, {when}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Hindsight:
+    """What the relation of gyros and attitude says over a whole log.
+
+    Attributes
+    ----------
+    claims : mapping of sensor to tuple of SensorSpan
+        Of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged.
+    changes : tuple of Change
+        The levels that shift.
+    """
+
+    claims: Mapping[str, tuple[SensorSpan, ...]] = field(repr=False)
+    changes: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """Where an alarm names a sensor: its axis isn't asked there.
+
+    `is_constant`: its error is a bias or a drift, beside which an angle's jump still shows.
+    """
+
+    start_s: float
+    end_s: float
+    is_constant: bool = False
+
+
+def hindsight_of(
+    blocks: Blocks,
+    *,
+    is_driven: bool,
+    excused_s: Sequence[Span] = (),
+    failures: Mapping[str, Sequence[Failure]] | None = None,
+    faster: Mapping[str, float] | None = None,
+) -> Hindsight:
+    """Return what the relation of gyros and attitude says over a whole log.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    is_driven : bool
+        Whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
+    excused_s : sequence of (start, end)
+        Where nothing is asked of the relation, such as a contact with the ground.
+    failures : mapping of sensor to sequence of Failure
+        Of p, q, r, phi, theta and psi.
+    faster : mapping of sensor to float
+        How many times as fast a gyro is sampled as it was read: so much more noise it may hide.
+
+    Examples
+    --------
+    >>> from gtmbench.study.log.hindsight.blocks import blocks_of
+    >>> from gtmbench.values.record import Record
+    >>> random = np.random.default_rng(1)
+    >>> time_s = 0.1 * np.arange(1200)
+    >>> level = np.column_stack([0.1 * random.standard_normal((1200, 3)), 0.02 * random.standard_normal((1200, 3))])
+    >>> healthy = Record(level, channels=[*GYROS, *ATTITUDE], sample_period_s=0.1)
+    >>> broken = healthy.replace("q", healthy["q"] + np.where(time_s < 16.0, 0.0, 2.0))
+    >>> said = hindsight_of(blocks_of([broken]), is_driven=False)
+    >>> [(change.of, change.text) for change in said.changes]
+    [('error', 'q reads 2 deg/s more, against the attitude, from 16 s on than before')]
+    >>> {span.state.value for span in said.claims["q"]}, said.claims["p"][1].state.value
+    ({'not judged'}, 'clear')
+    """
+    relation, gentle = _relation(blocks, excused_s, {} if failures is None else failures)
+    claims: dict[str, tuple[SensorSpan, ...]] = {}
+    changes: list[Change] = []
+    jumps = jumps_deg(relation, gentle)
+    for axis, (gyro, angle) in enumerate(_AXES):
+        known = relation.known[:, axis]
+        shifts = {
+            "error": shift_of(error_level(relation, axis, known), _shown(is_driven=is_driven)),
+            "gain": shift_of(gain_level(relation, axis, known)),
+            "noise": shift_of(noise_level(relation, axis, known)),
+        }
+        own = list(_changes(relation, axis, shifts))
+        changes += own
+        more = 1.0 if faster is None else np.sqrt(max(faster.get(gyro, 1.0), 1.0))
+        claims[gyro] = tuple(_of_gyro(relation, axis, shifts, own, is_driven=is_driven, noisier=float(more)))
+        claims[angle] = tuple(_of_angle(relation, axis, (jumps[0][:, axis], jumps[1][:, axis]), own))
+    return Hindsight(claims=claims, changes=tuple(changes))
+
+
+_AXES = tuple(zip(GYROS, ATTITUDE, strict=True))
+
+
+def _relation(
+    blocks: Blocks, excused_s: Sequence[Span], failures: Mapping[str, Sequence[Failure]]
+) -> tuple[Relation, BoolArray]:
+    """Return the relation where nothing failed, and whose errors tell of angles all the same, shape (blocks, 3)."""
+    own = [[*failures.get(gyro, ()), *failures.get(angle, ())] for gyro, angle in _AXES]
+    relation = relation_of(blocks, excused_s, [[(each.start_s, each.end_s) for each in axis] for axis in own])
+    broken = [[(each.start_s, each.end_s) for each in axis if not each.is_constant] for axis in own]
+    return relation, np.column_stack([~blocks.within(spans) for spans in broken])
+
+
+def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> float | None:
+    """Return from when on a sensor that failed reads as it did before, for good; None where it never does.
+
+    It takes that its error, its gain or its noise was another while it failed, and is again what it was before.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    sensor : str
+        One of p, q, r, phi, theta and psi.
+    failure : Failure
+    excused_s : sequence of (start, end)
+    """
+    axis = next(place for place, names in enumerate(_AXES) if sensor in names)
+    relation, _ = _relation(blocks, excused_s, {sensor: [failure]})
+    whole = np.ones(len(blocks), dtype=bool)
+    first = max(int((failure.start_s - blocks.start_s) / relation.chunk_s), 0)
+    apart = np.zeros(-(-len(blocks) // relation.per_chunk), dtype=bool)
+    for level_of in (error_level, gain_level, noise_level):
+        apart |= departs(level_of(relation, axis, whole), first)
+    off = np.flatnonzero(apart[first:])
+    last = first + int(off[-1]) + 1 if len(off) else first
+    is_long = len(apart) - last >= round(_AGREES_S / relation.chunk_s)
+    was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
+    return blocks.start_s + last * relation.chunk_s if was_off and is_long else None
+
+
+def _shown(*, is_driven: bool) -> FloatArray:
+    """Return which share of a gyro's error shows in each window: behind the slowest estimator, what it takes back.
+
+    The mean of 1 - exp(-t / tau) over the window.
+    """
+    if not is_driven:
+        return np.ones(len(WINDOWS_S))
+    ends = np.array(WINDOWS_S)
+    decayed = np.exp(-ends / SLOWEST_S)
+    return np.asarray(1.0 - SLOWEST_S * (decayed[:, 0] - decayed[:, 1]) / (ends[:, 1] - ends[:, 0]))
+
+
+def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift]) -> Iterator[Change]:
+    """Give the shifts of an axis; a gyro that becomes quieter is none."""
+    start_s = relation.blocks.start_s
+    for of, shift in shifts.items():
+        size = shift.rises if of == "noise" else shift.size
+        if size and shift.onset is not None:
+            yield Change(axis=axis, of=of, time_s=start_s + shift.onset * relation.chunk_s, size=size)
+    offset, gain = float(relation.offsets[axis]), float(relation.gains[axis])
+    if abs(offset) > _MOST_OFFSET_DEG_S:
+        yield Change(axis=axis, of="offset", time_s=start_s, size=offset)
+    if np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
+        yield Change(axis=axis, of="scale", time_s=start_s, size=gain)
+
+
+def _of_gyro(
+    relation: Relation,
+    axis: int,
+    shifts: Mapping[str, Shift],
+    changes: Sequence[Change],
+    *,
+    is_driven: bool,
+    noisier: float,
+) -> Iterator[SensorSpan]:
+    """Give the spans in which a gyro is clear, and those in which it isn't judged."""
+    held_s = relation.blocks.held_s[:, axis]
+    stands, usual_s = _standing(relation, held_s, GYROS[axis])
+    yield from stands
+    start_s, end_s = _span(relation.blocks)
+    if changes:
+        yield _unjudged(start_s, end_s, changes[0].text)
+        return
+    errors = shifts["error"].bounds
+    gains = np.full(len(errors), np.inf) if is_driven else shifts["gain"].bounds
+    noises = noisier * noise_size(relation, axis, shifts["noise"].bounds)
+    repeats = _OF_USUAL * usual_s <= PROMISED_S
+    known = _chunks_known(relation, relation.known[:, axis])
+    for first, stop, level in _as_good(errors, known):
+        part = slice(first, stop)
+        span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
+        gain = float(gains[part].max())
+        if not np.isfinite(level):
+            yield _unjudged(*span, _AT_EDGE if known[first] else _MASKED)
+        elif not repeats and gain > 1.0:
+            yield _unjudged(*span, f"{GYROS[axis]} might stand still, and that would not show")
+        else:
+            noise = float(noises[part].max())
+            sizes = Sizes(
+                error=level,
+                within_s=PROMISED_S,
+                factors=(1.0 - gain, 1.0 + gain) if gain < _LARGEST_GAIN else None,
+                noise=noise if noise < _LARGEST_NOISE else None,
+            )
+            yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, sizes=sizes)
+
+
+_LARGEST_GAIN, _LARGEST_NOISE = 2.0, 1e3  # a turned sign shows at the first; no gyro's noise is larger than the second
+
+
+def _of_angle(
+    relation: Relation, axis: int, jumps: tuple[FloatArray, FloatArray], changes: Sequence[Change]
+) -> Iterator[SensorSpan]:
+    """Give the same of an angle: an error that stays begins with a jump that no gyro reads."""
+    angle = ATTITUDE[axis]
+    stands, _ = _standing(relation, relation.blocks.held_s[:, 3 + axis], angle)
+    yield from stands
+    start_s, end_s = _span(relation.blocks)
+    shifted = [change for change in changes if change.of != "noise"]
+    if shifted:
+        yield _unjudged(start_s, end_s, shifted[0].text)
+        return
+    jump, usual = jumps
+    bounds = np.where(np.isfinite(jump), jump + np.maximum(1.1 * usual, _JUMP_FLOOR_DEG), np.inf)
+    seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG))
+    left = np.maximum.accumulate(np.where(seen, bounds, 0.0))  # an angle that jumped may be wrong from there on
+    chunks = relation.chunked(np.maximum(bounds, left))
+    worst = np.where(np.isnan(chunks), 0.0, chunks).max(axis=1)
+    for first, stop, level in _as_good(worst, np.isfinite(worst)):
+        span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
+        if np.isfinite(level):
+            sizes = Sizes(error=level, within_s=PROMISED_S)
+            yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, sizes=sizes)
+        else:
+            yield _unjudged(*span, _MASKED)
+
+
+def _standing(relation: Relation, held_s: FloatArray, sensor: str) -> tuple[list[SensorSpan], float]:
+    """Return where a sensor reads one value while the aircraft turns, and for how long it does so otherwise."""
+    blocks = relation.blocks
+    starts, ends = runs(np.asarray(held_s > 0.5 * blocks.period_s))
+    lengths = np.array([held_s[stop - 1] for stop in ends.tolist()])
+    others = [float(np.delete(lengths, place).max(initial=0.0)) for place in range(len(lengths))]
+    spans, usual_s = [], 0.0
+    for start, stop, length, other in zip(starts.tolist(), ends.tolist(), lengths.tolist(), others, strict=True):
+        if length > max(_STANDS_S, _OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
+            end_s = blocks.start_s + stop * blocks.period_s
+            since_s = end_s - length - blocks.period_s
+            spans.append(_unjudged(since_s, end_s, f"{sensor} reads one value from {since_s:.1f} to {end_s:.1f} s"))
+        else:
+            usual_s = max(usual_s, length)
+    return spans, usual_s
+
+
+def _turns(blocks: Blocks, rows: slice, sensor: str) -> bool:
+    """Tell whether the aircraft turns about an axis that a sensor should feel, by those that don't stand still."""
+    tells = blocks.rates if sensor in GYROS else blocks.gyros
+    own = np.abs(tells[rows])
+    return bool(np.isfinite(own).any() and float(np.nanquantile(own, 0.75)) > _MOVES_DEG_S)
+
+
+def _as_good(bounds: FloatArray, known: BoolArray) -> Iterator[tuple[int, int, float]]:
+    """Give runs of chunks whose bounds are about alike, with what most of each keep; infinite ones apart.
+
+    Most chunks are as good as the median, or a little worse; others stand in runs of their own.
+    """
+    finite = np.isfinite(bounds)
+    usual = float(np.median(bounds[finite])) * _COARSER if finite.any() else 1.0
+    steps = np.where(known, -1, -2)
+    steps[finite] = np.ceil(np.maximum(np.log(np.maximum(bounds[finite], 1e-12) / usual), 0.0) / np.log(_COARSER))
+    edges = [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(bounds)]
+    for first, stop in pairwise(edges):
+        own = bounds[first:stop]
+        yield first, stop, float(np.quantile(own, _OFTEN, method="higher")) if steps[first] >= 0 else np.inf
+
+
+def _chunks_known(relation: Relation, known: BoolArray) -> BoolArray:
+    """Tell in which chunks at least half of the blocks are known."""
+    return np.asarray(np.nan_to_num(relation.chunked(known.astype(np.float64))).mean(axis=1) >= 0.5)
+
+
+def _span(blocks: Blocks) -> Span:
+    return blocks.start_s, blocks.start_s + blocks.period_s * len(blocks)
+
+
+def _unjudged(start_s: float, end_s: float, reason: str) -> SensorSpan:
+    return SensorSpan(start_s=start_s, end_s=end_s, state=State.NOT_JUDGED, reason=reason)

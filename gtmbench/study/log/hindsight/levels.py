@@ -1,0 +1,219 @@
+"""Levels of a log, chunk by chunk, and what a change of a level could be from each onset on.
+
+A level is what stays the same while nothing breaks: a gyro's error against the attitude, its gain, its noise. A fault
+that stays shifts the level of every chunk behind its onset, so it shifts the median of those chunks by its own size.
+What the medians behind and before an onset differ by, plus what chance makes of such a difference, is therefore a size
+that no fault which begins there has: a larger one would show, whatever else is known. No part of the log is taken for
+healthy, and nothing is learnt but how restless the level is, from neighbouring chunks, which a fault parts but once.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.study.log.seconds import IntArray
+from gtmbench.values.record import BoolArray, FloatArray
+
+CHUNK_S = 2.0
+PROMISED_S = 60.0  # behind an onset, in which what is promised shows
+WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S))  # behind it; the last for what shows late
+_ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
+_FEWEST = 3  # chunks: a median of fewer is none
+_DEVIATIONS = 6.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
+_QUANTILE, _OF_NORMAL = 0.6, 0.8416  # of absolute differences: a fault parts few neighbours; the normal law's
+_LAGS = (2, 4, 8, 16)  # chunks, over which a level wanders
+_PAIRS = 8  # times a lag: chunks of a log, or a step counts as wander
+_MEDIAN = 0.5 * np.pi  # variance of a median over that of a mean, of normal values
+_SPARE = 1.1  # times what is significant: what is promised, for noise changes a little with a fault
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Level:
+    """A level, chunk by chunk.
+
+    Attributes
+    ----------
+    values : shape (chunks,)
+        NaN where it isn't known.
+    deviations : shape (chunks,)
+        How much each wanders by chance, up to a factor that is the same for all.
+    floor : float
+        No smaller change is told: sensors differ by as much in health.
+    """
+
+    values: FloatArray
+    deviations: FloatArray = field(repr=False)
+    floor: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Shift:
+    """What a level's changes could be, by the chunk in which they begin.
+
+    Attributes
+    ----------
+    bounds : shape (chunks,)
+        The smallest change that begins there and would have shown; infinite where none would.
+    rises, falls : float
+        The largest change upwards and downwards that shows from any onset, 0 where none does.
+    onset : int or None
+        The chunk from which on the level is another; None where it never changes.
+    """
+
+    bounds: FloatArray = field(repr=False)
+    rises: float
+    falls: float
+    onset: int | None
+
+    @property
+    def size(self) -> float:
+        """The larger of both changes; 0 where none shows."""
+        return self.rises if self.rises > -self.falls else self.falls
+
+
+def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
+    """Return what changes of a level could be.
+
+    d(j) = median(y(j + l), ..., y(j + L - 1)) - median(y(0), ..., y(j - 1)) for every onset j and window l to L; a
+    change of S that stays adds S to it. What is significant is k s(j), by the medians'
+    variance and the level's own wander.
+
+    Parameters
+    ----------
+    level : Level
+    shown : shape (windows,), optional
+        Which share of a fault shows in a window; 1 each by default.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(1)
+    >>> values = 0.1 * random.standard_normal(60)
+    >>> healthy = shift_of(Level(values=values, deviations=np.full(60, 0.1), floor=0.0))
+    >>> healthy.size, bool(0.1 < healthy.bounds[30] < 0.3), bool(np.isinf(healthy.bounds[1]))
+    (0.0, True, True)
+    >>> stepped = values + np.where(np.arange(60) < 40, 0.0, 1.0)
+    >>> broken = shift_of(Level(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
+    >>> broken.onset, round(broken.size, 1), bool(broken.bounds[40] > 1.0)
+    (40, 1.1, True)
+    """
+    values, deviations = level.values, np.where(np.isfinite(level.values), level.deviations, np.inf)
+    scale, wander = _restless(values, deviations)
+    rates = np.where(np.isfinite(deviations), 1.0 / np.maximum(scale * deviations, 1e-12), 0.0)
+    before, before_var, enough = _before(values, rates)
+    bounds, most = np.full(len(values), np.inf), np.zeros(len(values))
+    for place, (from_s, to_s) in enumerate(WINDOWS_S):
+        share = 1.0 if shown is None else float(shown[place])
+        behind, behind_var, known = _behind(values, rates, round(from_s / CHUNK_S), round(to_s / CHUNK_S))
+        difference = behind - before
+        deviation = np.sqrt(before_var + behind_var + wander**2)
+        significant = np.maximum(_DEVIATIONS * deviation, level.floor)
+        there = enough & known
+        size = np.where(there, np.abs(difference) + _SPARE * significant, np.inf) / share
+        bounds = np.minimum(bounds, size)
+        shows = there & (np.abs(difference) > significant)
+        larger = shows & (np.abs(difference) > np.abs(most))
+        most[larger] = difference[larger]
+    rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))
+    return Shift(bounds=bounds, rises=rises, falls=falls, onset=_stepped_at(values) if most.any() else None)
+
+
+def _stepped_at(values: FloatArray) -> int:
+    """Return the chunk from which on a level is another: where two levels part most, by n1 n2 / n (m2 - m1)^2."""
+    known = np.flatnonzero(np.isfinite(values))
+    own = np.clip(values[known], *np.quantile(values[known], [0.02, 0.98]))
+    count = np.arange(1, len(own))
+    sums = np.cumsum(own)[:-1]
+    apart = (own.sum() - sums) / (len(own) - count) - sums / count
+    return int(known[1 + int(np.argmax(count * (len(own) - count) * np.square(apart)))])
+
+
+def departs(level: Level, first: int) -> BoolArray:
+    """Tell in which chunks a level is another than before one, by medians of five chunks; none where that isn't known.
+
+    Parameters
+    ----------
+    level : Level
+    first : int
+        The chunk before which it is as it should be.
+
+    Examples
+    --------
+    >>> values = np.concatenate([np.zeros(20), np.full(10, 3.0), np.zeros(20)])
+    >>> found = departs(Level(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
+    >>> np.flatnonzero(found).tolist() == list(range(20, 30))
+    True
+    """
+    usual = level.values[:first]
+    if np.count_nonzero(np.isfinite(usual)) < _FEWEST:
+        return np.zeros(len(level.values), dtype=bool)
+    deviations = np.where(np.isfinite(level.values), level.deviations, np.inf)
+    scale, wander = _restless(usual, deviations[:first])
+    padded = np.pad(level.values, _ABOUT // 2, constant_values=np.nan)
+    views = np.lib.stride_tricks.sliding_window_view(padded, _ABOUT)
+    there = np.isfinite(views).any(axis=1)
+    medians = np.full(len(level.values), np.nan)
+    medians[there] = np.nanmedian(views[there], axis=1)
+    own = np.hypot(scale * np.where(np.isfinite(deviations), deviations, np.nan), wander)
+    bound = np.maximum(_DEVIATIONS * own, level.floor)
+    return np.asarray(np.abs(medians - np.nanmedian(usual)) > bound)
+
+
+def _restless(values: FloatArray, deviations: FloatArray) -> tuple[float, float]:
+    """Return the factor of the deviations by neighbouring chunks, and by how much the level wanders beyond that."""
+    apart = _parted(values, deviations, 1)
+    if len(apart) < _FEWEST:
+        return np.inf, 0.0
+    scale = float(np.quantile(apart, _QUANTILE)) / _OF_NORMAL
+    usual = float(np.median(deviations[np.isfinite(deviations)]))
+    wander = 0.0
+    for lag in _LAGS:
+        far = _parted(values, deviations, lag)
+        if len(values) >= _PAIRS * lag and len(far) >= _FEWEST:
+            grown = (float(np.quantile(far, _QUANTILE)) / _OF_NORMAL) ** 2 - scale**2
+            wander = max(wander, usual * float(np.sqrt(max(grown, 0.0))))
+    return max(scale, 1e-9), wander
+
+
+def _parted(values: FloatArray, deviations: FloatArray, lag: int) -> FloatArray:
+    """Return by how many deviations chunks so far apart differ."""
+    own = np.abs(values[lag:] - values[:-lag]) / np.hypot(deviations[lag:], deviations[:-lag])
+    return own[np.isfinite(own)]
+
+
+def _before(values: FloatArray, rates: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the median of all that lies before each chunk, its variance, and where enough is known."""
+    medians, known = np.full(len(values), np.nan), np.zeros(len(values), dtype=int)
+    ordered: list[float] = []
+    for place, value in enumerate(values.tolist()):
+        known[place] = count = len(ordered)
+        if count:
+            medians[place] = 0.5 * (ordered[(count - 1) // 2] + ordered[count // 2])
+        if value == value:  # it is known
+            insort(ordered, value)
+    total = np.concatenate([[0.0], np.cumsum(rates)[:-1]])
+    return medians, _variance(known, total), known >= _FEWEST
+
+
+def _behind(values: FloatArray, rates: FloatArray, first: int, stop: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the same of the chunks behind each, from the first to the last of a window."""
+    window = stop - first
+    views = np.lib.stride_tricks.sliding_window_view(np.append(values, np.full(stop - 1, np.nan))[first:], window)
+    there = np.isfinite(views)
+    known = there.sum(axis=1)
+    ordered = np.sort(np.where(there, views, np.inf), axis=1)
+    rows = np.arange(len(values))
+    low, high = ordered[rows, np.maximum(known - 1, 0) // 2], ordered[rows, np.minimum(known // 2, window - 1)]
+    both = known > 0
+    medians = np.full(len(values), np.nan)
+    medians[both] = 0.5 * (low[both] + high[both])
+    ahead = np.append(rates, np.zeros(stop - 1))[first:]
+    total = np.lib.stride_tricks.sliding_window_view(ahead, window).sum(axis=1)
+    return medians, _variance(known, total), known >= _FEWEST
+
+
+def _variance(known: IntArray, rates: FloatArray) -> FloatArray:
+    """Return the variance of medians of so many values: pi / 2 n / (sum of 1 / s)^2, of normal ones."""
+    return np.asarray(_MEDIAN * known / np.maximum(rates, 1e-12) ** 2)

@@ -1,0 +1,275 @@
+"""The relation of gyros and attitude over a whole log: y = b + A w + tau w' + e, an axis each.
+
+The gyro reads y, the attitude turns at w (`blocks`). Offset b, directions and scales A, and a lag tau are the log's
+own, found robustly over all of it; e is what chance and faults leave. Of e come three levels of each gyro, chunk by
+chunk: its error, its gain, its noise (`levels`); and, of every angle, by how much it jumps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.study.log.hindsight.blocks import Blocks
+from gtmbench.study.log.hindsight.levels import CHUNK_S, Level
+from gtmbench.values.record import BoolArray, FloatArray, Span
+
+_GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
+_ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
+_KNOWN = 0.5  # of a chunk's blocks
+ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
+_GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: it doubles
+_BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
+_JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed
+_LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
+_JUMP_DEVIATIONS = 6.0
+_FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """What is left of gyros and attitude, block by block.
+
+    Attributes
+    ----------
+    blocks : Blocks
+    known : shape (blocks, 3)
+        Where each gyro's is asked to hold: nothing is missing, nothing excuses it, and nothing on that axis failed.
+    error : shape (blocks, 3)
+        e, in deg/s, where nothing is missing or excused, failed or not; NaN elsewhere.
+    offsets, gains : shape (3,)
+        What each gyro reads more than the attitude turns over the whole log, in deg/s, and how many times as far it
+        turns; NaN where too little is known.
+    """
+
+    blocks: Blocks
+    known: BoolArray = field(repr=False)
+    error: FloatArray = field(repr=False)
+    offsets: FloatArray
+    gains: FloatArray
+
+    @property
+    def per_chunk(self) -> int:
+        """How many blocks a chunk has."""
+        return max(1, round(CHUNK_S / self.blocks.period_s))
+
+    @property
+    def chunk_s(self) -> float:
+        """How long a chunk is."""
+        return self.per_chunk * self.blocks.period_s
+
+    def chunked(self, values: FloatArray) -> FloatArray:
+        """Return values of blocks by chunks, shape (chunks, blocks, ...); the last chunk is filled with NaN."""
+        own = self.per_chunk
+        count = -(-len(values) // own)
+        filled = np.full((count * own, *values.shape[1:]), np.nan)
+        filled[: len(values)] = values
+        return filled.reshape(count, own, *values.shape[1:])
+
+
+def relation_of(
+    blocks: Blocks, excused_s: Sequence[Span] = (), failed_s: Sequence[Sequence[Span]] = ((), (), ())
+) -> Relation:
+    """Return the relation of a log's gyros and attitude.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    excused_s : sequence of (start, end)
+        Where it isn't asked to hold.
+    failed_s : sequence of sequences of (start, end)
+        Where p or phi, q or theta, r or psi failed.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(1)
+    >>> turns = 20.0 * random.standard_normal((500, 3))
+    >>> read = 1.5 + 1.01 * turns + 0.1 * random.standard_normal((500, 3))
+    >>> other = dict(euler_rates=turns, angles=0.0 * turns, rough=0.0 * turns, held_s=np.zeros((500, 6)))
+    >>> found = relation_of(Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=turns, **other))
+    >>> found.error.std(axis=0).round(1).tolist()
+    [0.1, 0.1, 0.1]
+    """
+    regressors = _regressors(blocks)
+    there = np.isfinite(blocks.gyros).all(axis=1) & np.isfinite(blocks.rates).all(axis=1)
+    there &= ~blocks.within(excused_s)
+    known = np.column_stack([there & ~blocks.within(spans) for spans in failed_s])
+    error = np.full(blocks.gyros.shape, np.nan)
+    offsets, gains = np.full(3, np.nan), np.full(3, np.nan)
+    for axis in range(3):
+        own = blocks.gyros[:, axis] - blocks.rates[:, axis]
+        columns = regressors[:, [*range(4), 4 + axis]]
+        rows = known[:, axis] & np.isfinite(columns).all(axis=1)
+        if np.count_nonzero(rows) > columns.shape[1]:
+            theta = _fitted(own[rows], columns[rows])
+            error[:, axis] = np.where(there, own - np.nan_to_num(columns) @ theta, np.nan)
+            offsets[axis], gains[axis] = theta[0], 1.0 + theta[1 + axis]
+    return Relation(blocks=blocks, known=known, error=error, offsets=offsets, gains=gains)
+
+
+def _regressors(blocks: Blocks) -> FloatArray:
+    """Return 1, the three rates and their slopes, shape (blocks, 7)."""
+    slopes = np.full(blocks.rates.shape, np.nan)
+    slopes[1:-1] = (blocks.rates[2:] - blocks.rates[:-2]) / (2.0 * blocks.period_s)
+    return np.column_stack([np.ones(len(blocks)), blocks.rates, slopes])
+
+
+def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
+    """Return parameters by Huber's weights, gains near 0 a priori."""
+    weight = np.ones(len(values))
+    theta = np.zeros(regressors.shape[1])
+    for _ in range(_ROUNDS):
+        left = values - regressors @ theta
+        spread = max(1.4826 * float(np.median(np.abs(left - np.median(left)))), 1e-9)
+        theta_before = theta
+        prior = np.diag([0.0, *[(spread / _GAIN) ** 2] * 3, 1e-9])
+        weighted = regressors * weight[:, np.newaxis]
+        theta = np.linalg.lstsq(weighted.T @ regressors + prior, weighted.T @ values, rcond=None)[0]
+        left = values - regressors @ theta
+        weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(left), 1e-12))
+        if np.allclose(theta, theta_before, atol=1e-6):
+            break
+    return np.asarray(theta)
+
+
+def error_level(relation: Relation, axis: int, known: BoolArray) -> Level:
+    """Return a gyro's mean error by chunks, in deg/s, of the blocks that are known."""
+    values = _means(relation.chunked(np.where(known, relation.error[:, axis], np.nan)))
+    return Level(values=values, deviations=_by_liveliness(values, _lively(relation)), floor=ERROR_FLOOR_DEG_S)
+
+
+def gain_level(relation: Relation, axis: int, known: BoolArray) -> Level:
+    """Return by how much a gyro's gain differs from the log's, by chunks: sum(e w) / sum(w w), both about means."""
+    there = known & np.isfinite(relation.error[:, axis])
+    errors = relation.chunked(np.where(there, relation.error[:, axis], np.nan))
+    turns = relation.chunked(np.where(there, relation.blocks.rates[:, axis], np.nan))
+    own, moved = (np.nan_to_num(each - _means(each)[:, np.newaxis]) for each in (errors, turns))
+    power = np.square(moved).sum(axis=1)
+    enough = np.isfinite(_means(errors)) & (power > 0.0)
+    values = np.where(enough, (own * moved).sum(axis=1) / np.maximum(power, 1e-12), np.nan)
+    return Level(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
+
+
+def noise_level(relation: Relation, axis: int, known: BoolArray) -> Level:
+    """Return the logarithm of a gyro's roughness over that of the others, by chunks."""
+    there = relation.known.copy()
+    there[:, axis] = known
+    rough = relation.chunked(np.where(there, relation.blocks.rough, np.nan))
+    powers = np.stack([_means(rough[..., each]) for each in range(3)])
+    logs = np.log(np.maximum(powers, 1e-9))
+    others = _mean_of_known(np.delete(logs, axis, axis=0))
+    return Level(values=logs[axis] - others, deviations=np.ones(len(others)), floor=_NOISE_FLOOR)
+
+
+def noise_size(relation: Relation, axis: int, bounds: FloatArray) -> FloatArray:
+    """Return the deviation of white noise that raises a gyro's roughness by some bounds of its logarithm."""
+    powers = _means(relation.chunked(np.where(relation.known[:, axis], relation.blocks.rough[:, axis], np.nan)))
+    usual = np.nanmedian(powers) if np.isfinite(powers).any() else np.nan
+    level = np.fmax(powers, usual)
+    return np.asarray(np.sqrt(level * np.expm1(np.minimum(bounds, 50.0)) / 6.0))
+
+
+def jumps_deg(relation: Relation, known: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much each angle may jump at every block, and what of it is significant, in deg, (blocks, 3).
+
+    A jump of an angle turns the attitude by a rotation about that angle's axis a which no gyro reads. It stands in e of
+    one block, whole: a.e / a.a over the gyros that are known, times the block's length. It is summed over a few blocks,
+    for what a lag leaves of a hard turn is taken back at once.
+
+    Parameters
+    ----------
+    relation : Relation
+    known : shape (blocks, 3)
+        Whose errors tell: those of gyros that read right, but for a constant.
+    """
+    blocks, there = relation.blocks, known & np.isfinite(relation.error)
+    error = np.where(there, relation.error, np.nan)
+    axes = _angle_axes(blocks.angles) * there[:, np.newaxis, :]
+    felt = np.square(axes).sum(axis=2)
+    turned = np.einsum("nij,nj->ni", axes, np.nan_to_num(error - _local(error))) * blocks.period_s
+    turned = np.where(felt >= _FELT, turned / np.maximum(felt, _FELT), np.nan)
+    lively = np.repeat(_lively(relation), relation.per_chunk)[: len(blocks)]
+    most, significant = np.full(turned.shape, np.inf), np.full(turned.shape, np.inf)
+    for window in _JUMPS:
+        for angle in range(3):
+            summed = _summed(turned[:, angle], window)
+            usual = _JUMP_DEVIATIONS * _by_liveliness(summed, lively, differences=False)
+            jump = np.abs(summed)
+            smaller = jump + usual < most[:, angle] + significant[:, angle]
+            smaller &= np.isfinite(jump + usual)
+            most[smaller, angle], significant[smaller, angle] = jump[smaller], usual[smaller]
+    return most, significant
+
+
+def _angle_axes(angles: FloatArray) -> FloatArray:
+    """Return the body axes about which phi, theta and psi turn, shape (blocks, 3, 3)."""
+    phi, theta, _ = np.radians(angles).T
+    zero, one = np.zeros(len(angles)), np.ones(len(angles))
+    of_phi, of_theta = np.stack([one, zero, zero], axis=1), np.stack([zero, np.cos(phi), -np.sin(phi)], axis=1)
+    of_psi = np.stack([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)], axis=1)
+    return np.stack([of_phi, of_theta, of_psi], axis=1)
+
+
+def _local(error: FloatArray) -> FloatArray:
+    """Return running medians, by pieces of a quarter of a minute and the two beside each."""
+    count = len(error)
+    local = np.zeros(error.shape)
+    for first in range(0, count, _LOCAL):
+        about = error[max(first - _LOCAL, 0) : first + 2 * _LOCAL]
+        there = np.isfinite(about).any(axis=0)
+        local[first : first + _LOCAL, there] = np.nanmedian(about[:, there], axis=0)
+    return local
+
+
+def _summed(values: FloatArray, window: int) -> FloatArray:
+    """Return sums over windows about each value; NaN where one is missing."""
+    if window > len(values):
+        return np.full(len(values), np.nan)
+    half = window // 2
+    sums = np.lib.stride_tricks.sliding_window_view(values, window).sum(axis=1)
+    found = np.full(len(values), np.nan)
+    found[half : half + len(sums)] = sums
+    return found
+
+
+def _mean_of_known(values: FloatArray) -> FloatArray:
+    """Return means along the first axis of what is known; NaN where nothing is."""
+    there = np.isfinite(values)
+    counts = there.sum(axis=0)
+    return np.asarray(np.where(counts > 0, np.where(there, values, 0.0).sum(axis=0) / np.maximum(counts, 1), np.nan))
+
+
+def _means(chunks: FloatArray) -> FloatArray:
+    """Return the mean of each chunk; NaN where too few of its blocks are known."""
+    there = np.isfinite(chunks)
+    counts = there.sum(axis=1)
+    sums = np.where(there, chunks, 0.0).sum(axis=1)
+    return np.asarray(np.where(counts >= _KNOWN * chunks.shape[1], sums / np.maximum(counts, 1), np.nan))
+
+
+def _lively(relation: Relation) -> FloatArray:
+    """Return how fast the attitude turns in each chunk, in deg/s; 0 where that isn't known."""
+    turns = np.linalg.norm(np.minimum(np.abs(relation.blocks.rates), 400.0), axis=1)
+    return np.nan_to_num(np.sqrt(_means(np.square(relation.chunked(turns)))))
+
+
+def _by_liveliness(values: FloatArray, lively: FloatArray, *, differences: bool = True) -> FloatArray:
+    """Return how much values scatter, of those that are about as lively; livelier ones scatter no less.
+
+    By the differences of neighbours, which a fault parts but once; or by the values themselves.
+    """
+    scatter = np.full(len(values), np.nan)
+    if differences:
+        scatter[1:] = np.abs(np.diff(values)) / np.sqrt(2.0)
+    else:
+        scatter = np.abs(values)
+    there = np.flatnonzero(np.isfinite(scatter))
+    if not len(there):
+        return np.ones(len(values))
+    ordered = there[np.argsort(lively[there], kind="stable")]
+    parts = np.array_split(ordered, max(1, min(_BINS, len(ordered) // _FEWEST)))
+    sizes = np.maximum.accumulate([1.4826 * float(np.median(scatter[part])) for part in parts])
+    edges = [float(lively[part[0]]) for part in parts[1:]]
+    return np.maximum(sizes, 1e-6)[np.searchsorted(edges, lively, side="right")]

@@ -1,0 +1,180 @@
+"""The timeline of a watched log, of all that is claimed of its sensors: the one place where they are put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
+from gtmbench.faults.additive import Bias, Drift
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.study.log.certificate import Certificate
+from gtmbench.study.log.claims import (
+    Claim,
+    excuses,
+    motion_spans,
+    of_alarm,
+    of_certificate,
+    of_check,
+    of_excursions,
+    of_watches,
+)
+from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
+from gtmbench.study.log.hindsight.judged import Failure, agrees_from_s, hindsight_of
+from gtmbench.study.log.louder import Louder
+from gtmbench.study.log.records import lively_seconds, whole_s
+from gtmbench.study.log.self_check.outcome import SelfCheck
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
+from gtmbench.values.record import Record, Span
+from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
+
+JUDGED = (*GYROS, *ATTITUDE)  # by the relation of gyros and attitude
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """All that is known of a log when its timeline is laid out.
+
+    Attributes
+    ----------
+    log : FlightLog
+    sensors : tuple of str
+        The sensors that the log has.
+    monitor : Monitor or Detector
+    moving : tuple of Record
+        The log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them.
+    has_heading : bool
+        Whether its heading is a sensor's.
+    is_driven : bool
+    alarms : tuple of Alarm
+    watches : tuple of Watch
+    learnt_s : tuple of (start, end)
+    check : SelfCheck
+    excursions : tuple of Excursion
+    louder : tuple of Louder
+    unwatched : tuple of (sensor, reason)
+    certificate : Certificate or None
+        Of a monitor that rests on no motion.
+    watched_imu : str
+    """
+
+    log: FlightLog
+    sensors: tuple[str, ...]
+    monitor: Monitor | Detector
+    moving: tuple[Record, ...] = field(repr=False)
+    has_heading: bool
+    is_driven: bool
+    alarms: tuple[Alarm, ...]
+    watches: tuple[Watch, ...] = field(repr=False)
+    learnt_s: tuple[Span, ...]
+    check: SelfCheck
+    excursions: tuple[Excursion, ...] = field(repr=False)
+    louder: tuple[Louder, ...]
+    unwatched: tuple[tuple[str, str], ...]
+    certificate: Certificate | None
+    watched_imu: str
+
+
+def timeline_of(evidence: Evidence) -> Timeline:
+    """Return the timeline of a watched log."""
+    span_s = whole_s(evidence.log)
+    gaps = _gaps(evidence.log)
+    blocks = blocks_of(evidence.moving) if evidence.moving else None
+    claims = [*_accused(evidence, blocks, span_s)]
+    claims += of_check(evidence.check, span_s, evidence.sensors)
+    claims += [(sensor, _unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
+    claims += of_excursions(evidence.excursions, evidence.sensors)
+    claims += of_watches(evidence.watches, evidence.louder, span_s)
+    claims += [(sensor, _unjudged(gap, "gap")) for gap in gaps for sensor in evidence.sensors]
+    if not evidence.check.stops:
+        claims += _cleared(evidence, blocks, claims)
+    by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
+    for sensor, span in claims:
+        by_sensor.setdefault(sensor, []).append(span)
+    moving = evidence.moving
+    motion = motion_spans(lively_seconds(moving).tolist(), span_s, gaps) if moving else (span_s,)
+    return laid_out(span_s, by_sensor, motion_s=motion, told=_told(evidence, by_sensor))
+
+
+def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> Iterator[Claim]:
+    """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
+    for alarm in evidence.alarms:
+        for sensor, span in of_alarm(alarm, span_s[1], _concerned(evidence, alarm), evidence.watched_imu):
+            agrees_s = None
+            if blocks is not None and sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None:
+                agrees_s = agrees_from_s(blocks, sensor, _failure(span), _excused(evidence))
+            yield sensor, span if agrees_s is None else replace(span, end_s=agrees_s)
+
+
+def _failure(span: SensorSpan) -> Failure:
+    kind = None if span.judgement is None else span.judgement.kind
+    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in (Bias.kind, Drift.kind))
+
+
+def _excused(evidence: Evidence) -> list[Span]:
+    return [(each.start_s, each.end_s) for each in evidence.excursions if excuses(each)]
+
+
+def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim]) -> Iterator[Claim]:
+    """Give where sensors are clear, by what the monitor rests on."""
+    if blocks is not None:
+        failures: dict[str, list[Failure]] = {}
+        for sensor, span in claims:
+            if span.state in (State.FAILED, State.SUSPECTED):
+                failures.setdefault(sensor, []).append(_failure(span))
+        said = hindsight_of(
+            blocks,
+            is_driven=evidence.is_driven,
+            excused_s=_excused(evidence),
+            failures=failures,
+            faster={source.channel: _times(evidence, source.period_s) for source in evidence.log.sources},
+        )
+        left = JUDGED if evidence.has_heading else tuple(name for name in JUDGED if name not in axis_of("psi"))
+        yield from ((sensor, span) for sensor in left for span in said.claims[sensor])
+    elif evidence.certificate is not None and evidence.certificate.rows:
+        yield from of_certificate(evidence.certificate, evidence.watches, evidence.learnt_s)
+    else:
+        reason = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
+        yield from ((sensor, _unjudged(whole_s(evidence.log), reason)) for sensor in _spoken_for(evidence))
+
+
+def _times(evidence: Evidence, period_s: float | None) -> float:
+    """Return how many times as fast a channel is sampled as the log was read."""
+    return 1.0 if not period_s else max(evidence.moving[0].sample_period_s / period_s, 1.0)
+
+
+def _spoken_for(evidence: Evidence) -> tuple[str, ...]:
+    monitor = evidence.monitor
+    suspects = monitor.suspects if is_ready(monitor) else ()
+    return suspects or basis_of(monitor).predicts or monitor.channels or evidence.log.channels
+
+
+def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:
+    """Return the sensors that an alarm's statistic depends on."""
+    for watch in evidence.watches:
+        if any(alarm is each for each in watch.alarms) and alarm.source in watch.scores:
+            return watch.scores[alarm.source].channels or _spoken_for(evidence)
+    return _spoken_for(evidence)
+
+
+def _gaps(log: FlightLog) -> list[Span]:
+    ends = [(each.start_s, each.end_s) for each in log.segments]
+    return [(before[1], behind[0]) for before, behind in pairwise(ends)]
+
+
+def _told(evidence: Evidence, by_sensor: dict[str, list[SensorSpan]]) -> list[str]:
+    """Say in a line which sensors of the log nothing judges."""
+    silent = [name for name in evidence.sensors if not by_sensor[name] or _is_only_gaps(by_sensor[name])]
+    return [f"Nothing judges {', '.join(silent)} here."] if silent else []
+
+
+def _is_only_gaps(spans: Sequence[SensorSpan]) -> bool:
+    return all(span.state is State.NOT_JUDGED and span.reason == "gap" for span in spans)
+
+
+def _unjudged(span_s: Span, reason: str) -> SensorSpan:
+    return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
