@@ -102,7 +102,7 @@ from gtmbench.study.log.injection import ChangedColumn, inject_log
 from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.truth import ScoredLog, score_log
 from gtmbench.study.log.watch import bank_between, watch_log
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.run import run, run_study
 from gtmbench.study.scenario import Scenario, load_scenario
 from gtmbench.study.score import Verdict, score
@@ -110,6 +110,7 @@ from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import CHANNELS, Channel
 from gtmbench.values.record import Record
+from gtmbench.verdict.verdict import Outcome
 
 __all__ = [
     "CHANNELS",

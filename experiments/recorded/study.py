@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 from gtmbench.errors import InputError
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
+from gtmbench.verdict.verdict import Outcome
 from recorded.flights import LogFile, Parts, watched
 from recorded.mutations import MUTATIONS, Mutation, is_cause
 from recorded.truths import TRUTHS

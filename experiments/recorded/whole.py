@@ -20,7 +20,7 @@ from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.choices import agreed
-from gtmbench.study.log.contacts import is_contact
+from gtmbench.study.log.contacts import CONTACTS
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import channels_of, watched_imu
 from gtmbench.study.log.learnt import Learnt, learnt
@@ -28,7 +28,7 @@ from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import Said, doubted, first_alarms, listened
 from gtmbench.study.log.slow_means import LEAST_DEG_S
-from gtmbench.study.log.watched import Outcome, WatchedLog, concluded
+from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 
@@ -144,7 +144,7 @@ def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) 
             sensor, onset_s = gyros[(first + turn) % len(gyros)], float(onsets_s[int(share * len(onsets_s))])
             for attitude in (ALONE, THROUGH):
                 yield from _tried(whole, sensor, kind, onset_s, attitude, is_turned=is_turned)
-    contacts_s = [alarm.onset_s - BEFORE_S for alarm in whole.watched.alarms if is_contact(alarm)]
+    contacts_s = [alarm.onset_s - BEFORE_S for alarm in whole.watched.alarms if alarm.doubt in CONTACTS]
     for turn, (onset_s, kind) in enumerate((at_s, kind) for at_s in contacts_s for kind in kinds if kind in AT_CONTACT):
         sensor = gyros[(first + turn) % len(gyros)]
         for each in _tried(whole, sensor, kind, onset_s, THROUGH, is_turned=False):
@@ -210,7 +210,7 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
         onset_s=onset_s,
         found_s=min((alarm.time_s - onset_s for alarm in new), default=np.nan),
         said=verdict,
-        exit=int(_exit(said, whole.watched)),
+        exit=int(concluded(said).outcome),
         doubt="; ".join(dict.fromkeys(_short(alarm.doubt) for alarm in new if alarm.doubt)) if new else "",
     )
 
@@ -293,16 +293,6 @@ def verdict_on(alarms: Sequence[Alarm], sensor: str) -> str:
     if sure:
         return EITHER_OR
     return CANT_TELL if alarms else NOTHING
-
-
-def _exit(said: Said, healthy: WatchedLog) -> Outcome:
-    """Return the exit code of a broken log, by the certificate of the healthy one."""
-    left = _left(said)
-    if any(not alarm.doubt for alarm in left):
-        return Outcome.FAILED
-    if left or not said.check.passed or healthy.hardly_watched or healthy.stuck_above:
-        return Outcome.UNKNOWN
-    return Outcome.HEALTHY
 
 
 def _short(doubt: str) -> str:

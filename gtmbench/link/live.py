@@ -33,9 +33,9 @@ from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, duration_text
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
-from gtmbench.study.log.watched import Outcome
 from gtmbench.values.attitude import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.verdict import Outcome
 
 _LEARNT = (*GYROS, *ATTITUDE)  # what a table has to hold to be learnt from
 _BEHIND, _TOGETHER = 32, 256  # deliveries that wait, from which on rows are taken together, and how many

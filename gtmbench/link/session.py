@@ -21,8 +21,8 @@ from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
-from gtmbench.study.log.watched import Outcome
 from gtmbench.values.record import Record
+from gtmbench.verdict.verdict import Outcome
 
 SILENT_S = 3.0
 """Without a message for so long, the link is lost."""

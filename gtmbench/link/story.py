@@ -12,7 +12,7 @@ from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.verdict import sensor_text
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.imu_comparison import doubted
-from gtmbench.study.log.watched import Outcome
+from gtmbench.verdict.verdict import Outcome
 
 MOST_LINES = 12
 """What is said of one fault, its end included."""

@@ -25,8 +25,9 @@ from gtmbench.report.tables.fleet import COLUMNS, fleet_row, worst_first
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.report.words.fleet import MEANING, counts_text, fleet_table, full_lines
 from gtmbench.study.log.log_fleet import LIMIT_S, Watching, conduct
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
+from gtmbench.verdict.verdict import Outcome
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -15,7 +15,6 @@ from gtmbench.detectors.excursion import rows_of
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.style import colours
-from gtmbench.study.log.contacts import is_contact
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Record, Span
@@ -86,8 +85,8 @@ def signals_of(watched: WatchedLog) -> list[str]:
 
 
 def passed_alarms(watched: WatchedLog) -> int:
-    """Return how many alarms had nothing left to explain: false ones. What a contact with the ground raises is none."""
-    return sum(alarm.has_passed and not is_contact(alarm) for alarm in watched.alarms)
+    """Return how many alarms had nothing left to explain: false ones."""
+    return sum(alarm.has_passed for alarm in watched.alarms)
 
 
 def alarm_bound(watched: WatchedLog) -> float | None:

@@ -2,8 +2,9 @@
 
 Gyros and attitude both tell how fast the aircraft turns, and how fast that changes; accelerometers tell the specific
 force. Motion is beyond what was identified where both gyros and attitude say so, or the accelerometers do: one sensor's
-fault can't pass for motion. A monitor's residuals say nothing there, nor while an estimator is reset: a touchdown, a
-crash and a tumble look like faults.
+fault can't pass for motion. It is a contact with the ground only where all of them say so, and for a short while. A
+monitor's residuals say nothing there, nor while an estimator is reset: a touchdown, a crash and a tumble look like
+faults.
 """
 
 from __future__ import annotations
@@ -35,8 +36,10 @@ LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is be
 
 IMPACT = "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot reports"
-_TELLING = (FAILURE, TOUCHDOWN, IMPACT, RESET, MOTION)  # the more telling first
-_LASTING = (FAILURE, TOUCHDOWN, IMPACT)  # afterwards nothing may be as it was
+PUSHED = "acceleration beyond what was learnt"  # accelerometers alone say so: that is no contact with the ground
+_TELLING = (FAILURE, TOUCHDOWN, IMPACT, PUSHED, RESET, MOTION)  # the more telling first
+_LASTING = (FAILURE, TOUCHDOWN, IMPACT, PUSHED)  # afterwards nothing may be as it was
+_BLOW_S = 5.0  # no push of the ground lasts longer: then accelerometers are wrong, or the motion is another
 # what is about an event, from so long before to so long after; a touchdown is told when it is sure
 _ABOUT = {
     EventKind.RESET: (RESET, 0.5, 2.5),
@@ -182,8 +185,11 @@ def _stretches(turning: BoolArray, force: BoolArray, row: int, start_s: float, p
         since_s, until_s = (
             float(even_times_s(start_s, period_s, range(row + k, row + k + 1))[0]) for k in (first, stop - 1)
         )
-        about = _excursion(since_s, until_s, IMPACT if force[first:stop].any() else MOTION)
-        found.append(replace(about, is_hard=bool(turning[first:stop].any())))
+        is_hard = bool(turning[first:stop].any())
+        is_long = until_s - since_s > _BLOW_S
+        pushed = MOTION if is_long else IMPACT if is_hard else PUSHED
+        reason = pushed if force[first:stop].any() else MOTION
+        found.append(replace(_excursion(since_s, until_s, reason), is_hard=is_hard))
     return found
 
 

@@ -127,10 +127,11 @@ from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import Span
+from gtmbench.verdict.verdict import Outcome
 
 _BEFORE_S, _AFTER_S, _AT_LEAST_S = 30.0, 30.0, 120.0  # logged about a trial's onset and what is said of it
 _MOST_ONSETS = 3  # on the way flown

@@ -17,8 +17,9 @@ from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import of_sensors, words_of
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS
+from gtmbench.verdict.verdict import Outcome
 
 ERROR = "error"
 NONE_WATCHED = 2  # an exit code

@@ -33,10 +33,11 @@ from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
 from gtmbench.study.log.self_check.explained import Explained
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
 from gtmbench.values.record import Span
+from gtmbench.verdict.verdict import Outcome
 
 _MOST = 12  # of remarks, of alarms
 _MOST_SPANS = 3

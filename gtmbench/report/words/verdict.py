@@ -30,11 +30,12 @@ from gtmbench.report.words.judgement import kind_text, slow_text, source_text, w
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
 from gtmbench.report.words.units import capitalised, counted, duration_text
-from gtmbench.study.log.contacts import CONTACTS, is_contact
+from gtmbench.study.log.contacts import CONTACTS
 from gtmbench.study.log.louder import Louder
-from gtmbench.study.log.watched import Outcome, WatchedLog
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 from gtmbench.values.record import Span
+from gtmbench.verdict.verdict import Outcome
 
 SENSORS = {
     "p": "roll gyro",
@@ -103,7 +104,7 @@ def _gyros_text(watched: WatchedLog, of: str = "") -> str:
     watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
     blind = _unheard(watched)
     but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
-    return f"No fault{of} found in {watched_of}{but}.{alarms}{_contacts_text(watched)}"
+    return f"No fault{of} found in {watched_of}{but}.{alarms}"
 
 
 def _until_text(watched: WatchedLog) -> str:
@@ -115,15 +116,6 @@ def _until_text(watched: WatchedLog) -> str:
     first_s = min(alarm.onset_s for alarm in doubtful)
     before = [each.start_s for each in watched.excursions if each.reason in reasons and each.end_s >= first_s]
     return f"No fault found until {min(first_s, *before[:1]):.1f} s; cannot tell from then on: {reasons[0]}."
-
-
-def _contacts_text(watched: WatchedLog) -> str:
-    """Say where the aircraft touched the ground and residuals rose, which tells of no sensor; nothing where nowhere."""
-    contacts = [alarm for alarm in watched.alarms if is_contact(alarm)]
-    if not contacts:
-        return ""
-    times = _listed([f"{alarm.time_s:.1f}" for alarm in contacts])
-    return f" Not judged: contact with the ground at {times} s, where residuals rose."
 
 
 def causes(watched: WatchedLog) -> list[str]:
@@ -320,7 +312,7 @@ def _next(watched: WatchedLog) -> list[str]:
 
 def _unseen(watched: WatchedLog) -> list[str]:
     """Say whose silence says nothing."""
-    names = ()
+    names: list[str] = []
     hidden = [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
     return [*[_louder_text(each) for each in watched.louder], *hidden]
 

@@ -8,10 +8,11 @@ clears a sensor: what does is the relation of gyros and attitude (`hindsight`), 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import OUTSIDE, Alarm
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.additive import Bias, Noise
@@ -33,8 +34,10 @@ def began_s(alarm: Alarm) -> float:
     return alarm.onset_s if alarm.last is None else alarm.last.parameters.get("onset_s", alarm.onset_s)
 
 
-def of_alarm(alarm: Alarm, end_s: float, concerned: Sequence[str], watched_imu: str) -> Iterator[Claim]:
-    """Give what an alarm claims, until its end, or the log's.
+def of_alarm(
+    alarm: Alarm, end_s: float, concerned: Sequence[str], watched_imu: str, excursions: Sequence[Excursion] = ()
+) -> Iterator[Claim]:
+    """Give what an alarm claims, until its end, or the log's; one of an excursion alone, until that ends.
 
     Parameters
     ----------
@@ -45,15 +48,20 @@ def of_alarm(alarm: Alarm, end_s: float, concerned: Sequence[str], watched_imu: 
         The sensors that its statistic depends on, which are meant where it names nobody.
     watched_imu : str
         The IMU whose gyros p, q and r are; "" where a log has one.
+    excursions : sequence of Excursion
+        Of the log.
     """
     last, since_s = alarm.last, min(began_s(alarm), alarm.time_s)
     until_s = end_s if alarm.ended_s is None else max(alarm.ended_s, alarm.time_s)
-    about = {"start_s": since_s, "end_s": until_s}
+    if alarm.test == OUTSIDE:
+        about_it = [each.end_s for each in excursions if each.start_s <= alarm.time_s and each.end_s >= since_s]
+        until_s = min(max([alarm.time_s, *about_it]), until_s)
+    about = partial(SensorSpan, start_s=since_s, end_s=until_s)
     if last is None:
         reason = f"{alarm.source} raised an alarm at {alarm.time_s:.1f} s"
         suspects = tuple(concerned)
         for sensor in suspects:
-            yield sensor, SensorSpan(**about, state=State.SUSPECTED, reason=reason, suspects=suspects)
+            yield sensor, about(state=State.SUSPECTED, reason=reason, suspects=suspects)
     elif alarm.has_passed or last.doubt:
         passed_s = max(last.time_s, alarm.time_s) if alarm.has_passed and alarm.ended_s is None else until_s
         reason = last.doubt or last.reason or _PASSED
@@ -64,12 +72,10 @@ def of_alarm(alarm: Alarm, end_s: float, concerned: Sequence[str], watched_imu: 
     elif last.sensor is not None:
         named = (last.sensor, last.partner) if last.swapped else (last.sensor,)
         for sensor in filter(None, named):
-            yield _of_imu(sensor, last.imu, watched_imu), SensorSpan(**about, state=State.FAILED, judgement=last)
+            yield _of_imu(sensor, last.imu, watched_imu), about(state=State.FAILED, judgement=last)
     else:
         for sensor in last.candidates:
-            claim = SensorSpan(
-                **about, state=State.SUSPECTED, reason=last.reason, suspects=last.candidates, judgement=last
-            )
+            claim = about(state=State.SUSPECTED, reason=last.reason, suspects=last.candidates, judgement=last)
             yield _of_imu(sensor, last.imu, watched_imu), claim
 
 
@@ -117,7 +123,7 @@ def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span)
             yield sensor, _unjudged(span_s, reason)
 
 
-def of_certificate(certificate: Certificate, watches: Sequence[Watch], learnt_s: Sequence[Span]) -> Iterator[Claim]:
+def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterator[Claim]:
     """Give where a bank's certificate clears the sensors that it predicts: where it was armed, but for the ends."""
     sensors = dict.fromkeys(row.sensor for row in certificate.rows)
     for sensor in sensors:
@@ -133,8 +139,6 @@ def of_certificate(certificate: Certificate, watches: Sequence[Watch], learnt_s:
         )
         for start_s, end_s in _armed_s(watches, sensor, bias.within_s):
             yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=sizes)
-        for span in learnt_s:
-            yield sensor, _unjudged(span, f"{sensor} was learnt from here, and nothing else judges it")
 
 
 def _armed_s(watches: Sequence[Watch], sensor: str, within_s: float) -> Iterator[Span]:

@@ -1,9 +1,7 @@
-"""Contacts with the ground: what a touchdown or an impact raised is told as a stretch that wasn't watched.
+"""Crashes: hard contacts with the ground, and failures that an autopilot tells of, after which nothing flies on.
 
-The ground pushes in a way that no monitor has learnt, so residuals rise, and say nothing of a sensor. After a soft
-contact, which raises nothing before or after it, nothing is open. A hard one, in which the aircraft turned harder than
-ever, may be a crash that a sensor caused: it is over only if the aircraft flew on, watched, without an alarm. A sensor
-that had failed lastingly would have raised one then. Where it didn't fly on, nothing after a crash tells of a sensor.
+The ground pushes in a way that no monitor has learnt, so residuals rise, and say nothing of a sensor. Where the
+aircraft didn't fly on, nothing after a crash tells of a sensor.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN
 from gtmbench.detectors.protocol import Watch
@@ -23,41 +21,6 @@ from gtmbench.values.record import FloatArray
 
 CONTACTS = (TOUCHDOWN, IMPACT)  # reasons
 _FLIES_ON_S = 10  # seconds in which it turns, watched and without an alarm
-_NEAR_S = 1.0  # of an alarm, an excursion that shows how hard the contact was
-
-
-def is_contact(alarm: Alarm) -> bool:
-    """Tell whether an alarm is explained by a contact with the ground, so that it is no finding any more."""
-    return alarm.has_passed and alarm.last is not None and alarm.last.reason in CONTACTS
-
-
-def over(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> tuple[Watch, ...]:
-    """Return watches in which nothing is left to explain of alarms that a contact raised, where that is over.
-
-    Parameters
-    ----------
-    watches : sequence of Watch
-        In time.
-    excursions : sequence of Excursion
-        Of the whole log.
-    """
-    if not any(_is_of_contact(alarm) for watch in watches for alarm in watch.alarms):
-        return tuple(watches)
-    open_s = [alarm.onset_s for watch in watches for alarm in watch.faults if _is_open(alarm)]
-    flown_s = _flown_s(watches)
-
-    def explained(alarm: Alarm) -> Alarm:
-        if not _is_of_contact(alarm):
-            return alarm
-        about = [each for each in excursions if _is_near(each, alarm)]
-        ended_s = max([alarm.time_s if alarm.ended_s is None else alarm.ended_s, *(each.end_s for each in about)])
-        until_s = min((time_s for time_s in open_s if time_s > ended_s), default=np.inf)
-        is_soft = alarm.test == OUTSIDE and not any(each.is_hard for each in about)
-        is_gone = alarm.test == OUTSIDE or alarm.ended_s is not None
-        is_over = is_soft or (is_gone and _flies_on(flown_s, ended_s, until_s))
-        return _explained(alarm, ended_s) if is_over else alarm
-
-    return tuple(replace(watch, alarms=tuple(map(explained, watch.alarms))) for watch in watches)
 
 
 def but_after_crashes(
@@ -71,7 +34,6 @@ def but_after_crashes(
     ----------
     told : sequence of Alarm
     watches : sequence of Watch
-        As `over` returns them.
     excursions : sequence of Excursion
         Of the whole log.
     """
@@ -121,21 +83,3 @@ def _flown_s(watches: Sequence[Watch]) -> FloatArray:
 def _flies_on(flown_s: FloatArray, start_s: float, end_s: float = np.inf) -> bool:
     """Tell whether it flew for long enough between two times."""
     return int(np.count_nonzero((flown_s >= start_s) & (flown_s < end_s))) >= _FLIES_ON_S
-
-
-def _is_of_contact(alarm: Alarm) -> bool:
-    return alarm.is_first and not alarm.has_passed and alarm.doubt in CONTACTS
-
-
-def _is_open(alarm: Alarm) -> bool:
-    return not alarm.has_passed and not _is_of_contact(alarm)
-
-
-def _is_near(excursion: Excursion, alarm: Alarm) -> bool:
-    last_s = alarm.time_s if alarm.ended_s is None else alarm.ended_s
-    return excursion.start_s <= last_s + _NEAR_S and excursion.end_s >= alarm.onset_s - _NEAR_S
-
-
-def _explained(alarm: Alarm, ended_s: float) -> Alarm:
-    judged = Judgement(time_s=max(ended_s, alarm.time_s), sensor=None, candidates=(), reason=alarm.doubt)
-    return replace(alarm, judgements=(*alarm.judgements, judged))

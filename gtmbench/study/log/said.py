@@ -23,7 +23,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent, but_behind, doubt_behind
-from gtmbench.study.log.contacts import but_after_crashes, crash_of, over
+from gtmbench.study.log.contacts import but_after_crashes, crash_of
 from gtmbench.study.log.corrections import Corrections, corrections
 from gtmbench.study.log.field_witnesses import Witness, field_witnesses, settled
 from gtmbench.study.log.force_witnesses import force_witnesses, found_by_forces
@@ -154,7 +154,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     crash = crash_of(watches, said.excursions)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
-    explained = over([but_of_others(watch, said.standing) for watch in watches], said.excursions)
+    explained = tuple(but_of_others(watch, said.standing) for watch in watches)
     means, turns, pulls = _slow(said)
 
     def told(slow: Sequence[Alarm]) -> tuple[Alarm, ...]:

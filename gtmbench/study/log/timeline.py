@@ -24,15 +24,21 @@ from gtmbench.study.log.claims import (
     of_watches,
 )
 from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
-from gtmbench.study.log.hindsight.judged import Failure, agrees_from_s, hindsight_of
+from gtmbench.study.log.hindsight.judged import JUDGED, Failure, agrees_from_s, hindsight_of
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.records import lively_seconds, whole_s
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
+from gtmbench.values.channels import axis_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
 
-JUDGED = (*GYROS, *ATTITUDE)  # by the relation of gyros and attitude
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Certified:
+    """A certificate, and the stretches that it holds for."""
+
+    certificate: Certificate
+    watches: tuple[Watch, ...] = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,8 +63,8 @@ class Evidence:
     excursions : tuple of Excursion
     louder : tuple of Louder
     unwatched : tuple of (sensor, reason)
-    certificate : Certificate or None
-        Of a monitor that rests on no motion.
+    certified : tuple of Certified
+        Of a monitor that rests on no motion: what clears the sensors that it predicts.
     watched_imu : str
     """
 
@@ -75,7 +81,7 @@ class Evidence:
     excursions: tuple[Excursion, ...] = field(repr=False)
     louder: tuple[Louder, ...]
     unwatched: tuple[tuple[str, str], ...]
-    certificate: Certificate | None
+    certified: tuple[Certified, ...]
     watched_imu: str
 
 
@@ -103,7 +109,8 @@ def timeline_of(evidence: Evidence) -> Timeline:
 def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> Iterator[Claim]:
     """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
     for alarm in evidence.alarms:
-        for sensor, span in of_alarm(alarm, span_s[1], _concerned(evidence, alarm), evidence.watched_imu):
+        concerned = _concerned(evidence, alarm)
+        for sensor, span in of_alarm(alarm, span_s[1], concerned, evidence.watched_imu, evidence.excursions):
             agrees_s = None
             if blocks is not None and sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None:
                 agrees_s = agrees_from_s(blocks, sensor, _failure(span), _excused(evidence))
@@ -135,8 +142,9 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
         )
         left = JUDGED if evidence.has_heading else tuple(name for name in JUDGED if name not in axis_of("psi"))
         yield from ((sensor, span) for sensor in left for span in said.claims[sensor])
-    elif evidence.certificate is not None and evidence.certificate.rows:
-        yield from of_certificate(evidence.certificate, evidence.watches, evidence.learnt_s)
+    elif any(each.certificate.rows for each in evidence.certified):
+        for each in evidence.certified:
+            yield from of_certificate(each.certificate, each.watches)
     else:
         reason = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
         yield from ((sensor, _unjudged(whole_s(evidence.log), reason)) for sensor in _spoken_for(evidence))

@@ -125,13 +125,13 @@ def watch_log(
     >>> from pathlib import Path
     >>> import numpy as np
     >>> import gtmbench as gb
-    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     gb.write_log(record, Path(folder, "flight.csv"))
-    ...     watched = gb.watch_log(Path(folder, "flight.csv"), gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
+    ...     watched = gb.watch_log(Path(folder, "flight.csv"), gb.bank_between(["p"], ["q"]), healthy=[(0.0, 60.0)])
     >>> watched.outcome, watched.identified_s
-    (<Outcome.HEALTHY: 0>, ((0.0, 30.0),))
+    (<Outcome.HEALTHY: 0>, ((0.0, 60.0),))
     """
     question = asked(
         path,

@@ -20,6 +20,7 @@ from gtmbench.study.log.corrections import CORRECTED, Corrections
 from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.gps_itself import with_itself
+from gtmbench.study.log.hindsight.judged import JUDGED
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.louder import Louder, louder_than_learnt
@@ -28,7 +29,8 @@ from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
-from gtmbench.study.log.timeline import JUDGED, Evidence, timeline_of
+from gtmbench.study.log.swap import Swap, swapped
+from gtmbench.study.log.timeline import Certified, Evidence, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Record, Span
@@ -96,6 +98,8 @@ class WatchedLog:
         Whether the log's heading is a sensor's.
     there : tuple of str
         The sensors that the log has.
+    swap : Swap or None
+        What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
         What the verdict is asked.
 
@@ -139,6 +143,7 @@ class WatchedLog:
     moving: tuple[Record, ...] = field(default=(), repr=False)
     has_heading: bool = True
     there: tuple[str, ...] = ()
+    swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
 
     def _repr_html_(self) -> str:
@@ -194,6 +199,14 @@ class WatchedLog:
         return self.verdict.outcome
 
     @property
+    def _certified(self) -> tuple[Certified, ...]:
+        own = Certified(certificate=self.certificate, watches=self.watches)
+        if self.swap is None:
+            return (own,)
+        certificate = certificate_of(self.swap.monitor, self.swap.watches)
+        return own, Certified(certificate=certificate, watches=self.swap.watches)
+
+    @property
     def _evidence(self) -> Evidence:
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
         watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
@@ -204,14 +217,14 @@ class WatchedLog:
             moving=self.moving,
             has_heading=self.has_heading,
             is_driven=self.attitude is not None and self.attitude.is_driven,
-            alarms=(*self.alarms, *others),
+            alarms=(*self.alarms, *others, *(() if self.swap is None else self.swap.alarms)),
             watches=self.watches,
             learnt_s=self.identified_s,
             check=self.check,
             excursions=self.excursions,
             louder=self.louder,
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
-            certificate=None if self.moving else self.certificate,
+            certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
         )
 
@@ -259,6 +272,7 @@ def concluded(said: Said) -> WatchedLog:
         moving=moving_of(said),
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
         there=opened.there,
+        swap=swapped(learnt),
         scope=opened.asked.scope(opened.there, usual_of(said)),
     )
 

@@ -1,4 +1,4 @@
-"""Contacts with the ground: what they raise is told and not doubted, unless a sensor may have caused them."""
+"""Contacts with the ground: what they raise isn't judged, and never clear; a crash, and what follows it."""
 
 from dataclasses import replace
 from functools import cache
@@ -9,10 +9,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import MOTION, Excursion
-from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN, Regime
+from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, PUSHED, TOUCHDOWN, Regime
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.contacts import but_after_crashes, is_contact, over
+from gtmbench.study.log.claims import of_alarm
+from gtmbench.study.log.contacts import but_after_crashes
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
+from gtmbench.verdict.timeline import State
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 
@@ -42,45 +44,37 @@ def bumped(record, start_s=100.0, end_s=103.0):
 
 
 def watched(record, about):
-    (watch,) = over([monitor().watch(record, outside=[about])], [about])
-    return watch.faults
+    return monitor().watch(record, outside=[about]).faults
 
 
-@pytest.mark.parametrize("reason", [IMPACT, TOUCHDOWN])
-def test_a_soft_contact_leaves_nothing_to_explain(reason):
-    (alarm,) = watched(bumped(rest()), Excursion(start_s=99.5, end_s=103.5, reason=reason))
-    assert is_contact(alarm)
-    assert (alarm.has_passed, alarm.sensor, alarm.last.reason) == (True, None, reason)
-
-
-def test_a_hard_contact_does_where_the_aircraft_flies_on_and_not_where_it_doesnt():
-    about = Excursion(start_s=99.5, end_s=103.5, reason=IMPACT, is_hard=True)
-    (flown_on,) = watched(bumped(rest()), about)
-    assert is_contact(flown_on)
-    (at_the_end,) = watched(bumped(rest(110.0)), about)
-    assert (at_the_end.has_passed, at_the_end.doubt) == (False, IMPACT)
+@pytest.mark.parametrize("reason", [IMPACT, TOUCHDOWN, PUSHED, MOTION, FAILURE])
+@pytest.mark.parametrize("is_hard", [False, True])
+def test_what_a_contact_raises_is_never_clear_and_what_follows_its_end_is_not_excused(reason, is_hard):
+    about = Excursion(start_s=99.5, end_s=103.5, reason=reason, is_hard=is_hard)
+    claims = [claim for alarm in watched(bumped(rest()), about) for claim in of_alarm(alarm, 140.0, (), "", [about])]
+    assert claims
+    assert {span.state for _, span in claims} == {State.NOT_JUDGED}
+    assert {span.reason for _, span in claims} == {reason}
+    assert max(span.end_s for _, span in claims) <= 110.0
 
 
 @pytest.mark.parametrize("is_hard", [False, True])
-def test_a_fault_that_begins_with_a_contact_and_lasts_stays_open(is_hard):
+def test_a_fault_that_begins_with_a_contact_and_lasts_is_not_judged_to_the_end(is_hard):
     about = Excursion(start_s=99.5, end_s=103.0, reason=IMPACT, settles_s=np.inf, is_hard=is_hard)
     alarms = watched(gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0)), about)
-    left = [alarm for alarm in alarms if not alarm.has_passed]
-    assert {alarm.doubt for alarm in left} == {IMPACT}
+    spans = [span for alarm in alarms for name, span in of_alarm(alarm, 140.0, (), "", [about]) if name == "q"]
+    assert {span.state for span in spans} == {State.NOT_JUDGED}
+    assert max(span.end_s for span in spans) == 140.0
 
 
-@pytest.mark.parametrize("reason", [MOTION, FAILURE])
-def test_hard_motion_and_a_failure_are_no_contacts(reason):
-    (alarm,) = watched(bumped(rest()), Excursion(start_s=99.5, end_s=103.5, reason=reason))
-    assert (alarm.has_passed, alarm.doubt) == (False, reason)
-
-
-def test_an_impact_in_which_it_turns_beyond_what_was_identified_is_a_hard_one():
+def test_accelerometers_alone_tell_of_no_contact_and_nothing_that_lasts_is_one():
     steady = flight().between(0.0, 60.0)
     regime, turned = Regime.of([steady]), steady
     during = (steady.time_s > 30.0) & (steady.time_s < 30.5)
     pushed = steady.replace("nz", np.where(during, 8.0, steady["nz"]))
-    (soft,) = [each for each in regime.excursions(pushed) if each.reason == IMPACT]
+    (soft,) = [each for each in regime.excursions(pushed) if each.reason == PUSHED]
+    for_long = steady.replace("nz", np.where(steady.time_s > 30.0, 8.0, steady["nz"]))
+    assert {each.reason for each in regime.excursions(for_long)} <= {MOTION}
     rolling = np.where(during, 400.0, 0.0)
     angle = np.cumsum(rolling) * steady.sample_period_s
     turned = pushed.replace("p", steady["p"] + rolling).replace("phi", steady["phi"] + angle)

@@ -9,7 +9,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.alarm import OUTSIDE
 from gtmbench.detectors.monitor.excursions import Excursion
-from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, MOTION, RESET, TOUCHDOWN, Regime
+from gtmbench.detectors.monitor.regime import FAILURE, MOTION, PUSHED, RESET, TOUCHDOWN, Regime
 from gtmbench.detectors.statistics.thresholds import tail_threshold
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
@@ -142,7 +142,7 @@ def test_motion_that_gyros_and_attitude_tell_of_is_outside_and_so_is_a_blow():
     assert beyond.start_s <= 100.0
     assert beyond.end_s == pytest.approx(104.0, abs=0.3)
     blow = record.replace("nz", record["nz"] + 6.0 * (np.abs(time_s - 120.0) < 0.05))
-    assert IMPACT in [each.reason for each in regime.excursions(blow) if each.start_s < 120.0 < each.end_s]
+    assert PUSHED in [each.reason for each in regime.excursions(blow) if each.start_s < 120.0 < each.end_s]
 
 
 @pytest.mark.parametrize(

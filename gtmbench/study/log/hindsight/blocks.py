@@ -54,7 +54,7 @@ class Blocks:
     @property
     def time_s(self) -> FloatArray:
         """When each begins, shape (blocks,)."""
-        return self.start_s + self.period_s * np.arange(len(self))
+        return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
     def within(self, spans: Sequence[Span]) -> BoolArray:
         """Tell which lie in any of some spans, or touch one, shape (blocks,)."""

@@ -22,6 +22,7 @@ from gtmbench.study.log.hindsight.relation import (
     jumps_deg,
     noise_level,
     noise_size,
+    of_euler_rates,
     relation_of,
 )
 from gtmbench.values.attitude import SLOWEST_S
@@ -129,6 +130,9 @@ def hindsight_of(
     >>> {span.state.value for span in said.claims["q"]}, said.claims["p"][1].state.value
     ({'not judged'}, 'clear')
     """
+    if of_euler_rates(blocks) > _CERTAIN:
+        misread = _unjudged(*_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
+        return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
     relation, gentle = _relation(blocks, excused_s, {} if failures is None else failures)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
     changes: list[Change] = []
@@ -148,7 +152,9 @@ def hindsight_of(
     return Hindsight(claims=claims, changes=tuple(changes))
 
 
+JUDGED = (*GYROS, *ATTITUDE)
 _AXES = tuple(zip(GYROS, ATTITUDE, strict=True))
+_CERTAIN = 10.0  # nats, of one reading of a log against another
 
 
 def _relation(

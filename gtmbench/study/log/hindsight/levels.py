@@ -97,7 +97,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     >>> stepped = values + np.where(np.arange(60) < 40, 0.0, 1.0)
     >>> broken = shift_of(Level(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
     >>> broken.onset, round(broken.size, 1), bool(broken.bounds[40] > 1.0)
-    (40, 1.1, True)
+    (40, 1.0, True)
     """
     values, deviations = level.values, np.where(np.isfinite(level.values), level.deviations, np.inf)
     scale, wander = _restless(values, deviations)

@@ -25,6 +25,7 @@ _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0
+_ALIKE = 2  # neighbouring blocks, which share an edge
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 
@@ -116,22 +117,41 @@ def _regressors(blocks: Blocks) -> FloatArray:
     return np.column_stack([np.ones(len(blocks)), blocks.rates, slopes])
 
 
+def of_euler_rates(blocks: Blocks) -> float:
+    """Return how much likelier the gyros read the rates of phi, theta and psi than body rates, in nats.
+
+    n / 2 log(s_body^2 / s_euler^2) of each gyro, by the robust spreads that both leave of it; neighbouring blocks share
+    an edge, so that two of them count as one.
+    """
+    there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
+    nats = 0.0
+    for axis in range(3):
+        left = []
+        for rates in (blocks.rates, blocks.euler_rates):
+            columns = np.column_stack([np.ones(len(blocks)), rates])[there]
+            own = blocks.gyros[there, axis] - rates[there, axis]
+            left.append(own - columns @ _fitted(own, columns) if len(own) > columns.shape[1] else own)
+        body, euler = (float(np.median(np.abs(each))) + 1e-9 if len(each) else 1.0 for each in left)
+        nats += len(left[0]) / _ALIKE * np.log(body / euler)
+    return float(nats)
+
+
 def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     """Return parameters by Huber's weights, gains near 0 a priori."""
-    weight = np.ones(len(values))
-    theta = np.zeros(regressors.shape[1])
+    weight: FloatArray = np.ones(len(values))
+    theta: FloatArray = np.zeros(regressors.shape[1])
     for _ in range(_ROUNDS):
         left = values - regressors @ theta
         spread = max(1.4826 * float(np.median(np.abs(left - np.median(left)))), 1e-9)
         theta_before = theta
-        prior = np.diag([0.0, *[(spread / _GAIN) ** 2] * 3, 1e-9])
+        prior = np.diag([0.0, *[(spread / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
         weighted = regressors * weight[:, np.newaxis]
-        theta = np.linalg.lstsq(weighted.T @ regressors + prior, weighted.T @ values, rcond=None)[0]
+        theta = np.asarray(np.linalg.lstsq(weighted.T @ regressors + prior, weighted.T @ values, rcond=None)[0])
         left = values - regressors @ theta
-        weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(left), 1e-12))
+        weight = np.asarray(np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(left), 1e-12)))
         if np.allclose(theta, theta_before, atol=1e-6):
             break
-    return np.asarray(theta)
+    return theta
 
 
 def error_level(relation: Relation, axis: int, known: BoolArray) -> Level:
