@@ -66,7 +66,7 @@ from gtmbench.faults.typed import fault
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.intake.contents import LogColumn, log_columns
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.intake.flight_log import FlightLog, Remark, Unread
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
 from gtmbench.intake.open import open_log
@@ -231,6 +231,7 @@ __all__ = [
     "Trim",
     "TrimError",
     "Tuned",
+    "Unread",
     "Verdict",
     "Watch",
     "WatchSurfaces",

@@ -22,7 +22,7 @@ def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
     (first, *others) = sources
     if others or out is not None:
         return True
-    from gtmbench.intake.formats.registry import is_log_folder
+    from gtmbench.intake.one_flight import is_log_folder
 
     try:
         return (first.is_dir() and not is_log_folder(first)) or (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
 from gtmbench.values.notebook import card
-from gtmbench.values.record import Record
+from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST_REMARKS = 36
@@ -47,6 +47,31 @@ class Remark:
     start_s: float
     end_s: float
     text: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unread:
+    """A span of a log that is in no segment.
+
+    Attributes
+    ----------
+    start_s, end_s : float
+        On the log's clock in seconds.
+    reason : str
+        A short phrase: ``gap``, ``clock set back``, ``clock jump``, ``samples come at 25 Hz instead of 100``, ``too
+        short between gaps``, ``attitude not logged yet``, ``gyros not logged any more``, ``margin of the resampling``.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gap = gb.Unread(start_s=3.9, end_s=6.0, reason="gap")
+    >>> gap.end_s - gap.start_s
+    2.1
+    """
+
+    start_s: float
+    end_s: float
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +135,11 @@ class FlightLog:
         Its gyros of three axes, each sampled often enough to be compared.
     attitude_from_gyros : bool
         Whether its format documents that the gyros drive the attitude.
+    unread : tuple of Unread
+        Every span of the log that is in no segment, and why, in time. The segments and these cover ``span_s`` without a
+        hole that is longer than a sample.
+    periods_s : mapping
+        How far apart each channel's samples are in the log, at the median, whatever the record's rate.
 
     Examples
     --------
@@ -122,6 +152,8 @@ class FlightLog:
     ...     log = gb.open_log(Path(folder, "flight.csv"))
     >>> log.channels, [len(segment) for segment in log.segments], log.remarks[0].kind
     (('p',), [40, 40], 'gap')
+    >>> log.unread, log.span_s, log.periods_s
+    ((Unread(start_s=3.9, end_s=6.0, reason='gap'),), (0.0, 9.9), {'p': 0.1})
     """
 
     path: Path
@@ -133,6 +165,8 @@ class FlightLog:
     injections: tuple[Injection, ...] = ()
     imus: tuple[Imu, ...] = ()
     attitude_from_gyros: bool = False
+    unread: tuple[Unread, ...] = ()
+    periods_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def _repr_html_(self) -> str:
         facts = {
@@ -153,6 +187,13 @@ class FlightLog:
     def sample_period_s(self) -> float:
         """Ts, in seconds."""
         return self.segments[0].sample_period_s
+
+    @property
+    def span_s(self) -> Span:
+        """From the first sample of its channels in the file to the last, whether or not they are in a segment."""
+        spans = [(each.start_s, each.end_s) for each in self.segments]
+        spans += [(each.start_s, each.end_s) for each in self.unread]
+        return min(start_s for start_s, _ in spans), max(end_s for _, end_s in spans)
 
 
 def remark(kind: str, start_s: float, end_s: float, text: str, channel: str | None = None) -> Remark:

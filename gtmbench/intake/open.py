@@ -158,7 +158,15 @@ def _opened(
         injections=_injections(path, raw, breaks_s, segments),
         imus=imus_of(raw),
         attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
+        unread=made.unread,
+        periods_s=_periods_s(made, apart, beyond),
     )
+
+
+def _periods_s(made: Cut, apart: Sequence[Track], beyond: Sequence[str]) -> dict[str, float]:
+    """Return how far apart each channel's samples are in the log, also of those that stand beside for diagnosis."""
+    beside_s = {name: track.period_s for track in apart for name in track.channels if name in beyond}
+    return made.periods_s | beside_s
 
 
 def _check_together(segments: Sequence[Record], tracks: Sequence[Track]) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.formats.registry import read_raw, split_part
+from gtmbench.intake.one_flight import why_several
 from gtmbench.intake.quaternions import with_quaternions
 
 
@@ -32,7 +34,7 @@ def read_log(log: str | Path | ReadLog) -> ReadLog:
     Raises
     ------
     InputError
-        Where it isn't a file, is too large, isn't of a known format, or is broken.
+        Where it isn't a file, is too large, isn't of a known format, or is broken; or holds tables of several logs.
 
     Examples
     --------
@@ -46,4 +48,7 @@ def read_log(log: str | Path | ReadLog) -> ReadLog:
     if isinstance(log, ReadLog):
         return log
     path, part = split_part(log)
-    return ReadLog(path=path, raw=with_quaternions(read_raw(path, part)))
+    raw = read_raw(path, part)
+    if why := why_several(raw):
+        raise InputError(f"{path} holds the tables of several logs, for {why}; give its tables one by one")
+    return ReadLog(path=path, raw=with_quaternions(raw))

@@ -10,22 +10,23 @@ Where a track comes slower than usual for long, nothing is missing: there is no 
 from __future__ import annotations
 
 import itertools
-from bisect import bisect_left, bisect_right
+from bisect import bisect_left
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from operator import itemgetter
 
 import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.intake.delta_angle import is_integrated, mean_rates
-from gtmbench.intake.flight_log import Remark, remark
+from gtmbench.intake.flight_log import Remark, Unread, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
+from gtmbench.intake.spans import end_of, met, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
+from gtmbench.intake.unread import Layout, Living, unread_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.pieces import beside, joined
@@ -33,7 +34,6 @@ from gtmbench.values.record import BoolArray, Record, Span
 
 _RATE = 5  # steps before a long one or after it: where they are as long, it is another rate and no pause
 _BESIDE = 30  # samples: what is further away doesn't move a spline
-_start, _end = itemgetter(0), itemgetter(1)  # of a span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,13 +75,13 @@ class _Parts:
 
     def within(self, span: Span) -> list[Span]:
         """Return where it lives in a span."""
-        return _overlaps(self.spans, span)
+        return overlaps(self.spans, span)
 
     def absences(self, spans: Sequence[Span]) -> list[Span]:
         """Return where it doesn't, though it had begun."""
         starts_s, ends_s = zip(*self.spans, strict=True)
         pauses = list(zip(ends_s, (*starts_s[1:], np.inf), strict=True))
-        return [part for span in spans for part in _overlaps(pauses, span) if part[1] - part[0] > self.limit_s]
+        return [part for span in spans for part in overlaps(pauses, span) if part[1] - part[0] > self.limit_s]
 
     def laid(
         self, span: Span, first_s: float, period_s: float, count: int, *, filtered: bool
@@ -92,22 +92,22 @@ class _Parts:
 
     def around(self, start_s: float, end_s: float) -> Track:
         """Return the samples from start to end and some beside them, none of them beyond a pause."""
-        met = list(self.parts[_met(self.spans, (start_s, end_s))])
-        if not met:
+        around = list(self.parts[met(self.spans, (start_s, end_s))])
+        if not around:
             return self.track.part(0, 0)
-        first = int(np.searchsorted(met[0].time_s, start_s))
-        last = int(np.searchsorted(met[-1].time_s, end_s))
-        met[-1] = met[-1].part(0, last + _BESIDE)
-        met[0] = met[0].part(max(first - _BESIDE, 0), len(met[0].time_s))
+        first = int(np.searchsorted(around[0].time_s, start_s))
+        last = int(np.searchsorted(around[-1].time_s, end_s))
+        around[-1] = around[-1].part(0, last + _BESIDE)
+        around[0] = around[0].part(max(first - _BESIDE, 0), len(around[0].time_s))
         return replace(
             self.track,
-            time_s=joined([part.time_s for part in met], np.float64),
-            values=joined([part.values for part in met], np.float64),
+            time_s=joined([part.time_s for part in around], np.float64),
+            values=joined([part.values for part in around], np.float64),
         )
 
     def first_from(self, start_s: float, period_s: float) -> float:
         """Return the time of the first sample from a time on; of one that would be there, while it pauses."""
-        part = self.parts[min(bisect_left(self.spans, start_s, key=_end), len(self.parts) - 1)]
+        part = self.parts[min(bisect_left(self.spans, start_s, key=end_of), len(self.parts) - 1)]
         if part.time_s[0] <= start_s <= part.time_s[-1]:
             return float(part.time_s[np.searchsorted(part.time_s, start_s)])
         beside_s = float(part.time_s[0] if part.time_s[0] > start_s else part.time_s[-1])
@@ -124,6 +124,8 @@ class Cut:
     filtered: bool
     periods_s: dict[str, float]  # of the samples, by channel
     by_attitude: _Parts | None = None
+    short: list[Span] = field(default_factory=list)  # what was too short to become a record
+    unread: tuple[Unread, ...] = ()
 
     @property
     def margin(self) -> int:
@@ -169,6 +171,16 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
             f"no stretch of {SHORTEST_S:g} s and {FEWEST} samples at {1 / period_s:.4g} Hz that begins with all of "
             f"them and has no gap: {names}; leave out a channel, or give a lower rate"
         )
+    made.unread = unread_of(
+        Layout(
+            living=[Living(track=parts.track, spans=parts.spans, slow=parts.slow) for parts in all_parts],
+            read=[(record.start_s, record.end_s) for record in made.records],
+            short=made.short,
+            breaks_s=breaks_s,
+            period_s=period_s,
+            join_s=PAUSE * rough_s,
+        )
+    )
     return made
 
 
@@ -204,7 +216,7 @@ def _between_pauses(track: Track, common_s: float, breaks_s: Sequence[float]) ->
         even_s=None if lattice is None else lattice.period_s,
         jitter_s=0.0 if lattice is None else lattice.jitter_s,
         limit_s=limit_s,
-        slow=_union([(float(track.time_s[place]), float(track.time_s[place + 1])) for place in slow]),
+        slow=union([(float(track.time_s[place]), float(track.time_s[place + 1])) for place in slow]),
     )
 
 
@@ -230,14 +242,14 @@ def _slow(steps: FloatArray, limit_s: float) -> BoolArray:
 def _between_gaps(all_parts: Sequence[_Parts], breaks_s: Sequence[float], join_s: float) -> list[Span]:
     """Return where any track lives, from where all have begun; where its clock was set, a log begins anew."""
     spans = []
-    slow = _union([span for parts in all_parts for span in parts.slow])
+    slow = union([span for parts in all_parts for span in parts.slow])
     for start_s, end_s in itertools.pairwise([-np.inf, *breaks_s, np.inf]):
         own = [parts.within((start_s, end_s)) for parts in all_parts]
         if not all(own):
             continue
         begin_s = max(living[0][0] for living in own)
-        alive = _without(_union([span for living in own for span in living], join_s), slow)
-        spans += [_trimmed(all_parts, span) for span in _overlaps(alive, (begin_s, end_s))]
+        alive = without(union([span for living in own for span in living], join_s), slow)
+        spans += [_trimmed(all_parts, span) for span in overlaps(alive, (begin_s, end_s))]
     return spans
 
 
@@ -248,34 +260,6 @@ def _trimmed(all_parts: Sequence[_Parts], span: Span) -> Span:
     firsts = [own[0][0] for own, patience_s in living if own and own[0][0] - start_s <= patience_s]
     lasts = [own[-1][1] for own, patience_s in living if own and end_s - own[-1][1] <= patience_s]
     return max(firsts, default=start_s), min(lasts, default=end_s)
-
-
-def _union(spans: Sequence[Span], join_s: float = 0.0) -> list[Span]:
-    """Return spans in time; those that overlap, or are no further apart than that, are one."""
-    joined: list[Span] = []
-    for start_s, end_s in sorted(spans):
-        if joined and start_s - joined[-1][1] <= join_s:
-            joined[-1] = joined[-1][0], max(joined[-1][1], end_s)
-        else:
-            joined.append((start_s, end_s))
-    return joined
-
-
-def _without(spans: Sequence[Span], others: Sequence[Span]) -> list[Span]:
-    """Return what the others leave of spans; both are in time."""
-    edges = [-np.inf, *(edge for other in others for edge in other), np.inf]
-    between = list(zip(edges[::2], edges[1::2], strict=True))
-    return [part for span in spans for part in _overlaps(between, span)]
-
-
-def _overlaps(spans: Sequence[Span], span: Span) -> list[Span]:
-    """Return the parts of spans that lie in another one; they are in time and apart."""
-    return [(max(span[0], start_s), min(span[1], end_s)) for start_s, end_s in spans[_met(spans, span)]]
-
-
-def _met(spans: Sequence[Span], span: Span) -> slice:
-    """Return which spans, in time and apart, meet another one."""
-    return slice(bisect_left(spans, span[0], key=_end), bisect_right(spans, span[1], key=_start))
 
 
 def _remarks(parts: _Parts, spans: Sequence[Span], breaks_s: Sequence[float]) -> list[Remark]:
@@ -325,6 +309,7 @@ def _add_record(made: Cut, parts: Sequence[_Parts], span: Span, reference: _Part
     count = int(np.floor((end_s - first_s) / period_s + 1e-6)) + 1 - made.margin
     check_values(max(count, 0) * sum(len(part.track.channels) for part in parts), "the record")
     if count < FEWEST or count * period_s < SHORTEST_S:
+        made.short.append((start_s, max(start_s, end_s)))
         text = f"{max(end_s - start_s, 0.0):.4g} s between gaps: too short to be used, dropped"
         made.remarks.append(remark("short", start_s, end_s, text))
         return

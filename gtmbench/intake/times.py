@@ -78,6 +78,11 @@ class _Told:
         return self.columns[0].clock
 
     @property
+    def origin_s(self) -> float:
+        """When its stamps begin to count, in seconds since 1970; 0 where they are as they were logged."""
+        return self.since_s or self.columns[0].since_s
+
+    @property
     def name(self) -> str:
         return " + ".join(column.name for column in self.columns)
 
@@ -114,12 +119,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
     same = {table: _of_as_many_rows(raw, table, told) for table in without}
     series = tuple(replace(each, clock=same.get(each.clock) or each.clock) for each in raw.series)
     raw, without = replace(raw, series=series), [table for table in without if same[table] is None]
-    units = {each.per_second for each in told.values()}
-    stamps = {
-        table: each.stamps if len(units) == 1 else each.since_s + each.stamps / each.per_second
-        for table, each in told.items()
-    }
-    clocks, since = in_seconds(stamps, units.pop() if len(units) == 1 else 1.0)
+    clocks, since = _on_one_clock(told)
     times = {column.name for each in told.values() for column in each.columns}
     rest = tuple(series for series in raw.series if series.clock in clocks and series.name not in times)
     notes = [f"no time, so not taken: {', '.join(without[:12])}"] if without else []
@@ -128,6 +128,19 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
         raw = replace(raw, time=("", guessed[0].stated), time_guessed=guessed[0].guessed)
     said = [each.note for each in (guessed or list(told.values()))[:_MOST_SAID]]
     return replace(raw, series=rest).with_clocks(clocks, *said, *since, *notes)
+
+
+def _on_one_clock(told: Mapping[str, _Told]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the stamps of several tables in seconds, and a note on when they begin.
+
+    Each table's dates count from its own first one: the tables keep the time that lies between those.
+    """
+    units, first_s = {each.per_second for each in told.values()}, min(each.origin_s for each in told.values())
+    if len(units) == 1 and not any(each.origin_s for each in told.values()):
+        return in_seconds({table: each.stamps for table, each in told.items()}, units.pop())
+    stamps = {table: each.origin_s - first_s + each.stamps / each.per_second for table, each in told.items()}
+    clocks, since = in_seconds(stamps, 1.0)
+    return clocks, since or ((since_text(first_s),) if first_s else ())
 
 
 def _of_as_many_rows(raw: RawLog, table: str, told: Mapping[str, _Told]) -> str | None:
@@ -310,9 +323,7 @@ def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
     for name, time_s in clocks.items():
         known = time_s[np.isfinite(time_s)]
         if len(known):
-            pieces = np.split(known, np.flatnonzero(np.abs(np.diff(known)) > FAR_S) + 1)
-            most = max(pieces, key=len)  # stamps from before a clock was set don't count, nor stray ones
-            spans[name], counts[name] = (float(most.min()), float(most.max())), len(known)
+            spans[name], counts[name] = main_span(known), len(known)
     groups: list[tuple[Span, list[str]]] = []
     for name, (start_s, end_s) in sorted(spans.items(), key=lambda one: one[1]):
         if groups and start_s <= groups[-1][0][1] + _BESIDE_S:
@@ -322,6 +333,16 @@ def elsewhere(clocks: Mapping[str, FloatArray]) -> dict[str, Span]:
             groups.append(((start_s, end_s), [name]))
     groups.sort(key=lambda group: -sum(counts[name] for name in group[1]))
     return {name: spans[name] for _, names in groups[1:] for name in names}
+
+
+def main_span(time_s: FloatArray) -> Span:
+    """Return from when until when most of some stamps run: those from before a clock was set don't count, nor strays.
+
+    >>> main_span(np.array([0.0, 1e6, 1e6 + 1.0, 1e6 + 2.0]))
+    (1000000.0, 1000002.0)
+    """
+    most = max(np.split(time_s, np.flatnonzero(np.abs(np.diff(time_s)) > FAR_S) + 1), key=len)
+    return float(most.min()), float(most.max())
 
 
 def of_no_use(chosen: Sequence[Chosen], raw: RawLog) -> dict[str, str]:

@@ -18,7 +18,7 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import count_lines
 from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
-from gtmbench.intake.formats.raw import RawLog, RawSeries, dates_in_seconds
+from gtmbench.intake.formats.raw import RawLog, RawSeries, dates_in_seconds, first_date_s
 from gtmbench.intake.units import unit
 
 if TYPE_CHECKING:
@@ -63,14 +63,14 @@ def read_csv(path: Path) -> RawLog:
     for place, name in enumerate(layout.names):
         if not name:
             continue
-        values, note = _numbers(frame[place])
+        values, note, since_s = _numbers(frame[place])
         if note:
             notes.append(f"column '{name}': {note}")
         if values is None:
             ignored.append(name)
             continue
         stated = "s" if note.startswith("dates") else layout.units[place]
-        series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=stated))
+        series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=stated, since_s=since_s))
     return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
 
 
@@ -184,22 +184,22 @@ def _without_headers(frame: pd.DataFrame, first: str) -> tuple[pd.DataFrame, lis
     return frame.mask(again), [f"rows that repeat the header: {again.sum()}; were files put together?"]
 
 
-def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:
-    """Return a column's numbers, None where it holds others, and what there is to say about it."""
+def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str, float]:
+    """Return a column's numbers, None where it holds others, a note on them, and since when dates count, else 0."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column.dtype):
-        return column.to_numpy(dtype=np.int64 if column.dtype.kind in "iub" else np.float64), ""
+        return column.to_numpy(dtype=np.int64 if column.dtype.kind in "iub" else np.float64), "", 0.0
     filled = column.dropna()
     if len(filled) and _DATE.match(str(filled.iloc[0])):
         dates = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True).dt.tz_localize(None).to_numpy()
         if np.count_nonzero(~np.isnat(dates)) >= _MOSTLY * len(filled):
-            return dates_in_seconds(dates)
+            return *dates_in_seconds(dates), first_date_s(dates)
     numbers = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
     words = len(filled) - np.count_nonzero(np.isfinite(numbers))
     if len(filled) and words <= (1.0 - _MOSTLY) * len(filled):
-        return numbers, f"{words} cells hold no number and count as missing" if words else ""
+        return numbers, f"{words} cells hold no number and count as missing" if words else "", 0.0
     if words == len(filled):
-        return None, ""
+        return None, "", 0.0
     odd = filled[pd.to_numeric(filled, errors="coerce").isna()]
-    return None, f"{words} of {len(filled)} cells hold no number, such as '{one_line(str(odd.iloc[0]))[:20]}'"
+    return None, f"{words} of {len(filled)} cells hold no number, such as '{one_line(str(odd.iloc[0]))[:20]}'", 0.0

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.csv import read_csv
+from gtmbench.intake.formats.csv import layout_of, read_csv
 from gtmbench.intake.formats.documented import ALL, PX4
-from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
 from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
+from gtmbench.values.channels import ATTITUDE, GYROS
 
 _PX4_TOPICS = {topic for topic, _ in PX4} | {
     "vehicle_gps_position",
@@ -32,7 +33,11 @@ _PX4_TOPICS = {topic for topic, _ in PX4} | {
 _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "IMU2", "IMU3", "BARO", "ARSP"}
 _PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
+TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
 MOST_TABLES, _MOST_INSTANCES = 300, 6
+_TURNING = {topic for (topic, _), meaning in ALL.items() if meaning.channel in (*GYROS, *ATTITUDE)} | {"IMU2", "IMU3"}
+_MESSAGE = re.compile(r"[A-Z][A-Z0-9_]*(\[\d+\])?")  # as ArduPilot and MAVLink call theirs
+_ROTATION = re.compile(r"(?i)gyr|roll|pitch|yaw|^(phi|theta|psi|[pqr]|[wg][xyz])([^a-z]|$)|omega|quat|angular")
 _SENSOR = re.compile(r"imu|gyr|att|orient|euler")
 _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
@@ -43,7 +48,7 @@ def read_folder(path: Path) -> RawLog:
     if sum(table.stat().st_size for table in tables) > LARGEST_FILE_BYTES:
         raise InputError(f"{path}: its tables have more than {LARGEST_FILE_BYTES} bytes; at most so many are read")
     topics = {table: _topic(table.stem) for table in tables}
-    known = [table for table in tables if _of(topics[table]) in _TOPICS]
+    known = _of_autopilot(tables)
     series: list[RawSeries] = []
     left_out = []
     for table in known or tables:
@@ -62,7 +67,7 @@ def read_folder(path: Path) -> RawLog:
     if left_out:
         notes.append(f"not read: {', '.join(left_out[:12])}")
     if not known:
-        return RawLog(kind="folder of tables", series=tuple(series), notes=tuple(notes))
+        return RawLog(kind=TABLES, series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
         series=tuple(map(_with_px4_time, documented_first(series, ALL))),
@@ -128,12 +133,21 @@ def _topic(stem: str) -> str:
     >>> _topic("09_26_30_sensor_combined_0"), _topic("IMU"), _topic("IMU_1"), _topic("baro")
     ('sensor_combined', 'IMU', 'IMU#1', 'baro')
     """
+    return _split(stem)[1]
+
+
+def _split(stem: str) -> tuple[str, str]:
+    """Return what stands before a table's topic, by which an exporter names a log, and the topic.
+
+    >>> _split("09_26_30_sensor_combined_0"), _split("IMU_1"), _split("baro")
+    (('09_26_30_', 'sensor_combined'), ('', 'IMU#1'), ('', 'baro'))
+    """
     numbered = _NUMBERED.fullmatch(stem)
     bare, number = (numbered["topic"], int(numbered["number"])) if numbered else (stem, 0)
     for name in sorted(_TOPICS, key=len, reverse=True):
         if bare == name or bare.endswith(f"_{name}"):
-            return f"{name}#{number}" if number else name
-    return stem
+            return bare.removesuffix(name), f"{name}#{number}" if number else name
+    return "", stem
 
 
 def _of(topic: str) -> str:
@@ -145,13 +159,57 @@ def _tables(path: Path) -> list[Path]:
 
 
 def is_folder_of_tables(path: Path) -> bool:
-    """Tell whether a folder's tables are one flight's: of an autopilot's topics, or called by sensors, each once."""
+    """Tell whether a folder's tables are by their names one flight's: an autopilot's, or called by sensors, each once.
+
+    Of tables that are called by sensors, their contents tell more: `gtmbench.intake.one_flight`.
+    """
     tables = _tables(path)[: MOST_TABLES + 1]
     if not 2 <= len(tables) <= MOST_TABLES:
         return False
+    known = _of_autopilot(tables)
+    if known:
+        return _is_one_export(known) and not any(_is_foreign(table, known) for table in tables if table not in known)
     bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
-    of_autopilot = {_of(_topic(table.stem)) for table in tables} & _TOPICS
-    return len(of_autopilot) > 1 or (len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare)))
+    return len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare))
 
 
-FORMAT = Format(name="folder of tables", magic=(), suffixes=(), read=read_folder, is_folder=is_folder_of_tables)
+def _of_autopilot(tables: Sequence[Path]) -> list[Path]:
+    """Return the tables of topics that are known; none where they are of one topic, which anybody may use as a name."""
+    known = [table for table in tables if _of(_topic(table.stem)) in _TOPICS]
+    return known if len({_of(_topic(table.stem)) for table in known}) > 1 else []
+
+
+def _is_one_export(known: Sequence[Path]) -> bool:
+    """Tell whether an exporter wrote these tables of one log: it puts the log's name before every topic.
+
+    Several topics may hold the same channel, and several numbers of a topic are several sensors. A longer beginning is
+    a longer topic's, such as ``log_sim_airspeed`` or ``SCALED_IMU2``, unless the same gyros or angles are there without
+    it.
+    """
+    named = [_split(table.stem) for table in known]
+    log = min((before for before, _ in named), key=len)
+    turning = [
+        topic for before, topic in named if _of(topic) in _TURNING and (before == log or not _MESSAGE.fullmatch(before))
+    ]
+    return all(before.startswith(log) for before, _ in named) and len(set(turning)) == len(turning)
+
+
+def _is_foreign(table: Path, known: Sequence[Path]) -> bool:
+    """Tell whether a table beside an export is another log: it isn't named as the export's are, and tells rotation."""
+    log = min((_split(each.stem)[0] for each in known), key=len)
+    if table.stem.startswith(log) if log else _MESSAGE.fullmatch(table.stem):
+        return False
+    columns = _columns_of(table)
+    is_alike = not log and columns[:1] in [_columns_of(each)[:1] for each in known]
+    return not is_alike and any(map(_ROTATION.search, columns))
+
+
+def _columns_of(table: Path) -> tuple[str, ...]:
+    try:
+        with reading(table, "CSV table"):
+            return layout_of(table).names
+    except InputError:
+        return ()
+
+
+FORMAT = Format(name=TABLES, magic=(), suffixes=(), read=read_folder, is_folder=is_folder_of_tables)

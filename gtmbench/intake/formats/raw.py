@@ -59,6 +59,8 @@ class RawSeries:
         Where the format documents what it is.
     made_of : tuple of str
         The columns that it is worked out of, where the file itself has no such column.
+    since_s : float
+        Of a column of dates, which becomes seconds since its first one: when that is, in seconds since 1970.
     """
 
     name: str
@@ -67,6 +69,7 @@ class RawSeries:
     unit: str = ""
     meaning: Meaning | None = None
     made_of: tuple[str, ...] = ()
+    since_s: float = 0.0
 
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
@@ -251,6 +254,17 @@ def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
     first = nanoseconds[there][0]
     whole = (nanoseconds - first).astype(np.int64)
     return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {_date_text(first)}"
+
+
+def first_date_s(dates: NDArray[Any]) -> float:
+    """Return the first of some dates in seconds since 1970, 0 where there is none.
+
+    >>> first_date_s(np.array(["NaT", "1970-01-02"], dtype="datetime64[ns]"))
+    86400.0
+    """
+    there = dates.astype("datetime64[ns]")
+    there = there[~np.isnat(there)]
+    return float(there[0].astype(np.int64)) / 1e9 if len(there) else 0.0
 
 
 def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:

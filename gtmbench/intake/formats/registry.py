@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -50,6 +51,7 @@ _OURS = {
     ".toml": "a scenario, which `gtmbench run` flies",
     ".json": "results, or a monitor; a log is watched with one by `gtmbench monitor LOG --detector {}`",
 }
+_NEVER_NOTES = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT, tlog.FORMAT, rosbag.FORMAT)
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _HEAD_BYTES = 600
 _READ = (
@@ -110,9 +112,28 @@ def is_log(path: Path) -> bool:
 def is_log_folder(path: Path) -> bool:
     """Whether a folder is one log."""
     try:
-        return path.is_dir() and any(form.is_folder(path) for form in FORMATS if form.is_folder)
+        return path.is_dir() and _folder_format(path) is not None
     except OSError:
         return False
+
+
+def _folder_format(path: Path) -> Format | None:
+    """Return the format of which a folder is one log; None where it isn't one, or a log lies beside its tables."""
+    form = next((form for form in FORMATS if form.is_folder and form.is_folder(path)), None)
+    if form in (alfa.FORMAT, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
+        return None
+    return form
+
+
+def _is_another_log(file: Path) -> bool:
+    """Tell whether a file beside tables is another log of an autopilot, of ROS or of ours: it has another name."""
+    if file.suffix.lower() == ".csv" or file.name.startswith(".") or not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        head = opened.read(_HEAD_BYTES)
+    if not any(form.begins(head) for form in _NEVER_NOTES):
+        return False
+    return not any(re.match(rf"{re.escape(file.stem)}[-_. ]", table.stem) for table in file.parent.glob("*.csv"))
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
@@ -163,10 +184,8 @@ def _plain(path: Path) -> RawLog:
 
 def _format(path: Path) -> Format:
     """Return the format of a file by its first bytes, or of a folder."""
-    if is_folder(path):
-        for form in FORMATS:
-            if form.is_folder and form.is_folder(path):
-                return form
+    if is_folder(path) and (whole := _folder_format(path)) is not None:
+        return whole
     head = _head(path)
     if path.suffix.lower() in _OURS:
         raise InputError(f"{path} is no log but, by its name, {_OURS[path.suffix.lower()].format(path)}; {_READ}")

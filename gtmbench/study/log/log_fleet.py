@@ -23,8 +23,9 @@ from gtmbench.files.disk import is_file
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.registry import is_log, is_log_folder
+from gtmbench.intake.formats.registry import is_log
 from gtmbench.intake.mapping import split_mapping
+from gtmbench.intake.one_flight import is_log_folder
 from gtmbench.jobs.parts import Parts, holds_parts, parts_in
 from gtmbench.jobs.processes import Lost, survived
 from gtmbench.jobs.progress import Progress, silent
@@ -172,11 +173,10 @@ def _within(folder: Path) -> Iterator[Path]:
         if holds_parts(Path(here)):
             folders.clear()
             continue
+        folders[:] = [name for name in folders if not name.startswith(".")]
         if is_log_folder(Path(here)):
-            folders.clear()
             yield Path(here)
             continue
-        folders[:] = [name for name in folders if not name.startswith(".")]
         yield from (path for name in files if not name.startswith(".") and is_log(path := Path(here, name)))
 
 

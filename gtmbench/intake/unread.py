@@ -1,0 +1,166 @@
+"""Which spans of a log are in no segment, and why: together with the segments they cover it without a hole."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from gtmbench.intake.flight_log import Unread
+from gtmbench.intake.spans import holds, overlaps, union, without
+from gtmbench.intake.stamps import FAR_S
+from gtmbench.intake.tracks import Track
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.values.record import Span
+
+_SENSORS = {"gyros": GYROS, "attitude": ATTITUDE, "accelerometers": ACCELEROMETERS}
+_MARGIN = "margin of the resampling"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Living:
+    """When a track is there.
+
+    Attributes
+    ----------
+    track : Track
+    spans : list of (start, end)
+        Between its pauses, in time.
+    slow : list of (start, end)
+        Where its samples come slower than usual, in time.
+    """
+
+    track: Track
+    spans: list[Span]
+    slow: list[Span]
+
+    @property
+    def name(self) -> str:
+        """The sensor whose channels it holds, else the channels."""
+        of = [sensor for sensor, channels in _SENSORS.items() if {*self.track.channels} <= {*channels}]
+        return of[0] if of else self.track.label
+
+    def slow_reason(self, place: int, *, alone: bool) -> str:
+        """Say at which rate its samples come in a slow span, and at which they usually do."""
+        first, last = np.searchsorted(self.track.time_s, self.slow[place])
+        hz = 1.0 / float(np.median(np.diff(self.track.time_s[first : last + 1])))
+        rates = f"samples come at {hz:.3g} Hz instead of {1.0 / self.track.period_s:.3g}"
+        return rates if alone else f"{self.name}: {rates}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Layout:
+    """All that says why a moment isn't in a segment.
+
+    Attributes
+    ----------
+    living : sequence of Living
+        Of each track.
+    read : list of (start, end)
+        The segments, from their first sample to their last.
+    short : list of (start, end)
+        What was too short to become one.
+    breaks_s : sequence of float
+        Where the log's clock was set back.
+    period_s : float
+        Of the segments.
+    join_s : float
+        No gap is shorter.
+    """
+
+    living: Sequence[Living]
+    read: list[Span]
+    short: list[Span]
+    breaks_s: Sequence[float]
+    period_s: float
+    join_s: float
+
+    @cached_property
+    def alive(self) -> list[Span]:
+        """Where any track is there."""
+        return union([span for each in self.living for span in each.spans], self.join_s)
+
+    @cached_property
+    def stretches(self) -> list[list[list[Span]]]:
+        """Where each track is there, between settings of the log's clock; a step that is no pause counts."""
+        between = pairwise([-np.inf, *self.breaks_s, np.inf])
+        return [[union(overlaps(each.spans, span), self.join_s) for each in self.living] for span in between]
+
+    @cached_property
+    def gaps(self) -> list[Span]:
+        """Where no track is there."""
+        return without([(self.alive[0][0], self.alive[-1][1])], self.alive)
+
+    def edges(self) -> list[float]:
+        """Return the times at which a reason may begin or end."""
+        spans = [*self.alive, *self.short, *(span for each in self.living for span in each.slow)]
+        ends = [(own[0][0], own[-1][1]) for living in self.stretches for own in living if own]
+        return sorted({edge for span in (*spans, *ends) for edge in span} | {*self.breaks_s})
+
+    def reason(self, at_s: float) -> str:
+        """Return why a moment is in no segment."""
+        slow = [(each, place) for each in self.living if (place := holds(each.slow, at_s)) is not None]
+        if slow:
+            (first, place), *_ = slow
+            return first.slow_reason(place, alone=len(slow) == len(self.living))
+        gap = holds(self.gaps, at_s)
+        if gap is not None:
+            return self._gap(self.gaps[gap])
+        own = self.stretches[bisect_right(self.breaks_s, at_s)]
+        late = [i for i, spans in enumerate(own) if not spans or at_s < spans[0][0]]
+        if late:
+            return f"{self._names(late)} not logged yet"
+        if holds(self.short, at_s) is not None:
+            return "too short between gaps"
+        ended = [i for i, spans in enumerate(own) if at_s > spans[-1][1]]
+        if ended:
+            return f"{self._names(ended)} not logged any more"
+        paused = [i for i, spans in enumerate(own) if holds(spans, at_s) is None]
+        return f"{self._names(paused)} paused" if paused else _MARGIN
+
+    def _gap(self, gap: Span) -> str:
+        """Say which kind of a gap it is in which all pause."""
+        start_s, end_s = gap
+        if any(start_s <= break_s <= end_s for break_s in self.breaks_s):
+            return "clock set back"
+        return "clock jump" if end_s - start_s > FAR_S else "gap"
+
+    def _names(self, which: Sequence[int]) -> str:
+        return " and ".join(dict.fromkeys(self.living[i].name for i in which))
+
+
+def unread_of(layout: Layout) -> tuple[Unread, ...]:
+    """Return the spans of a log that are in no segment, in time, with a reason each."""
+    first_s = min(each.spans[0][0] for each in layout.living)
+    last_s = max(each.spans[-1][1] for each in layout.living)
+    edges = np.array(layout.edges())
+    found: list[Unread] = []
+    for start_s, end_s in without([(first_s, last_s)], layout.read):
+        inside = edges[np.searchsorted(edges, start_s, "right") : np.searchsorted(edges, end_s, "left")]
+        pieces = list(pairwise([start_s, *inside.tolist(), end_s]))
+        found += _joined([(*piece, layout.reason(0.5 * (piece[0] + piece[1]))) for piece in pieces], layout.period_s)
+    return tuple(found)
+
+
+def _joined(pieces: Sequence[tuple[float, float, str]], period_s: float) -> list[Unread]:
+    """Return pieces that follow each other as spans: margins, and what is shorter than a sample, join their neighbours.
+
+    A hole between two segments, or beside one, that is no longer than a sample is none.
+    """
+    if pieces[-1][1] - pieces[0][0] <= period_s * (1.0 + 1e-6):
+        return []
+    long = [each for each in pieces if each[1] - each[0] > period_s and each[2] != _MARGIN]
+    kept = long or [max(pieces, key=lambda each: each[1] - each[0])]
+    found: list[Unread] = []
+    for _, end_s, reason in kept:
+        if found and found[-1].reason == reason:
+            found[-1] = Unread(start_s=found[-1].start_s, end_s=end_s, reason=reason)
+        else:
+            start_s = found[-1].end_s if found else pieces[0][0]
+            found.append(Unread(start_s=start_s, end_s=end_s, reason=reason))
+    found[-1] = Unread(start_s=found[-1].start_s, end_s=pieces[-1][1], reason=found[-1].reason)
+    return found
