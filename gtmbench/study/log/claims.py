@@ -17,6 +17,7 @@ from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.additive import Bias, Noise
 from gtmbench.faults.shaping import ScaleFactor
+from gtmbench.intake.flight_log import Unread
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -109,6 +110,13 @@ def excuses(excursion: Excursion) -> bool:
     return excursion.reason != MOTION and not excursion.is_judged
 
 
+def of_unread(unread: Iterable[Unread], sensors: Sequence[str]) -> Iterator[Claim]:
+    """Give the spans that weren't read."""
+    for each in unread:
+        for sensor in sensors:
+            yield sensor, _unjudged((each.start_s, each.end_s), each.reason)
+
+
 def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span) -> Iterator[Claim]:
     """Give the residuals that no test could judge: those above their threshold throughout, and far above the usual."""
     for watch in watches:
@@ -167,22 +175,21 @@ def _unjudged(span_s: Span, reason: str) -> SensorSpan:
     return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
 
 
-def motion_spans(lively_s: Sequence[float], span_s: Span, unread_s: Sequence[Span]) -> tuple[Span, ...]:
-    """Return where a log moves: seconds that do, and gaps with motion on both sides.
+def motion_spans(lively_s: Sequence[float], span_s: Span, unread: Iterable[Unread] = ()) -> tuple[Span, ...]:
+    """Return where a log moves: seconds that do, and what wasn't read with motion on both sides, or up to an end.
 
-    Where one ends with samples that weren't read, these count as what lies before them.
-
-    >>> motion_spans([0.5, 1.5, 2.5, 7.5], (0.0, 12.0), [(3.0, 7.0), (8.0, 12.0)])
+    >>> gaps = [Unread(start_s=3.0, end_s=7.0, reason="gap"), Unread(start_s=8.0, end_s=12.0, reason="other rate")]
+    >>> motion_spans([0.5, 1.5, 2.5, 7.5], (0.0, 12.0), gaps)
     ((0.0, 12.0),)
     """
     seconds = np.asarray(lively_s, dtype=np.float64)
     own = [(max(time_s - 0.5, span_s[0]), min(time_s + 0.5, span_s[1])) for time_s in seconds.tolist()]
-    for start_s, end_s in unread_s:
-        moves_before = bool(np.any((seconds > start_s - _BESIDE_S) & (seconds <= start_s + 0.5)))
-        moves_behind = bool(np.any((seconds >= end_s - 0.5) & (seconds < end_s + _BESIDE_S)))
-        is_end = end_s >= span_s[1] - 1e-6
-        if moves_before and (moves_behind or is_end):
-            own.append((start_s, end_s))
+    for each in unread:
+        before = bool(np.any((seconds > each.start_s - _BESIDE_S) & (seconds <= each.start_s + 0.5)))
+        behind = bool(np.any((seconds >= each.end_s - 0.5) & (seconds < each.end_s + _BESIDE_S)))
+        is_first, is_last = each.start_s <= span_s[0] + 1e-6, each.end_s >= span_s[1] - 1e-6
+        if (before or is_first) and (behind or is_last) and (before or behind) and each.reason not in _CLOCK:
+            own.append((each.start_s, each.end_s))
     joined: list[Span] = []
     for start_s, end_s in sorted(own):
         if joined and start_s <= joined[-1][1] + 1e-3:
@@ -192,4 +199,5 @@ def motion_spans(lively_s: Sequence[float], span_s: Span, unread_s: Sequence[Spa
     return tuple(joined)
 
 
-_BESIDE_S = 5.0  # of a gap: motion on that side
+_BESIDE_S = 5.0  # of what wasn't read: motion on that side
+_CLOCK = ("clock jump", "clock set back")  # no time that was flown

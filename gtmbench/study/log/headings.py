@@ -33,7 +33,7 @@ def no_heading(log: FlightLog) -> str:
     spread = [float(np.ptp(angles[known[:, i], i])) if counts[i] else 0.0 for i in range(len(ATTITUDE))]
     if spread[2] > _STILL_DEG or max(spread[:2]) <= _STILL_DEG:
         return ""
-    return f"psi reads {angles[known[:, 2], 2][0]:.6g} all the time"
+    return f"the heading never changes: psi reads {angles[known[:, 2], 2][0]:.6g} all the time"
 
 
 def with_heading(record: Record) -> Record:

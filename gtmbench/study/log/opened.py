@@ -35,6 +35,7 @@ from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.record import Span
 
+_WITHOUT = ", so the log is watched without a heading"
 _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought to it
 
 
@@ -143,6 +144,8 @@ def opened(asked: Asked) -> Opened:
     else:
         watcher, attitude, unwatched = _recipe(asked, [read, *others])
         findings = (*without, *unwatched.values())
+        if without and "r" in unwatched:
+            unwatched = {**unwatched, "r": without[0].removesuffix(_WITHOUT)}
         log = _at_most(read, watcher, asked)
     rate_hz = 1.0 / log.sample_period_s
     own = _with_motion(read, log, watcher, asked)
@@ -182,7 +185,7 @@ def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
     with contextlib.suppress(InputError):  # whoever opens it to watch it says why
         if {*GYROS, *ATTITUDE} <= set(log_contents(read, mapping=asked.mapping).usable):
             why = no_heading(open_log(read, mapping=asked.mapping, needs=ATTITUDE))
-    return (but_heading(asked), (f"{why}, so the log is watched without a heading",)) if why else (asked, ())
+    return (but_heading(asked), (f"{why}{_WITHOUT}",)) if why else (asked, ())
 
 
 def but_heading(asked: Asked) -> Asked:

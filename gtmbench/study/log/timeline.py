@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.faults.additive import Bias, Drift
@@ -21,16 +21,19 @@ from gtmbench.study.log.claims import (
     of_certificate,
     of_check,
     of_excursions,
+    of_unread,
     of_watches,
 )
 from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
 from gtmbench.study.log.hindsight.judged import JUDGED, Failure, agrees_from_s, hindsight_of
 from gtmbench.study.log.louder import Louder
-from gtmbench.study.log.records import lively_seconds, whole_s
+from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import ATTITUDE, axis_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
+
+_COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,6 +69,8 @@ class Evidence:
     certified : tuple of Certified
         Of a monitor that rests on no motion: what clears the sensors that it predicts.
     watched_imu : str
+    compared : tuple of str
+        The channels of sensors that no gyro enters and that are compared with each other.
     """
 
     log: FlightLog
@@ -83,30 +88,61 @@ class Evidence:
     unwatched: tuple[tuple[str, str], ...]
     certified: tuple[Certified, ...]
     watched_imu: str
+    compared: tuple[str, ...] = ()
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
     """Return the timeline of a watched log."""
-    span_s = whole_s(evidence.log)
-    gaps = _gaps(evidence.log)
+    span_s, unread = evidence.log.span_s, evidence.log.unread
     blocks = blocks_of(evidence.moving) if evidence.moving else None
-    claims = [*_accused(evidence, blocks, span_s)]
+    claims = _accused(evidence, blocks, span_s)
     claims += of_check(evidence.check, span_s, evidence.sensors)
     claims += [(sensor, _unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
     claims += of_excursions(evidence.excursions, evidence.sensors)
     claims += of_watches(evidence.watches, evidence.louder, span_s)
-    claims += [(sensor, _unjudged(gap, "gap")) for gap in gaps for sensor in evidence.sensors]
     if not evidence.check.stops:
         claims += _cleared(evidence, blocks, claims)
+    told = _told(evidence, claims)
+    claims += of_unread(unread, evidence.sensors)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in claims:
         by_sensor.setdefault(sensor, []).append(span)
     moving = evidence.moving
-    motion = motion_spans(lively_seconds(moving).tolist(), span_s, gaps) if moving else (span_s,)
-    return laid_out(span_s, by_sensor, motion_s=motion, told=_told(evidence, by_sensor))
+    motion = motion_spans(lively_seconds(moving).tolist(), span_s, unread) if moving else (span_s,)
+    return laid_out(span_s, by_sensor, motion_s=motion, told=told)
 
 
-def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> Iterator[Claim]:
+def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> list[Claim]:
+    """Return what alarms claim; of failures that overlap and share a residual each is suspected, and no more."""
+    claims = list(_alarmed(evidence, blocks, span_s))
+    return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
+
+
+def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:
+    """Return a failure as a suspicion where another sensor of its residual fails at the same time."""
+    if span.state is not State.FAILED:
+        return span
+    others = [
+        other
+        for other, its in claims
+        if other != sensor and its.state is State.FAILED and _meet(span, its) and _share_a_residual(sensor, other)
+    ]
+    if not others:
+        return span
+    suspects = tuple(dict.fromkeys([sensor, *others]))
+    return replace(span, state=State.SUSPECTED, suspects=suspects, reason="they fail together, and share a residual")
+
+
+def _meet(span: SensorSpan, other: SensorSpan) -> bool:
+    return span.start_s < other.end_s and other.start_s < span.end_s
+
+
+def _share_a_residual(sensor: str, other: str) -> bool:
+    """Tell whether a residual rests on both: an angle enters those of all gyros and angles, a gyro its own alone."""
+    return {sensor, other} <= {*JUDGED} and bool({sensor, other} & {*ATTITUDE})
+
+
+def _alarmed(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> Iterator[Claim]:
     """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
     for alarm in evidence.alarms:
         concerned = _concerned(evidence, alarm)
@@ -147,7 +183,7 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
             yield from of_certificate(each.certificate, each.watches)
     else:
         reason = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
-        yield from ((sensor, _unjudged(whole_s(evidence.log), reason)) for sensor in _spoken_for(evidence))
+        yield from ((sensor, _unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
 
 
 def _times(evidence: Evidence, period_s: float | None) -> float:
@@ -169,19 +205,15 @@ def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:
     return _spoken_for(evidence)
 
 
-def _gaps(log: FlightLog) -> list[Span]:
-    ends = [(each.start_s, each.end_s) for each in log.segments]
-    return [(before[1], behind[0]) for before, behind in pairwise(ends)]
-
-
-def _told(evidence: Evidence, by_sensor: dict[str, list[SensorSpan]]) -> list[str]:
-    """Say in a line which sensors of the log nothing judges."""
-    silent = [name for name in evidence.sensors if not by_sensor[name] or _is_only_gaps(by_sensor[name])]
-    return [f"Nothing judges {', '.join(silent)} here."] if silent else []
-
-
-def _is_only_gaps(spans: Sequence[SensorSpan]) -> bool:
-    return all(span.state is State.NOT_JUDGED and span.reason == "gap" for span in spans)
+def _told(evidence: Evidence, claims: Sequence[Claim]) -> list[str]:
+    """Say in a line which sensors of the log nothing judges, and who compares some of them."""
+    heard = {*(sensor for sensor, _ in claims), *evidence.compared}
+    silent = [name for name in evidence.sensors if name not in heard]
+    if not silent:
+        return []
+    compared = [name for name in silent if name in _COMPARABLE]
+    hint = f" --detector cross-check compares {', '.join(compared)}." if compared else ""
+    return [f"Nothing judges {', '.join(silent)} here.{hint}"]
 
 
 def _unjudged(span_s: Span, reason: str) -> SensorSpan:
