@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Monitor
+from gtmbench.link.closing import closing_verdict
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.order import LONGEST_S
 from gtmbench.link.senders import SenderClock
@@ -21,8 +22,8 @@ from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
-from gtmbench.values.record import Record
-from gtmbench.verdict.verdict import Outcome
+from gtmbench.values.record import Record, Span
+from gtmbench.verdict.verdict import LogVerdict, Outcome
 
 SILENT_S = 3.0
 """Without a message for so long, the link is lost."""
@@ -116,6 +117,8 @@ class Session:
         self._looked = (0.0, 0, 0)  # when it was looked at how much is missing, rows and those left out then
         self._past = LinkCounts()
         self._watched = self._heard = 0
+        self._past_heard_s: list[Span] = []
+        self._past_armed_s: list[Span] = []
         self.read = 0
         self.dropped = 0
         self.at_once = 1
@@ -156,12 +159,17 @@ class Session:
         return self._story.left
 
     @property
+    def verdict(self) -> LogVerdict:
+        """The verdict so far: what failed, and whether most of the flight was watched by every test."""
+        heard_s = [*self._past_heard_s, *self._watcher.heard_s]
+        armed_s = [*self._past_armed_s, *self._watcher.armed_s]
+        why_not = self._reader.is_open or ("" if self._mixed_until_s is None else "two senders are mixed on this link")
+        return closing_verdict(self._monitor, heard_s, armed_s, self._story.first, why_not)
+
+    @property
     def outcome(self) -> Outcome:
-        """Failed if a fault is left to explain; healthy only where most of the flight was watched and all is quiet."""
-        armed = self._watcher.armed
-        could_tell = self.watched_s > 0.0 and all(armed.values()) and self.watched_s >= _MUCH * self.heard_s
-        could_tell = could_tell and not self._reader.is_open and self._mixed_until_s is None
-        return self._story.outcome(could_tell=could_tell)
+        """The verdict's outcome so far."""
+        return self.verdict.outcome
 
     def take(self, messages: list[Message], arrived_s: float) -> Iterator[LiveEvent]:
         """Give the events that some messages make known, which arrived together."""
@@ -332,6 +340,8 @@ class Session:
         self._past = self.counts
         self._watched += self._watcher.watched
         self._heard += self._watcher.heard
+        self._past_heard_s += self._watcher.heard_s
+        self._past_armed_s += self._watcher.armed_s
         self._watcher = Watcher(self._monitor, self._reader, self._watcher.learner if keep else None, self._shows)
         self._story.begin()
         self._looked, self._sparse, self._state, self._ever = (0.0, 0, 0), False, "", set()

@@ -12,7 +12,6 @@ from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.verdict import sensor_text
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.imu_comparison import doubted
-from gtmbench.verdict.verdict import Outcome
 
 MOST_LINES = 12
 """What is said of one fault, its end included."""
@@ -104,8 +103,13 @@ class Story:
     @property
     def left(self) -> list[Alarm]:
         """The faults that something is left of to explain, in time."""
+        return [alarm for alarm in self.first if not alarm.has_passed]
+
+    @property
+    def first(self) -> list[Alarm]:
+        """The first alarm of each fault, in time."""
         told = self._believed([fault.alarm for fault in self._faults.values()])
-        return [alarm for alarm in told if alarm.is_first and not alarm.has_passed]
+        return [alarm for alarm in told if alarm.is_first]
 
     def _believed(self, told: list[Alarm]) -> list[Alarm]:
         """Return alarms as they can be believed, those so far together."""
@@ -114,12 +118,6 @@ class Story:
         first = [alarm for alarm in told if alarm.is_first]
         bent = {id(alarm) for alarm, is_bent in zip(first, are_bent(first), strict=True) if is_bent}
         return [_doubted(alarm) if id(alarm) in bent else alarm for alarm in told]
-
-    def outcome(self, *, could_tell: bool) -> Outcome:
-        """Return what it comes to: failed if a fault is left to explain that may be no doubt's."""
-        if any(not alarm.doubt and alarm.test != OUTSIDE for alarm in self.left):
-            return Outcome.FAILED
-        return Outcome.HEALTHY if could_tell and not self.left else Outcome.UNKNOWN
 
 
 def _doubted(alarm: Alarm) -> Alarm:

@@ -24,7 +24,7 @@ from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
 from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record, joined
+from gtmbench.values.record import Record, Span, joined
 
 _PROBED_S = 1.5  # in which rates are measured
 _PATIENCE_S = 2.5  # until a message that is needed has to be there
@@ -98,6 +98,9 @@ class Watcher:
         """Samples that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
+        self.heard_s: list[Span] = []
+        self.armed_s: list[Span] = []
+        """Where rows were read, and where every test could have alarmed, in time."""
         self.problem = ""
         """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
 
@@ -235,6 +238,10 @@ class Watcher:
             for part in [piece] if self.watched else self._seconds(piece):
                 told += self._stream.push(part)
                 self.heard += len(part)
+                span = part.start_s, part.end_s + part.sample_period_s
+                _go_on(self.heard_s, span)
+                if all(self._stream.armed.values()):
+                    _go_on(self.armed_s, span)
                 if any(self._stream.armed.values()):
                     self.watched += len(part) - self._missing(part)
         return tuple(told)
@@ -249,3 +256,11 @@ class Watcher:
         """Return a piece second by second: until something is armed, nothing of it counts as watched."""
         rows = max(round(1.0 / self._period_s), 1)
         return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]
+
+
+def _go_on(spans: list[Span], span: Span) -> None:
+    """Add a span to some that lie before it; it goes on where the last one ends."""
+    if spans and span[0] <= spans[-1][1] + 1e-6:
+        spans[-1] = spans[-1][0], span[1]
+    else:
+        spans.append(span)

@@ -169,6 +169,7 @@ def laid_out(
     *,
     motion_s: Sequence[Span] = (),
     told: Sequence[str] = (),
+    otherwise: str = NOTHING_PREDICTS,
 ) -> Timeline:
     """Return the timeline of a log, of what is claimed of each of its sensors.
 
@@ -181,8 +182,10 @@ def laid_out(
         stands.
     motion_s : sequence of (start, end)
     told : sequence of str
+    otherwise : str
+        Why what no claim covers isn't judged.
     """
-    sensors = {sensor: _merged(span_s, tuple(own)) for sensor, own in claims.items()}
+    sensors = {sensor: _merged(span_s, tuple(own), otherwise) for sensor, own in claims.items()}
     return Timeline(
         span_s=span_s, sensors=MappingProxyType(sensors), motion_s=tuple(motion_s), told=tuple(dict.fromkeys(told))
     )
@@ -191,7 +194,7 @@ def laid_out(
 _RANK = {state: rank for rank, state in enumerate(State)}
 
 
-def _merged(span_s: Span, claims: Sequence[SensorSpan]) -> tuple[SensorSpan, ...]:
+def _merged(span_s: Span, claims: Sequence[SensorSpan], otherwise: str) -> tuple[SensorSpan, ...]:
     """Return the weightiest claim of every instant, in time and without a hole."""
     start_s, end_s = span_s
     own = sorted((each for each in claims if each.end_s > each.start_s), key=lambda each: _RANK[each.state])
@@ -199,7 +202,7 @@ def _merged(span_s: Span, claims: Sequence[SensorSpan]) -> tuple[SensorSpan, ...
     merged: list[SensorSpan] = []
     for first_s, last_s in pairwise([start_s, *sorted(inside), end_s]):
         middle_s = 0.5 * (first_s + last_s)
-        nothing = SensorSpan(start_s=first_s, end_s=last_s, state=State.NOT_JUDGED, reason=NOTHING_PREDICTS)
+        nothing = SensorSpan(start_s=first_s, end_s=last_s, state=State.NOT_JUDGED, reason=otherwise)
         weightiest = next((each for each in own if each.start_s <= middle_s <= each.end_s), nothing)
         part = replace(weightiest, start_s=first_s, end_s=last_s)
         if merged and _goes_on(merged[-1], part):

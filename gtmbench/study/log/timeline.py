@@ -69,8 +69,6 @@ class Evidence:
     certified : tuple of Certified
         Of a monitor that rests on no motion: what clears the sensors that it predicts.
     watched_imu : str
-    compared : tuple of str
-        The channels of sensors that no gyro enters and that are compared with each other.
     """
 
     log: FlightLog
@@ -88,7 +86,6 @@ class Evidence:
     unwatched: tuple[tuple[str, str], ...]
     certified: tuple[Certified, ...]
     watched_imu: str
-    compared: tuple[str, ...] = ()
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
@@ -206,14 +203,14 @@ def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:
 
 
 def _told(evidence: Evidence, claims: Sequence[Claim]) -> list[str]:
-    """Say in a line which sensors of the log nothing judges, and who compares some of them."""
-    heard = {*(sensor for sensor, _ in claims), *evidence.compared}
+    """Say in a line which sensors of the log nothing clears, and who compares some of them."""
+    heard = {sensor for sensor, _ in claims}
     silent = [name for name in evidence.sensors if name not in heard]
     if not silent:
         return []
     compared = [name for name in silent if name in _COMPARABLE]
-    hint = f" --detector cross-check compares {', '.join(compared)}." if compared else ""
-    return [f"Nothing judges {', '.join(silent)} here.{hint}"]
+    hint = f"; --detector cross-check compares {', '.join(compared)}" if compared else ""
+    return [f"No verdict on {', '.join(silent)}{hint}."]
 
 
 def _unjudged(span_s: Span, reason: str) -> SensorSpan:

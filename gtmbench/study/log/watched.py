@@ -8,7 +8,6 @@ from functools import cached_property
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
-from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
@@ -227,7 +226,6 @@ class WatchedLog:
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
             certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
-            compared=tuple(name for each in self.sensors if each.limits for name in CHANNELS.get(each.kind, ())),
         )
 
     @cached_property
