@@ -138,6 +138,8 @@ class Entry:
         Whether it runs in `make test`.
     xfail : str
         Which issue mends it, and why: a strict expected failure.
+    xfails : tuple of str
+        Which breaches that is about (`tests.verdicts.requirements.Breach`); any other fails.
     """
 
     name: str
@@ -164,6 +166,7 @@ class Entry:
     first_line_has: tuple[str, ...] = ()
     quick: bool = False
     xfail: str = ""
+    xfails: tuple[str, ...] = ("wrong name", "kind")
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -216,7 +219,7 @@ def varied(table: Mapping[str, Any], variant: Mapping[str, Any]) -> dict[str, An
     {'seed': 1, 'faults': [{'kind': 'bias', 'channel': 'q', 'onset_s': 55.0, 'size': -2.0}]}
     """
     own = {key: value for key, value in variant.items() if key not in {"name", "axes", "later_s", "times"}}
-    kept = {key: value for key, value in table.items() if key not in {"quick", "xfail"}}
+    kept = {key: value for key, value in table.items() if key not in {"quick", "xfail", "xfails"}}
     changed: dict[str, Any] = {**kept, **own}
     axes = variant.get("axes", {})
     changed = _changed(changed, lambda _, value: axes.get(value, value))

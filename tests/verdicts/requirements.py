@@ -35,7 +35,7 @@ class Breach:
     Attributes
     ----------
     what : str
-        ``structure``, ``wrong name``, ``false all-clear``, ``state``, ``exit code``, ``first line``.
+        ``structure``, ``wrong name``, ``false all-clear``, ``state``, ``kind``, ``exit code``, ``first line``.
     text : str
     """
 
@@ -211,7 +211,7 @@ def _wrong_state(required: Required, span: SensorSpan) -> Iterator[Breach]:
     elif required.kind and span.state is State.FAILED:
         kind = getattr(span.judgement, "kind", None)
         if kind != required.kind:
-            yield Breach(what="state", text=f"{where} is a {kind}; right is {required.kind}")
+            yield Breach(what="kind", text=f"{where} is a {kind}; right is {required.kind}")
 
 
 def _wrong_words(watched: WatchedLog, entry: Entry) -> Iterator[Breach]:

@@ -24,7 +24,10 @@ def test_verdict(entry, request, tmp_path):
     if not entry.quick:
         request.getfixturevalue("whole_certificates")
     log = made(entry, tmp_path)
-    assert "\n".join(map(str, breaches(entry, log, watched(entry, log)))) == ""
+    found = breaches(entry, log, watched(entry, log))
+    if entry.xfail and (others := [each for each in found if each.what not in entry.xfails]):
+        pytest.fail("\n".join(map(str, others)))  # no AssertionError: not the failure that is expected
+    assert "\n".join(map(str, found)) == ""
 
 
 def test_few_entries_run_every_time():
