@@ -21,9 +21,11 @@ from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from tests.verdicts.entries import READY, Broken, Entry, Required, Watching
 from tests.verdicts.recipes import Made, broken_between, sensors_of
 
-EDGE_S = 5.0  # chosen: no onset or end is dated finer; 3 to 10 change nothing that is called a breach today
-SHORT_S = 10.0  # chosen: a fault that has passed before is no error that stays, which is all that sizes speak of
-EARLY_S = 20.0  # chosen: a failure that begins so long before its fault is another one's
+# Chosen. Of simulated faults 58 of 64 onsets were dated within 2 s, of real ones 19 of 38 within 15 s (prototypes of
+# issue 65); what passes within 5 to 10 s was no gyro's on real logs.
+EDGE_S = 5.0  # after an onset, or before an end, that may still be called clear
+SHORT_S = 10.0  # a fault that has passed sooner is no error that stays, which is all that sizes are about
+EARLY_S = 20.0  # a failure that begins so long before its fault is a wrong name
 ROUNDING_S = 1.0  # of the ends of a log, by resampling
 _WIDE = 400  # characters: nothing is wrapped
 
@@ -195,6 +197,8 @@ def _wrong_states(timeline: Timeline, entry: Entry) -> Iterator[Breach]:
         sensor = sensor_in(timeline, each.sensor)
         if sensor is None:
             yield Breach(what="state", text=f"{each.sensor} has no timeline; there are {', '.join(timeline.sensors)}")
+        elif not timeline.span_s[0] <= each.at + entry.clock_s <= timeline.span_s[1]:
+            yield Breach(what="state", text=f"{each.sensor} at {each.at:g} s lies outside of the timeline")
         else:
             yield from _wrong_state(each, timeline.at(sensor, each.at + entry.clock_s))
     for state, sensors in ((State.CLEAR, entry.never_clear), (State.FAILED, entry.never_failed)):
