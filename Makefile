@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test lint docs bench experiments export-check release clean
+.PHONY: run check test verdicts lint docs bench experiments export-check release clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -12,6 +12,9 @@ check: .venv/ready ## the main job's figures against their baseline; fails where
 
 test: .venv/ready ## every test; those that need a viewer skip by name where there is none; bytecode is kept, for its many processes
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
+
+verdicts: .venv/ready ## every log of the corpus of verdicts, and every draw of its oracles, with whole certificates
+	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "" tests/verdicts
 
 lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .
