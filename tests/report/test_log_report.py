@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.log import log_figure, write_log_figure
 from gtmbench.report.figures.panels import thinned
-from gtmbench.report.log_findings import State, began_s, stretches
+from gtmbench.report.log_findings import began_s
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
@@ -149,41 +148,6 @@ def test_twenty_seconds_without_an_alarm_bound_little():
     told = " ".join(log_report(short()))
     assert "one from the first sample on is learnt as healthy" in told
     assert "one that grows more slowly than the drifts above is not detected" in told
-
-
-@cases
-def test_stretches_cover_the_log_and_add_up(case):
-    watched, parts = case(), stretches(case())
-    log, period_s = watched.log, watched.log.sample_period_s
-    assert (parts[0].start_s, parts[-1].end_s) == (log.segments[0].start_s, log.segments[-1].end_s)
-    assert all(part.end_s == after.start_s for part, after in pairwise(parts))
-    assert all(part.duration_s >= 0.0 for part in parts)
-    seconds = {state: sum(part.duration_s for part in parts if part.state is state) for state in State}
-    slack = 2.0 * period_s * len(parts)
-    assert seconds[State.WATCHED] == pytest.approx(3600.0 * watched.armed_hours, abs=slack)
-    assert seconds[State.IDENTIFIED] == pytest.approx(
-        sum(end - start for start, end in watched.identified_s), abs=slack
-    )
-    gaps = sum(after.start_s - segment.end_s for segment, after in pairwise(log.segments))
-    assert seconds[State.GAP] == pytest.approx(gaps)
-
-
-def test_stretches_say_why_nothing_was_watched():
-    def states(case):
-        return [stretch.state for stretch in stretches(case())]
-
-    assert states(unwatched) == [State.LEFT_OUT]
-    assert states(never_armed) == [State.ARMING]
-    part = [State.ARMING, State.WATCHED, State.ENDS]  # a healthy record lacks nothing
-    assert states(jammed) == [State.IDENTIFIED, State.GAP, *part, State.GAP, *part]
-    assert states(passing) == [State.ARMING, State.WATCHED, State.DISARMED]
-    blind = short().log.segments[0].values.copy()
-    blind[1000:1010] = np.nan
-    log = replace(short().log, segments=(gb.Record(blind, channels=short().log.channels, sample_period_s=0.02),))
-    watch = gb.watch(short().monitor, log.segments[0])
-    parts = stretches(replace(short(), log=log, watches=(watch,)))
-    assert [stretch.state for stretch in parts] == [*part[:2], State.LOST, *part[1:]]
-    assert parts[2].start_s <= 20.0 <= 20.18 <= parts[2].end_s
 
 
 @cases

@@ -37,6 +37,7 @@ _MOST = 3  # spans that are written one by one
 _LONG_S = 3600.0  # from which on minutes are told
 _STATE_WIDTH = 34  # characters of a table on a screen; what is longer is cut
 _EDGE_S = 1e-6
+_SHORT_S = 0.5  # of what isn't judged: less isn't told in the table
 
 
 class SensorRow(NamedTuple):
@@ -113,7 +114,7 @@ def factors_text(factors: tuple[float, float]) -> str:
     return f"a factor of {below}" if high <= 2.0 - low + 1e-9 else f"a factor below {below} or above {above}"
 
 
-def sizes_text(sensor: str, sizes: Sizes | None) -> str:
+def sizes_text(sensor: str, sizes: Sizes | None, *, with_noise: bool = True) -> str:
     """Say what would have shown in one sensor: an error that stays, a factor, noise.
 
     >>> sizes_text("q", Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.4), noise=1.0))
@@ -129,7 +130,7 @@ def sizes_text(sensor: str, sizes: Sizes | None) -> str:
         parts.append(factors_text(sizes.factors))
     elif sensor in GYROS:
         parts.append("not a wrong factor")
-    if sizes.noise is not None:
+    if with_noise and sizes.noise is not None:
         parts.append(f"noise of {size_text(sizes.noise)} {unit}".rstrip())
     return ", ".join(parts)
 
@@ -166,20 +167,27 @@ def sensor_row(verdict: LogVerdict, sensor: str) -> SensorRow:
     for state in (State.FAILED, State.SUSPECTED):
         spans = timeline.of(sensor, state)
         if spans:
-            states.append(f"{state} {when_text([(each.start_s, each.end_s) for each in spans], timeline.span_s)}")
+            states.append(f"{state} {_short_spans(spans, timeline.span_s)}")
             why += [_accused_text(sensor, each) for each in spans]
-    clear_s = timeline.motion_in(sensor, State.CLEAR)
-    if timeline.of(sensor, State.CLEAR) and (clear_s > 0.0 or not moving_s):
-        whole = clear_s >= moving_s - 0.5
-        states.append("clear" if whole or not moving_s else f"clear for {of_text(clear_s, moving_s)}")
-        why.append(sizes_text(sensor, verdict.sizes_of(sensor)))
-    lost_s = timeline.motion_in(sensor, State.NOT_JUDGED)
+    clear_s, lost_s = (timeline.motion_in(sensor, state) for state in (State.CLEAR, State.NOT_JUDGED))
+    if clear_s > 0.0:
+        elsewhere = "elsewhere " if why else ""
+        states.append(f"clear {clear_s:.0f} s" if lost_s >= _SHORT_S else "clear")
+        why.append(f"{elsewhere}{sizes_text(sensor, verdict.sizes_of(sensor), with_noise=False)}")
     reasons = reasons_of(verdict, sensor)
     if not states:
         states, why = [str(State.NOT_JUDGED)], [reasons[0]]
-    elif lost_s >= 0.5 and reasons:
+    elif lost_s >= _SHORT_S or not moving_s:
         why.append(f"not judged: {reasons[0]}")
     return SensorRow(sensor, "; ".join(states), "; ".join(part for part in dict.fromkeys(why) if part))
+
+
+def _short_spans(spans: Sequence[SensorSpan], whole_s: Span) -> str:
+    told = [
+        f"{each.start_s:.1f} s on" if each.end_s >= whole_s[1] - _EDGE_S else f"{each.start_s:.1f}-{each.end_s:.1f} s"
+        for each in spans
+    ]
+    return ", ".join(told[:_MOST]) + (f" and {len(told) - _MOST} more" if len(told) > _MOST else "")
 
 
 def reasons_of(verdict: LogVerdict, sensor: str) -> tuple[str, ...]:
@@ -193,7 +201,10 @@ def reasons_of(verdict: LogVerdict, sensor: str) -> tuple[str, ...]:
 def _accused_text(sensor: str, span: SensorSpan) -> str:
     others = [name for name in span.suspects if name != sensor]
     either = f"it or {listed(others, 'or')}" if others else ""
-    return ": ".join(part for part in (either, fault_text(sensor, span.judgement) or span.reason) if part)
+    judged = span.judgement  # its kind is that of the likeliest
+    is_likeliest = judged is not None and sensor in (judged.sensor, *judged.candidates[:1], judged.partner)
+    fault = fault_text(sensor, judged) if is_likeliest else ""
+    return ": ".join(part for part in (either, fault or span.reason) if part)
 
 
 def timeline_rows(verdict: LogVerdict) -> list[SensorRow]:

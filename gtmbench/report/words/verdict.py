@@ -158,8 +158,9 @@ def _unjudged_text(verdict: LogVerdict) -> str:
         f"{'' if len(names) == len(asked) else f' for {listed(names)}'}: {reason}{_partly(verdict, names)}"
         for reason, names in groups.items()
     ]
-    more = [f" for {listed([name for names in [*groups.values()][_MOST:] for name in names])}: see below"]
-    told = [*told[:_MOST], *(more if len(told) > _MOST else [])]
+    if len(told) > _MOST:
+        others = [name for names in [*groups.values()][_MOST:] for name in names]
+        told = [*told[:_MOST], f" for {listed(others)}: other reasons"]
     sentences = [f"Cannot tell{';'.join(told)}."] if told else []
     for sensor in verdict.unjudged:
         if sensor in accused:
@@ -250,7 +251,8 @@ def verdict_lines(
     if len(lines) > _LONGEST:
         lines = [*lines[: _LONGEST - 1], f"{lines[_LONGEST - 1][: width - 4].rstrip()} ..."]
     rows = timeline_rows(verdict)
-    rows = [] if _all_open(rows) else rows
+    if _all_open(rows):
+        rows = []
     told = textwrap.wrap(" ".join(verdict.timeline.told), width, max_lines=1, placeholder=" ...")
     needed = [each for each in labels if each[0] == "Next"]
     lines += table_lines(rows, width, most - len(lines) - len(told) - len(needed))
