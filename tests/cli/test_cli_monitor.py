@@ -90,8 +90,8 @@ def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     assert (code, err, printed["exit_code"], printed["outcome"]) == (1, "", 1, "failed")
     assert printed["identified_s"] == [[0.0, 30.0]]
     assert [finding["text"] for finding in printed["findings"]] == ["q failed"]
-    assert printed["stretches"][0]["start_s"] == 0.0
-    assert printed["stretches"][-1]["end_s"] == pytest.approx(60.0, abs=0.05)
+    assert printed["timeline"]["span_s"] == pytest.approx([0.0, 60.0], abs=0.05)
+    assert any(span["state"] == "failed" for span in printed["timeline"]["sensors"]["q"])
     assert {row["residual"] for row in printed["residuals"]} == {"p", "q", "r"}
     assert printed["log"]["sample_period_s"] == 0.04
     assert printed["monitor"]["suspects"] == ["p", "q", "r", "phi", "theta", "psi"]

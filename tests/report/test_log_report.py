@@ -325,9 +325,11 @@ def test_the_recording_tells_what_happened_when(recorded, read):
     assert f"{missing.time_s:.2f} s  p failed; dropout" in texts
     assert f"{missing.end_known_s:.2f} s  the fault has gone, since {missing.ended_s:.2f} s" in texts
     assert told[239.0] == f"239.00 s  outcome: {verdict_text(watched)}"
-    states = words_of(path, "/state", "StateChange:state")
-    assert states[:-1] == [(pytest.approx(stretch.start_s), str(stretch.state)) for stretch in stretches(watched)]
-    assert states[-1][1] == ""
+    for sensor in watched.verdict.scope.sensors:
+        states = words_of(path, f"/state/{sensor}", "StateChange:state")
+        spans = watched.timeline.sensors[sensor]
+        assert states[:-1] == [(pytest.approx(span.start_s), span.state.value) for span in spans]
+        assert states[-1][1] == ""
     frame = read(jammed)
     for entity, times in (("/alarm", "time_s"), ("/named", "isolated_s")):
         assert of(frame, entity)[0] == pytest.approx([getattr(missing, times), getattr(alarm, times)])

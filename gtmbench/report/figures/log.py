@@ -69,7 +69,8 @@ def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     whole = whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
-    heights = [_LANE * max(len(told_sensors(watched.verdict)), 1), *([2.4] if scores_of(watched) else [])]
+    lanes = len(told_sensors(watched.verdict)) + bool(watched.log.remarks)
+    heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
     heights += [1.5] if _parting(watched) else []
     heights += [1.7] * len(_slow_gyros(watched))
     for name in signals_of(watched):
@@ -133,11 +134,12 @@ def _timelines(axis: Axes, watched: WatchedLog) -> None:
             begun_s = [each.start_s for each in accused]
             axis.plot(begun_s, [lane] * len(begun_s), "|", color="k", ms=13, mew=1.6, label="fault began, estimated")
     ends = [time_s for remark in watched.log.remarks for time_s in (remark.start_s, remark.end_s, np.nan)]
-    lowest = max(len(sensors), 1) - 0.4
+    lanes = [cut(sensor, _LONGEST_NAME) for sensor in sensors]
     if ends:
-        axis.plot(ends, np.full(len(ends), lowest), "d-", color="k", ms=3, lw=1.0, label="remark", clip_on=False)
-    axis.set_ylim(lowest, -0.6)
-    axis.set_yticks(range(len(sensors)), [cut(sensor, _LONGEST_NAME) for sensor in sensors])
+        axis.plot(ends, np.full(len(ends), len(lanes)), "d-", color="k", ms=4, lw=1.0, label="remark")
+        lanes.append("remarks")
+    axis.set_ylim(max(len(lanes), 1) - 0.5, -0.5)
+    axis.set_yticks(range(len(lanes)), lanes)
     axis.tick_params(axis="y", length=0)
     axis.grid(visible=False)
     axis.spines[["top", "right", "left"]].set_visible(False)
