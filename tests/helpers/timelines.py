@@ -87,3 +87,13 @@ def cases(draw):
     asked = draw(st.lists(st.sampled_from(sorted(made)), min_size=1, unique=True))
     limit, factor = draw(st.sampled_from([(5.0, None), (0.3, None), (5.0, 0.7), (5.0, 0.8), (15.0, None)]))
     return timeline, Scope(sensors=tuple(asked), error_deg_s=limit, factor=factor)
+
+
+class Judged:
+    """A watched log with a verdict that is made by hand."""
+
+    def __init__(self, watched, verdict):
+        self._watched, self.verdict, self.timeline = watched, verdict, verdict.timeline
+
+    def __getattr__(self, name):
+        return getattr(self._watched, name)

@@ -25,7 +25,6 @@ from tests.helpers.logged import (
     CASES,
     ODD,
     jammed,
-    never_armed,
     normed,
     odd,
     passing,

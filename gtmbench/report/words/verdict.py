@@ -97,9 +97,8 @@ def _accusations(verdict: LogVerdict) -> list[_Accusation]:
     for sensor, span in verdict.failed:
         _add(found, _failure(sensor, span), span)
     for sensor, span in verdict.suspected:
-        suspects = span.suspects or (sensor,)
-        if {sensor, *suspects} & {*verdict.scope.sensors}:
-            _add(found, _suspicion(suspects, span), span)
+        if sensor in verdict.scope.sensors:
+            _add(found, _suspicion(span.suspects or (sensor,), span), span)
     made = [_Accusation(who, verb, _united(spans), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
 
