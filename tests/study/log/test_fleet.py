@@ -333,10 +333,11 @@ def test_what_is_asked_is_a_fact_of_the_fleet():
 
 
 def test_a_row_has_the_verdict_on_the_asked_sensors():
-    made = clear() | {"q": [failed("q", 60.0, 90.0)], "r": [unjudged("gap", 0.0, 45.0), *clear(45.0)["r"]]}
+    made = clear() | {"r": [unjudged("gap", 0.0, 45.0), *clear(45.0)["r"]]}
+    made["q"].append(failed("q", 60.0, 90.0))
     made["p"] = made["phi"] = [suspected(["p", "phi"], 60.0, 90.0), *clear()["p"]]
     row = fleet_row(Judged(short(), verdict(made)))
     assert set(row) <= set(COLUMNS)
     assert (row["outcome"], row["failed_sensors"], row["suspected_sensors"]) == ("failed", "q", "p, phi")
-    assert row["judged_share"] == pytest.approx(0.5)
+    assert row["judged_share"] == pytest.approx(0.75)
     assert row["verdict"].startswith("The pitch gyro (q) failed from 60.0 to 90.0 s: bias 3 deg/s; one of the roll")
