@@ -126,6 +126,10 @@ def test_what_else_is_known_of_a_failure_is_said():
     assert first_line(verdict(changed(magnetometer=[axis]))) == (
         "The magnetometer failed from 30.0 s on, its y axis. p, q, r, phi, theta, psi are clear."
     )
+    lost = span(State.FAILED, 20.0, 40.0, reason="it lost its fix")
+    assert first_line(verdict(changed(gps=[lost]))).startswith(
+        "The GPS failed from 20.0 to 40.0 s: it lost its fix. p,"
+    )
     swap = {"kind": "swap", "parameters": {}, "partner": "q"}
     turned = changed(p=[failed("p", 60.0, END_S, **swap)], q=[failed("p", 60.0, END_S, **swap)])
     assert first_line(verdict(turned)).startswith(

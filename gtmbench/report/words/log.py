@@ -304,7 +304,9 @@ def _excursion_lines(watched: WatchedLog) -> list[str]:
 def _worth_lines(watched: WatchedLog) -> list[str]:
     """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
     if watched.verdict.outcome is Outcome.UNKNOWN:
-        silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
+        silence = f"no alarm{_alarms_text(watched)}"
+        if not watched.check.passed:
+            silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
         if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
             return [f"nothing else{_alarms_text(watched)}"]
         return [silence if watched.armed_hours else "no false alarm rate is bounded: at no time was an alarm possible"]

@@ -72,7 +72,7 @@ def test_every_log_is_a_row_and_a_bad_one_says_why(flown):
     rows = rows_of(flown)
     assert list(rows) == ["flight_9.csv", "flight_10.csv", "flight_11.csv"]
     assert [row["outcome"] for row in rows.values()] == ["healthy", "failed", "error"]
-    assert rows["flight_10.csv"]["verdict"].startswith("The pitch gyro (q) failed at 4")
+    assert rows["flight_10.csv"]["verdict"].startswith("The pitch gyro (q) failed from 4")
     assert 43.0 < rows["flight_10.csv"]["first_alarm_s"] < 50.0
     assert "it names columns, and holds no row of values" in rows["flight_11.csv"]["error"]
     assert rows["flight_11.csv"]["verdict"] is None
