@@ -22,6 +22,7 @@ from gtmbench.cli.output import (
     map_option,
     print_columns,
     print_json,
+    scope_options,
     screen_width,
 )
 from gtmbench.errors import InputError
@@ -73,6 +74,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
     metavar="DEG_S",
     help="Where the gyros drive the attitude, call no smaller mean error a failure, in deg/s.  [default: 0.1]",
 )
+@scope_options
 @click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
 @click.option(
     "--named", is_flag=True, help="Also report the size above which faults would have been named; takes some seconds."
@@ -107,6 +109,8 @@ def monitor_command(
     wanted: float | None,
     attitude: str,
     least_error: float | None,
+    judge: str | None,
+    limits: tuple[str, ...],
     details: bool,
     named: bool,
     record: Path | None,
@@ -159,6 +163,8 @@ def monitor_command(
             rate_hz=rate,
             false_alarms_per_hour=_wanted(wanted),
             attitude=attitude,
+            judge=judge,
+            limits=limits,
             limit_s=LIMIT_S if time_limit is None else time_limit,
         )
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
@@ -192,6 +198,8 @@ def monitor_command(
             false_alarms_per_hour=_wanted(wanted),
             attitude=attitude,
             least_error_deg_s=_least(least_error),
+            judge=judge,
+            limits=limits,
             progress=tell,
         )
         if named:
@@ -206,7 +214,7 @@ def monitor_command(
         print_json(results)
     for line in lines:
         echo(line)
-    return int(watched.outcome)
+    return watched.verdict.exit_code
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

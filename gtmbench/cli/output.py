@@ -176,6 +176,32 @@ def attitude_option(command: F) -> F:
     )(command)
 
 
+def scope_options(command: F) -> F:
+    """Add ``--judge`` and ``--limit`` to a command that gives a verdict on logs; limits are checked before any work."""
+
+    @wraps(command)
+    def told(*arguments: Any, limits: tuple[str, ...], **options: Any) -> Any:
+        from gtmbench.verdict.scope import Scope
+
+        Scope(sensors=()).with_limits(limits)
+        return command(*arguments, limits=limits, **options)
+
+    judge = click.option(
+        "--judge",
+        metavar="SENSORS",
+        help="The sensors that the verdict speaks for: p,q,r or gyros, attitude, all.  [default: gyros and attitude]",
+    )
+    limit = click.option(
+        "--limit",
+        "limits",
+        multiple=True,
+        metavar="SIZE",
+        help="A fault that has to show for a sensor to be clear: 2deg/s of a gyro, 8deg of an angle, factor=0.7 of a "
+        "gyro. Repeat it for several.  [default: 5deg/s, 10deg]",
+    )
+    return cast(F, judge(limit(told)))
+
+
 def echo(text: str, *, bold: bool = False, err: bool = False) -> None:
     """Print lines, without what a terminal would take for commands: names and titles come from files."""
     plain = "\n".join(map(printable, text.split("\n")))

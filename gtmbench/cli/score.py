@@ -9,7 +9,15 @@ import click
 
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.monitor import healthy_part
-from gtmbench.cli.output import attitude_option, common_options, echo, map_option, print_json, print_table
+from gtmbench.cli.output import (
+    attitude_option,
+    common_options,
+    echo,
+    map_option,
+    print_json,
+    print_table,
+    scope_options,
+)
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -31,6 +39,7 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 )
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @attitude_option
+@scope_options
 @common_options
 def score_command(
     log: Path,
@@ -39,6 +48,8 @@ def score_command(
     healthy: tuple[str, ...],
     rate: float | None,
     attitude: str,
+    judge: str | None,
+    limits: tuple[str, ...],
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -59,6 +70,8 @@ def score_command(
             mapping=mapping,
             rate_hz=rate,
             attitude=attitude,
+            judge=judge,
+            limits=limits,
             progress=tell,
         )
     if as_json:
@@ -67,7 +80,7 @@ def score_command(
         print_json(score_results(scores))
     elif not quiet:
         _print(log, scores)
-    return int(scores.watched.outcome)
+    return scores.watched.verdict.exit_code
 
 
 def _print(log: Path, scores: ScoredLog) -> None:

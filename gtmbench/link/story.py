@@ -9,7 +9,7 @@ from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
 from gtmbench.link.events import LiveKind
 from gtmbench.report.words.judgement import judgement_text
-from gtmbench.report.words.verdict import sensor_text
+from gtmbench.report.words.timeline import sensor_text
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.imu_comparison import doubted
 

@@ -27,6 +27,7 @@ from gtmbench.report.words.fleet import MEANING, counts_text, fleet_table, full_
 from gtmbench.study.log.log_fleet import LIMIT_S, Watching, conduct
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
+from gtmbench.verdict.scope import judge_text
 from gtmbench.verdict.verdict import Outcome
 
 if TYPE_CHECKING:
@@ -47,6 +48,8 @@ def watch_fleet(
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
     false_alarms_per_hour: float | None = None,
+    judge: str | Sequence[str] | None = None,
+    limits: Sequence[str] = (),
     limit_s: float = LIMIT_S,
     jobs: int = 1,
     resume: bool = False,
@@ -60,7 +63,7 @@ def watch_fleet(
     ----------
     sources : sequence of str or Path
         Logs, patterns, and folders, which stand for all logs in them.
-    detector, healthy, mapping, rate_hz, false_alarms_per_hour
+    detector, healthy, mapping, rate_hz, false_alarms_per_hour, judge, limits
         As in `watch_log`. Spans apply to each log, and other logs that serve as healthy aren't watched.
     out : str or Path
         The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png``, ``report.md``, and of a page for each
@@ -102,6 +105,8 @@ def watch_fleet(
         mapping=tuple(mapping),
         rate_hz=rate_hz,
         false_alarms_per_hour=false_alarms_per_hour,
+        judge=judge_text(judge),
+        limits=tuple(limits),
         limit_s=limit_s,
     )
     logs = watching.logs_of(sources)
@@ -127,7 +132,7 @@ def written(
 
 def _row_with_page(watched: WatchedLog, *, pages: Path, options: Sequence[str]) -> Row:
     """Return what is kept of a log, and write its page where somebody will want to look at it."""
-    if watched.outcome is not Outcome.HEALTHY:
+    if watched.verdict.outcome is not Outcome.HEALTHY:
         path = watched.log.path
         pages.mkdir(exist_ok=True)
         command = shlex.join(["gtmbench", "monitor", path.name, *options])
@@ -144,7 +149,12 @@ def _options(watching: Watching) -> list[str]:
     rate = [] if watching.rate_hz is None else ["--rate", f"{watching.rate_hz:g}"]
     listed = [
         word
-        for key, texts in (("--identify", spans), ("--map", watching.mapping))
+        for key, texts in (
+            ("--identify", spans),
+            ("--map", watching.mapping),
+            ("--judge", [] if watching.judge is None else [watching.judge]),
+            ("--limit", watching.limits),
+        )
         for text in texts
         for word in (key, text)
     ]

@@ -22,6 +22,12 @@ EVENTS = {  # of a log
     "complaint": "#e377c2",
 }
 VERDICTS = {"healthy": "#1a7f37", "failed": "#b42318", "unknown": "#9a6700"}  # by outcome; beside the word, always
+STATES = {  # of a sensor over a span, the weightier first; light and dark, so that they differ in grey, too
+    "failed": "#b3261e",
+    "suspected": "#f0a030",
+    "not judged": "#d3d6da",
+    "clear": "#8ccf9f",
+}
 _OTHERS = ("#8c564b", "#17a2b8", "#bcbd22", "#ff9896", "#4d4d4d", "#9edae5")
 
 # of many lines in one plot of a recording, on black and on white

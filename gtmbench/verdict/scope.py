@@ -88,6 +88,15 @@ def _number(text: str, value: str) -> float:
         raise InputError(f"--limit is '{text}'; give 5deg/s, 10deg or factor=0.7") from None
 
 
+def judge_text(given: str | Sequence[str] | None) -> str | None:
+    """Return which sensors are asked as one text, as ``--judge`` takes it; None for the usual ones.
+
+    >>> judge_text(["p", "q"]), judge_text("gyros"), judge_text(None)
+    ('p,q', 'gyros', None)
+    """
+    return given if given is None or isinstance(given, str) else ",".join(given)
+
+
 def asked_sensors(given: str | Sequence[str] | None, there: Sequence[str], usual: Sequence[str]) -> tuple[str, ...]:
     """Return which sensors are asked.
 

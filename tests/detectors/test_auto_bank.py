@@ -227,7 +227,7 @@ def test_identify_alone_is_auto_and_nothing_at_all_still_lists(tmp_path, cli):
     write(tmp_path, healthy=False)
     named = cli("monitor", "flight.csv", "--detector", "auto", "--identify", "0:40")
     assert named[0] == 1
-    assert named[1].startswith("The pitch gyro (q) failed at 6")
+    assert named[1].startswith("The pitch gyro (q) failed from 6")
     assert cli("monitor", "flight.csv", "--identify", "0:40") == named
     code, out, err = cli("monitor", "flight.csv")
     assert (code, err.count("\n")) == (2, 1)

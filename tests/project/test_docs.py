@@ -114,8 +114,8 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
         code, out, err = cli(command, *arguments, *cheap)
         assert (code, err) == (int(command == "monitor"), ""), line
         if command == "monitor":
-            assert "pitch gyro (q) failed at 4" in out
-            assert "yaw gyro (r) failed at 5" in out
+            assert "pitch gyro (q) failed from 4" in out
+            assert "yaw gyro (r) failed from 5" in out
         if "--strict" in line:
             assert "expectations met: 5 of 5" in out
 

@@ -49,9 +49,10 @@ def page(watched):
 def test_the_verdict_is_the_title_and_every_part_is_there(watched, page):
     text = Seen(page).text
     verdict = verdict_text(watched)
-    assert verdict.startswith("The pitch gyro (q) failed at")
+    assert verdict.startswith("The pitch gyro (q) failed from ")
     assert f'<h1 class="failed">{escape(verdict)}</h1>' in page
-    order = ["Why", "How sure", "Learnt from", "Pitch gyro (q)", "Alarms", "From which size on", COMMAND, "SHA-256"]
+    order = ["sensor", "Why", "How sure", "Learnt from", "The state of each sensor", "Pitch gyro (q)"]
+    order += ["Alarms", "From which size on", COMMAND, "SHA-256"]
     places = [text.index(part) for part in order]
     assert places == sorted(places)
 

@@ -31,7 +31,7 @@ def recording(recording_of):
 
 def test_results_say_what_watched_and_what_came_of_it():
     told = results(study())
-    assert (told["schema_version"], told["seed"], len(told["detectors"])) == (3, 1, 1)
+    assert (told["schema_version"], told["seed"], len(told["detectors"])) == (4, 1, 1)
     told = {**told, **told["detectors"][0]}
     assert (told["detected"], told["isolated"], told["kind_right"], told["kind_right_20s"]) == (3, 3, 3, 3)
     assert (told["false_alarms"], len(told["trials"])) == (0, 6)

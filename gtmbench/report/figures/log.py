@@ -1,4 +1,4 @@
-"""The figure of a watched log: signals and their virtual sensors, residuals, levels, and what was watched when."""
+"""The figure of a watched log: the sensors' timelines, test statistics, signals, virtual sensors, residuals."""
 
 from __future__ import annotations
 
@@ -13,24 +13,22 @@ from gtmbench.checks import printable
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
-    TINTS,
-    State,
-    Stretch,
     about,
     began_s,
     faults_of,
     residuals_of,
     scores_of,
     signals_of,
-    stretches,
     tints_of,
+    told_sensors,
     whole_of,
 )
 from gtmbench.report.score_units import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS, VERDICTS, colours
+from gtmbench.report.style import COLOURS, EVENTS, STATES, VERDICTS, colours
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
+from gtmbench.report.words.timeline import cut
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.seconds import SECOND_S
@@ -38,6 +36,7 @@ from gtmbench.study.log.slow_means import SLOW, WINDOWS
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import FloatArray, Span
+from gtmbench.verdict.timeline import State
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,6 +48,8 @@ _MOST_FAULTS = 2
 _MOST_EVENTS = 60
 _TITLE = 105  # letters in a line
 _LINE = 0.15  # inches, of the certificate
+_LANE = 0.28  # inches, of a sensor's timeline
+_LONGEST_NAME = 14
 
 
 def write_log_figure(watched: WatchedLog, path: Path) -> None:
@@ -66,9 +67,10 @@ def log_figure(watched: WatchedLog) -> Figure:
 
 def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    parts, whole = stretches(watched), whole_of(watched)
+    whole = whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
-    heights = [0.35, 2.4] if scores_of(watched) else [0.35]
+    lanes = len(told_sensors(watched.verdict)) + bool(watched.log.remarks)
+    heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
     heights += [1.5] if _parting(watched) else []
     heights += [1.7] * len(_slow_gyros(watched))
     for name in signals_of(watched):
@@ -80,7 +82,7 @@ def _figure(watched: WatchedLog) -> Figure:
     if seen:
         _draw_certificate(axes.pop(), seen)
     for column, span in enumerate(spans):
-        _column([row[column] for row in axes], watched, parts, span)
+        _column([row[column] for row in axes], watched, span)
     for axis, fault in zip(axes[0][1:], faults, strict=True):
         axis.set_title(textwrap.fill(alarm_text(fault), 45), fontsize="medium")
     _finished(figure, [axis for row in axes for axis in row], watched)
@@ -97,10 +99,10 @@ def _draw_certificate(axes: Sequence[Axes], lines: Sequence[str]) -> None:
     written.set_in_layout(False)  # it runs on under the next column, which needn't make room for it
 
 
-def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch], span: Span) -> None:
-    """Draw a span: what became of it, levels, then every signal with its residual."""
+def _column(axes: Sequence[Axes], watched: WatchedLog, span: Span) -> None:
+    """Draw a span: the sensors' timelines, levels, then every signal with its residual."""
     rest = iter(axes)
-    _states(next(rest), watched, parts)
+    _timelines(next(rest), watched)
     if scores_of(watched):
         _levels(next(rest), watched, span)
     if _parting(watched):
@@ -115,47 +117,42 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, parts: Sequence[Stretch],
         axis.set_xlim(*span)
         axis.tick_params(labelbottom=axis is axes[-1])
     for axis in axes[1:]:
-        _marked(axis, watched, parts)
+        _marked(axis, watched)
     axes[-1].set_xlabel("time (s)")
 
 
-def _states(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
-    """Draw what became of the log as one bar, and the remarks on it."""
-    _bands(axis, parts, alpha=1.0)
-    _faults(axis, watched)
+def _timelines(axis: Axes, watched: WatchedLog) -> None:
+    """Draw a bar a sensor in its states' colours, where faults began, and the remarks on the log below."""
+    timeline, sensors = watched.verdict.timeline, told_sensors(watched.verdict)
+    for lane, sensor in enumerate(sensors):
+        for state, tint in STATES.items():
+            spans = [(each.start_s, each.duration_s) for each in timeline.sensors[sensor] if each.state == state]
+            if spans:
+                axis.broken_barh(spans, (lane - 0.36, 0.72), lw=0.0, facecolor=tint, label=state)
+        accused = timeline.of(sensor, State.FAILED, State.SUSPECTED)[:MOST_ALARMS]
+        if accused:
+            begun_s = [each.start_s for each in accused]
+            axis.plot(begun_s, [lane] * len(begun_s), "|", color="k", ms=13, mew=1.6, label="fault began, estimated")
     ends = [time_s for remark in watched.log.remarks for time_s in (remark.start_s, remark.end_s, np.nan)]
+    lanes = [cut(sensor, _LONGEST_NAME) for sensor in sensors]
     if ends:
-        axis.plot(ends, np.full(len(ends), 0.5), "d-", color="k", ms=4, lw=1.0, label="remark")
-    axis.set_ylim(0.0, 1.0)
-    axis.set_yticks([])
+        axis.plot(ends, np.full(len(ends), len(lanes)), "d-", color="k", ms=4, lw=1.0, label="remark")
+        lanes.append("remarks")
+    axis.set_ylim(max(len(lanes), 1) - 0.5, -0.5)
+    axis.set_yticks(range(len(lanes)), lanes)
+    axis.tick_params(axis="y", length=0)
     axis.grid(visible=False)
+    axis.spines[["top", "right", "left"]].set_visible(False)
 
 
-def _faults(axis: Axes, watched: WatchedLog) -> None:
-    """Draw from when on a sensor had failed, or nobody can tell, over what became of the log."""
-    end_s = whole_of(watched)[1]
-    for label, outcome in (("failed", "failed"), ("cannot tell", "unknown")):
-        told = [each for each in watched.alarms if not each.has_passed and bool(each.doubt) == (outcome == "unknown")]
-        spans = [(began_s(each), max((each.ended_s or end_s) - began_s(each), 0.0)) for each in told[:MOST_ALARMS]]
-        if spans:
-            axis.broken_barh(spans, (0.0, 0.5), lw=0.0, facecolor=VERDICTS[outcome], label=label)
+def _bands(axis: Axes, watched: WatchedLog, sensor: str) -> None:
+    """Tint a sensor's panel where it failed, is suspected or isn't judged."""
+    for span in watched.verdict.timeline.of(sensor, State.FAILED, State.SUSPECTED, State.NOT_JUDGED):
+        axis.axvspan(span.start_s, span.end_s, facecolor=STATES[span.state], alpha=0.25, lw=0.0, zorder=0)
 
 
-def _bands(axis: Axes, parts: Sequence[Stretch], alpha: float) -> None:
-    for state in State:
-        spans = [(stretch.start_s, stretch.duration_s) for stretch in parts if stretch.state is state]
-        if spans:
-            bars = axis.broken_barh(
-                spans, (0.0, 1.0), transform=axis.get_xaxis_transform(), lw=0.0, zorder=0, label=state
-            )
-            bars.set(
-                facecolor=TINTS[state], edgecolor="#9a9a9a", hatch="////" if state is State.GAP else "", alpha=alpha
-            )
-
-
-def _marked(axis: Axes, watched: WatchedLog, parts: Sequence[Stretch]) -> None:
-    """Draw what wasn't watched, what the log says happened, when faults began, and alarms."""
-    _bands(axis, [stretch for stretch in parts if stretch.state is not State.WATCHED], alpha=0.35)
+def _marked(axis: Axes, watched: WatchedLog) -> None:
+    """Draw what the log says happened, when faults began, and alarms."""
     for event in of_kind(watched.log.events, *map(EventKind, EVENTS))[:_MOST_EVENTS]:
         axis.axvline(event.time_s, color=EVENTS[event.kind], lw=0.9, ls=(0, (2, 2)), label=f"{event.kind}, as logged")
     for alarm in watched.alarms[:MOST_ALARMS]:
@@ -226,6 +223,7 @@ def _window_of(watched: WatchedLog, gyro: str) -> int:
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
+    _bands(axis, watched, name)
     for segment in watched.log.segments:
         _line(axis, segment.time_s, segment[name], span, COLOURS["healthy"], "measured", width=2.4)
     for watch in watched.watches:
@@ -237,6 +235,7 @@ def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:
 
 def _residual(axis: Axes, watched: WatchedLog, output: str, span: Span) -> None:
     tint = tints_of(watched)[output]
+    _bands(axis, watched, output)
     for watch in watched.watches:
         _line(axis, watch.record.time_s, watch.residuals[output], span, tint)
     usual = 3.0 * rms_identified(watched.monitor).get(output, np.nan)
@@ -266,4 +265,4 @@ def _finished(figure: Figure, axes: Sequence[Axes], watched: WatchedLog) -> None
     one_legend(figure, axes, columns=5)
     title = title_text(watched.monitor)
     said = textwrap.wrap(f"{verdict_text(watched)} ({printable(watched.log.path.name)}, {title})", _TITLE)
-    figure.suptitle("\n".join(said), fontweight="bold", color=VERDICTS[watched.outcome.name.lower()])
+    figure.suptitle("\n".join(said), fontweight="bold", color=VERDICTS[watched.verdict.outcome.name.lower()])

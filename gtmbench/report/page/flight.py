@@ -12,21 +12,19 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.log_findings import (
-    TINTS,
-    Stretch,
     about,
     began_s,
     faults_of,
     residuals_of,
     scores_of,
-    seconds_by_state,
     signals_of,
-    stretches,
+    told_sensors,
     whole_of,
 )
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
 from gtmbench.report.score_units import LOWEST, level
+from gtmbench.report.style import STATES
 from gtmbench.report.tables.results import versions
 from gtmbench.report.words.certificate import (
     certificate_notes,
@@ -37,8 +35,9 @@ from gtmbench.report.words.certificate import (
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import sensor_lines
+from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
 from gtmbench.report.words.units import capitalised, duration_text
-from gtmbench.report.words.verdict import SHORT_S, labelled, sensor_text, verdict_text
+from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
@@ -77,8 +76,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
     """
     span = whole_of(watched)
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
-    close, parts = [about(fault, span) for fault in faults], stretches(watched)
-    lengths_s = seconds_by_state(parts)
+    close = [about(fault, span) for fault in faults]
     title, *cells = certificate_table(watched.certificate) or [[]]
     return html_page(
         "flight.html.j2",
@@ -86,21 +84,23 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         "flight.css",
         said=_placeless(watched.log.path),
         title=verdict_text(watched),
-        outcome=watched.outcome.name.lower(),
+        outcome=watched.verdict.outcome.name.lower(),
         log=_log_text(watched),
         labelled=[(label, text) for label, text in labelled(watched) if label != "Next" or watched.check.causes],
         span=(0.0, round(span[1] - span[0], 3)),
         start_s=span[0],
         ticks=time_ticks(span),
         panels=panels(watched, span, close),
-        marks=marks(watched, parts),
-        states=[(state, TINTS[state]) for state in lengths_s],
+        marks=marks(watched),
+        lanes=[(sensor, sensor_text(sensor), bands(watched, sensor)) for sensor in told_sensors(watched.verdict)],
+        states=list(STATES.items()),
         windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
-        treatment=[(state, f"{seconds:.1f}") for state, seconds in lengths_s.items() if seconds >= SHORT_S],
+        table_of=(HEAD, timeline_rows(watched.verdict)),
+        told=watched.verdict.timeline.told,
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
         certificate_notes=[
             *certificate_notes(watched.certificate),
@@ -110,7 +110,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         details="\n".join(detail_lines(watched)),
         facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
         command=command,
-        made_by=f"Made by gtmbench {__version__} of the log alone; it says where nothing was watched, and why.",
+        made_by=f"Made by gtmbench {__version__} of the log alone; it says where sensors are not judged, and why.",
     )
 
 
@@ -127,12 +127,13 @@ def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel
             lines.append((_PREDICTED, _PREDICTED, virtual))
         title = sensor_text(name)
         described = f"{title}, measured and predicted from the other sensors. {_alarms_said(watched)}"
-        made.append(panel(capitalised(title), unit, lines, span, close, description=described))
+        own_bands = bands(watched, name)
+        made.append(panel(capitalised(title), unit, lines, span, close, bands=own_bands, description=described))
         if name in residuals_of(watched):
             residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
             described = f"{title}, measured minus predicted. {_alarms_said(watched)}"
             own = [(_RESIDUAL, _RESIDUAL, residual)]
-            made.append(panel(f"Residual of {name}", unit, own, span, close, description=described))
+            made.append(panel(f"Residual of {name}", unit, own, span, close, bands=own_bands, description=described))
     return made
 
 
@@ -169,27 +170,31 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
     ]
 
 
-def marks(watched: WatchedLog, parts: Sequence[Stretch]) -> list[Mark]:
-    """Return what stands in every panel: what wasn't watched, when faults began, alarms and names."""
+def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
+    """Return a sensor's timeline, a band a span; none of a sensor that has no timeline."""
     start_s = whole_of(watched)[0]
-    spans = [
+    return [
         Mark(
             start_s=each.start_s - start_s,
             end_s=each.end_s - start_s,
             look=each.state.name.lower(),
-            name=str(each.state),
+            name=f"{sensor}, {each.start_s:.1f} to {each.end_s:.1f} s: {each.state}{span_text(sensor, each)}",
         )
-        for each in parts
+        for each in watched.verdict.timeline.sensors.get(sensor, ())
     ]
+
+
+def marks(watched: WatchedLog) -> list[Mark]:
+    """Return the instants that stand in every panel: when faults began, alarms and names."""
+    start_s = whole_of(watched)[0]
     instants = []
     for alarm in watched.alarms[:_MOST_ROWS]:
         instants += [(began_s(alarm), "began", "began"), (alarm.time_s, "alarm", "alarm")]
         if alarm.isolated_s is not None:
             instants.append((alarm.isolated_s, "named", "sensor named"))
-    lines = [
+    return [
         Mark(start_s=time_s - start_s, end_s=time_s - start_s, look=look, name=name) for time_s, look, name in instants
     ]
-    return spans + lines
 
 
 def _alarm_row(alarm: Alarm) -> tuple[str, ...]:

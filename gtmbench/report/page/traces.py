@@ -62,6 +62,8 @@ class Panel:
         What a screen reader says.
     limits : tuple of float
         Values that are drawn across, such as a threshold.
+    bands : tuple of Mark
+        Spans of time behind the lines, such as a sensor's timeline.
     """
 
     title: str
@@ -72,6 +74,7 @@ class Panel:
     is_logarithmic: bool = False
     description: str = ""
     limits: tuple[float, ...] = field(default=())
+    bands: tuple[Mark, ...] = field(default=())
 
     @property
     def ticks(self) -> list[Tick]:
@@ -103,6 +106,7 @@ def panel(
     *,
     is_logarithmic: bool = False,
     limits: Sequence[float] = (),
+    bands: Sequence[Mark] = (),
     description: str = "",
 ) -> Panel:
     """Return a panel of lines, each a name, a look and its parts; times are counted from the span's start."""
@@ -124,6 +128,7 @@ def panel(
         high=high,
         is_logarithmic=is_logarithmic,
         limits=tuple(limits),
+        bands=tuple(bands),
         description=description,
     )
 

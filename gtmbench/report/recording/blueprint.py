@@ -320,7 +320,7 @@ def _log_attitude() -> rrb.Container:
 
 
 def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
-    """Return scores above, measured and virtual sensors in the middle, what was watched and what was said below.
+    """Return scores above, measured and virtual sensors in the middle, the sensors' timelines and what was said below.
 
     Without scores there are alarms instead.
     """
@@ -332,10 +332,13 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
         else "measured"
     )
     states = rrb.StateTimelineView(
-        name="what was watched", origin="/", contents=shown(["/state"]), time_view=_time_axis(span)
+        name="sensors: clear, failed, suspected, not judged",
+        origin="/",
+        contents=shown(["/state/**"]),
+        time_view=_time_axis(span),
     )
     signal_grid = signal_plots(signals, what, span)
-    return beside(rrb.Vertical(scores, signal_grid, states, row_shares=[3, 5, 1]), event_log("/events"), name)
+    return beside(rrb.Vertical(scores, signal_grid, states, row_shares=[3, 5, 2]), event_log("/events"), name)
 
 
 def _log_sensors(watched: WatchedLog, span: Span) -> rrb.Container:

@@ -57,8 +57,8 @@ A watched log, on the log's clock; no line runs over a gap between samples or se
 ``/virtual/CHANNEL``                        what those that are predicted, or failed, should have read
 ``/attitude``                               the aircraft as it is turned, where the log says that
 ``/began``, ``/alarm``, ``/named``          a point an alarm; ``named``: when the sensor was named
-``/state``                                  what became of every stretch: watched, or why not
-``/events``                                 remarks, a log's events, stretches, alarms, judgements, the outcome
+``/state/SENSOR``                           its timeline: clear, failed, suspected, not judged
+``/events``                                 remarks, a log's events, states, alarms, judgements, the outcome
 ``/verdict``, ``/findings/N/verdict``       outcome and alarms
 ==========================================  ===========================================================
 """
@@ -75,14 +75,12 @@ from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.report.log_findings import (
-    TINTS,
-    State,
     began_s,
     residuals_of,
     scores_of,
     signals_of,
-    stretches,
     tints_of,
+    told_sensors,
     whole_of,
 )
 from gtmbench.report.recording.blueprint import (
@@ -118,13 +116,14 @@ from gtmbench.report.recording.entities import (
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.scene import Scene
 from gtmbench.report.score_units import norm_of, part, tints
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, STATES, colour
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, trial_label, watch_events
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
+from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import WatchedLog
@@ -344,14 +343,16 @@ def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> 
 
 
 def _log_states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
-    colours = [[*rgb(TINTS[state]), 255] for state in State]
-    recording.log("/state", rr.StateConfiguration(values=[str(state) for state in State], colors=colours), static=True)
-    all_stretches = stretches(watched)
-    for stretch in all_stretches:
-        set_time(recording, stretch.start_s)
-        recording.log("/state", rr.StateChange(state=str(stretch.state)))
-    set_time(recording, all_stretches[-1].end_s)
-    recording.log("/state", rr.StateChange(state=""))  # it ends there
+    colours = [[*rgb(tint), 255] for tint in STATES.values()]
+    known = rr.StateConfiguration(values=list(STATES), colors=colours)
+    for sensor in told_sensors(watched.verdict):
+        path, spans = entity("/state", sensor), watched.verdict.timeline.sensors[sensor]
+        recording.log(path, known, static=True)
+        for span in spans:
+            set_time(recording, span.start_s)
+            recording.log(path, rr.StateChange(state=str(span.state)))
+        set_time(recording, spans[-1].end_s)
+        recording.log(path, rr.StateChange(state=""))  # it ends there
 
 
 def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
@@ -363,18 +364,22 @@ def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 
 
 def _log_story(watched: WatchedLog) -> list[Event]:
-    """Return remarks, what the log tells of, stretches, alarms and the outcome."""
+    """Return remarks, what the log tells of, states of sensors, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
-    events += [(of.start_s, "INFO", f"until {of.end_s:.2f} s: {of.state}") for of in stretches(watched)]
+    timeline = watched.verdict.timeline
+    for sensor in told_sensors(watched.verdict):
+        for span in timeline.sensors[sensor]:
+            state = f"{sensor} until {span.end_s:.2f} s: {span.state}{span_text(sensor, span)}"
+            events.append((span.start_s, "INFO", state))
     began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
     events += watch_events(watched.watches)
     apart = () if watched.comparison is None else watched.comparison.alarms
     events += [(alarm.time_s, "WARN", f"{alarm.source}: {alarm.verdict}") for alarm in apart]
     events += [(of.onset_s, "WARN", f"injected: {injection_text(of)}") for of in watched.log.injections]
-    severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.outcome]
+    severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.verdict.outcome]
     end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []
     return [*events, (end_s, severity, f"outcome: {verdict_text(watched)}")]

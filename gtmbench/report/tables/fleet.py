@@ -12,6 +12,7 @@ from gtmbench.files.plain import plain
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.tables.timeline import least_judged
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
@@ -34,7 +35,10 @@ COLUMNS: Mapping[str, Column] = {
     "task": Column("int32", "of the fleet; a task is a log, in the order in which they were given"),
     "log": Column("string", "its file"),
     "outcome": Column("string", "failed, unknown (can't tell), error (couldn't be watched), healthy"),
-    "verdict": Column("string", "in words"),
+    "verdict": Column("string", "in words: the first line that `gtmbench monitor` prints"),
+    "judged_share": Column("double", "of the time in motion in which the asked sensor is judged that is judged least"),
+    "failed_sensors": Column("string", "that failed, with commas between; empty where none did"),
+    "suspected_sensors": Column("string", "of which one failed, or that may have, with commas between"),
     "certificate": Column("string", "what would have been detected, in words"),
     "start_s": Column("double", "of the log, on its own clock"),
     "end_s": Column("double", "of the log"),
@@ -55,12 +59,16 @@ COLUMNS: Mapping[str, Column] = {
 
 def fleet_row(watched: WatchedLog) -> Row:
     """Return what is kept of a watched log."""
+    verdict = watched.verdict
     left = [alarm for alarm in watched.alarms if not alarm.has_passed]
     words = of_sensors(words_of(watched.log.events))
     segments = watched.log.segments
     row = {
-        "outcome": watched.outcome.name.lower(),
+        "outcome": verdict.outcome.name.lower(),
         "verdict": verdict_text(watched),
+        "judged_share": least_judged(verdict),
+        "failed_sensors": ", ".join(dict.fromkeys(sensor for sensor, _ in verdict.failed)),
+        "suspected_sensors": ", ".join(dict.fromkeys(sensor for sensor, _ in verdict.suspected)),
         "certificate": certificate_text(watched.certificate),
         "start_s": segments[0].start_s,
         "end_s": segments[-1].end_s,

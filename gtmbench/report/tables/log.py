@@ -14,10 +14,11 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms, stretches
+from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms
 from gtmbench.report.score_units import level
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
+from gtmbench.report.tables.timeline import timeline_table
 from gtmbench.report.words.autopilot import score_verdict
 from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
@@ -38,12 +39,13 @@ from gtmbench.values.pieces import deviation, rms
 def log_results(watched: WatchedLog) -> dict[str, Any]:
     """Return a watched log as one JSON-ready object; units stand in the names, or beside.
 
-    Times are the log's. `findings` has a row for every alarm that first told of a fault. `stretches` covers the log
-    from its first sample to its last and says of every stretch whether it was watched, or why not; `residuals` has a
-    row for every score, or residual, on every record that the monitor was given.
+    Times are the log's. `timeline` covers the log from its first sample to its last and holds the state of every
+    sensor. `findings` has a row for every alarm that first told of a fault; `residuals` one for every score, or
+    residual, on every record that the monitor was given.
     """
     own = {
-        "outcome": watched.outcome.name.lower(),
+        "outcome": watched.verdict.outcome.name.lower(),
+        "timeline": timeline_table(watched.verdict),
         "reasons": watched.reasons,
         "certificate": _certificate(watched.certificate),
         "louder_than_learnt": [asdict(each) for each in watched.louder],
@@ -63,11 +65,10 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "identified_s": watched.identified_s,
         "left_out_of_identification": [asdict(each) for each in watched.left_out],
         "excursions": [_excursion(each) for each in watched.excursions],
-        "stretches": [vars(stretch) for stretch in stretches(watched)],
         "residuals": [_score(watch, name) for watch in watched.watches for name in _names(watch)],
         "versions": versions(),
     }
-    code, findings = int(watched.outcome), _findings(watched)
+    code, findings = watched.verdict.exit_code, _findings(watched)
     return envelope("monitor", verdict_text(watched), own, exit_code=code, findings=findings)
 
 
@@ -178,7 +179,8 @@ def _witness(witness: Witness) -> Mapping[str, Any]:
 def score_results(scores: ScoredLog) -> dict[str, Any]:
     """Return a log that was scored on its own truth as one JSON-ready object; times are the log's."""
     own = {
-        "outcome": scores.watched.outcome.name.lower(),
+        "outcome": scores.watched.verdict.outcome.name.lower(),
+        "timeline": timeline_table(scores.watched.verdict),
         "log_verdict": verdict_text(scores.watched),
         "failures": [_scored(row) for row in scores.rows],
         "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],
@@ -189,7 +191,7 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
         "monitor": facts(scores.watched.monitor),
         "versions": versions(),
     }
-    code, findings = int(scores.watched.outcome), _findings(scores.watched)
+    code, findings = scores.watched.verdict.exit_code, _findings(scores.watched)
     return envelope("score", score_verdict(scores), own, exit_code=code, findings=findings)
 
 

@@ -16,20 +16,14 @@ from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.report.log_findings import (
-    State,
-    alarm_bound,
-    began_s,
-    disarmed_by,
-    passed_alarms,
-    stretches,
-)
+from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, slow_text, source_text, witness_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
+from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
 from gtmbench.study.log.self_check.explained import Explained
@@ -48,7 +42,7 @@ _TOLD = (EventKind.RESET, EventKind.FAILURE)  # events that say more than that t
 
 def log_report(watched: WatchedLog, width: int = 80) -> list[str]:
     """Return the verdict and what follows it (`summary_lines`), then every detail, line by line."""
-    return [*summary_lines(watched, width), "", *detail_lines(watched)]
+    return [*summary_lines(watched, width, None), "", *detail_lines(watched)]
 
 
 def detail_lines(watched: WatchedLog) -> list[str]:
@@ -64,7 +58,8 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *imu_lines(watched),
         *autopilot_lines(watched),
         *injection_lines(watched),
-        *_unwatched_lines(watched),
+        *span_lines(watched.timeline),
+        *_excursion_lines(watched),
         *(f"note: {reason}" for reason in watched.reasons),
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
@@ -294,16 +289,6 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
     return [f"{alarm.time_s:.2f} s  {what}", *_witness_lines(alarm), *([f"    {'; '.join(known)}"] if known else [])]
 
 
-def _unwatched_lines(watched: WatchedLog) -> list[str]:
-    """Return what wasn't watched, a line a reason."""
-    lines, parts = [], stretches(watched)
-    for state in State:
-        own = [(stretch.start_s, stretch.end_s) for stretch in parts if stretch.state is state]
-        if own and state not in (State.WATCHED, State.OUTSIDE):
-            lines.append(f"not watched, {state}: {_spans(own)}")
-    return [*lines, *_excursion_lines(watched)]
-
-
 def _excursion_lines(watched: WatchedLog) -> list[str]:
     """Say where motion, or what the log tells of, lets nothing be told, a line a reason."""
     silent = [excursion for excursion in watched.excursions if not excursion.is_judged]
@@ -318,12 +303,14 @@ def _excursion_lines(watched: WatchedLog) -> list[str]:
 
 def _worth_lines(watched: WatchedLog) -> list[str]:
     """Say what the outcome is worth: what could be there unseen, or how few false alarms the length watched shows."""
-    if watched.outcome is Outcome.UNKNOWN:
-        silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
+    if watched.verdict.outcome is Outcome.UNKNOWN:
+        silence = f"no alarm{_alarms_text(watched)}"
+        if not watched.check.passed:
+            silence = f"no alarm in {duration_text(watched.armed_hours)} watched, which says nothing"
         if any(alarm.doubt for alarm in watched.alarms) and not watched.check.stops:
             return [f"nothing else{_alarms_text(watched)}"]
         return [silence if watched.armed_hours else "no false alarm rate is bounded: at no time was an alarm possible"]
-    if watched.outcome is Outcome.FAILED:
+    if watched.verdict.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
     suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
     bound = f"nothing found{_alarms_text(watched)}"

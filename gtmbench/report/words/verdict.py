@@ -1,204 +1,297 @@
-"""The verdict on a watched log: its first line, and the few that follow it.
+"""The verdict on a watched log: its first line, the table of its sensors, and the few lines that follow.
 
-The first line says what happened. Then come, a label each: why and from when, how sure that is, what could not be
-watched, from which size on a fault would have been detected, what the monitor was learnt from, what was read as what,
-and what to type next. Everything else is details (`gtmbench.report.words.log`).
+The first line is one pure function of a `LogVerdict`. It names every sensor for which it speaks. Then come a table of
+what is known of each sensor, what holds for the whole log, and, a label each: why, how sure that is, what was read as
+what, what the monitor was learnt from, and what to type next. Everything else is details (`gtmbench.report.words.log`).
 """
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from gtmbench.checks import listed
-from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.detectors.monitor.regime import FAILURE
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.report.log_findings import (
-    State,
-    alarm_bound,
-    began_s,
-    faults_of,
-    passed_alarms,
-    seconds_by_state,
-    stretches,
-)
-from gtmbench.report.words.certificate import certificate_text
-from gtmbench.report.words.judgement import kind_text, slow_text, source_text, witness_text
+from gtmbench.report.log_findings import alarm_bound, passed_alarms
+from gtmbench.report.words.judgement import slow_text, source_text, witness_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.other_sensors import failed_sensors_text, sensor_why
+from gtmbench.report.words.other_sensors import sensor_why
+from gtmbench.report.words.timeline import (
+    SensorRow,
+    factors_text,
+    fault_text,
+    of_text,
+    reasons_of,
+    sensor_text,
+    size_text,
+    table_lines,
+    timeline_rows,
+    when_text,
+    wrapped,
+)
 from gtmbench.report.words.units import capitalised, counted, duration_text
-from gtmbench.study.log.contacts import CONTACTS
-from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
-from gtmbench.verdict.verdict import Outcome
+from gtmbench.verdict.timeline import SensorSpan, State
+from gtmbench.verdict.verdict import LogVerdict, Outcome
 
-SENSORS = {
-    "p": "roll gyro",
-    "q": "pitch gyro",
-    "r": "yaw gyro",
-    "phi": "bank angle",
-    "theta": "pitch angle",
-    "psi": "heading",
-    "alpha": "angle-of-attack vane",
-    "beta": "sideslip vane",
-    "nx": "forward accelerometer",
-    "ny": "lateral accelerometer",
-    "nz": "vertical accelerometer",
-    "tas": "airspeed",
-}
+LINES = 12  # of what is printed by default
+_LONGEST = 5  # lines of the first sentence on a screen; all of it stands in the details
 _LABEL = 13  # characters, with the space behind
-_LINES = 2  # a label has no more
-_FEW = 2  # alarms that are told one by one where more of them tell nothing
-SHORT_S = 0.05  # of what wasn't watched: less isn't told
-_MOST = 3  # faults, doubts or spans that are told one by one
-_NOT_WATCHED = {
-    State.IDENTIFIED: "learnt from",
-    State.ARMING: "arming",
-    State.DISARMED: "after an alarm",
-    State.LOST: "samples missing",
-    State.ENDS: "record's end",
-    State.OUTSIDE: "motion beyond what was learnt",
-    State.LEFT_OUT: "left out",
-    State.GAP: "gaps",
-}
+_MOST = 3  # faults, reasons or spans that are told one by one
+_NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
+_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Next")  # where lines are short, the first of these first
 
 
-def sensor_text(name: str) -> str:
-    """Name a sensor as an engineer does.
+class _Accusation(NamedTuple):
+    """Who is accused, in words, of what; when."""
 
-    >>> sensor_text("q"), sensor_text("strain_3")
-    ('pitch gyro (q)', 'strain_3')
+    who: str
+    verb: str
+    spans: tuple[Span, ...]
+    how: str
+
+
+def first_line(verdict: LogVerdict) -> str:
+    """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why.
+
+    >>> from gtmbench.verdict.scope import Scope
+    >>> from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
+    >>> from gtmbench.verdict.verdict import verdict_of
+    >>> shown = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3))
+    >>> clear = SensorSpan(start_s=0.0, end_s=172.0, state=State.CLEAR, sizes=shown)
+    >>> timeline = laid_out((0.0, 180.0), {"p": [clear], "q": [clear]}, motion_s=[(0.0, 180.0)])
+    >>> first_line(verdict_of(timeline, Scope(sensors=("p", "q"))))
+    'No fault found in p, q: 172 of 180 s judged; an error of 0.5 deg/s or a factor of 0.7 would show.'
     """
-    return f"{SENSORS[name]} ({name})" if name in SENSORS else name
+    if verdict.outcome is Outcome.HEALTHY:
+        asked = verdict.scope.sensors
+        total_s = verdict.timeline.motion_total_s
+        judged_s = total_s * min(map(verdict.judged_share, asked))
+        return f"No fault found in {', '.join(asked)}: {of_text(judged_s, total_s)} judged{_sizes_text(verdict)}."
+    sentences = [_accusations_text(verdict), _unjudged_text(verdict), _clear_text(verdict)]
+    return " ".join(sentence for sentence in sentences if sentence)
 
 
 def verdict_text(watched: WatchedLog) -> str:
-    """Say in one sentence what happened: which sensor failed and when, that no fault was found, or why nobody can tell.
-
-    The time is when the fault began, as far as its kind or the test tells.
-    """
-    failed = failed_sensors_text(watched.failed_sensors)
-    if failed:
-        return f"{failed} {_gyros_text(watched, ' of a gyro')}"
-    return _gyros_text(watched)
+    """Return the first line of a watched log."""
+    return first_line(watched.verdict)
 
 
-def _gyros_text(watched: WatchedLog, of: str = "") -> str:
-    """Say the same of gyros and attitude alone."""
-    if watched.outcome is Outcome.UNKNOWN:
-        return (
-            _until_text(watched) or f"Cannot tell{f' whether a fault{of}' if of else ''}: {'; '.join(causes(watched))}."
-        )
-    faults = [same for same in faults_of(watched).values() if not same[0].doubt]
-    if faults:
-        told = [_fault_text(same) for same in faults[:_MOST]]
-        more = f"; and {len(faults) - _MOST} more" if len(faults) > _MOST else ""
-        return f"{capitalised('; '.join(told))}{more}."
-    passed = passed_alarms(watched)
-    alarms = f" {capitalised(counted(passed, 'alarm'))} had nothing left to explain." if passed else ""
-    watched_of = f"{duration_text(watched.armed_hours)} of {duration_text(_length_s(watched) / 3600.0)}"
-    blind = _unheard(watched)
-    but = f"; {_listed(blind)} {'is' if len(blind) == 1 else 'are'} not watched" if blind else ""
-    return f"No fault{of} found in {watched_of}{but}.{alarms}"
+def _accusations_text(verdict: LogVerdict) -> str:
+    told = [
+        f"{each.who} {each.verb} {when_text(each.spans, verdict.timeline.span_s)}{each.how}"
+        for each in _accusations(verdict)
+    ]
+    more = f"; and {len(told) - _MOST} more" if len(told) > _MOST else ""
+    return f"{capitalised('; '.join(told[:_MOST]))}{more}." if told else ""
 
 
-def _until_text(watched: WatchedLog) -> str:
-    """Say that nothing was found until a crash, where only the crash and what follows can't be told; else nothing."""
-    doubtful = [alarm for alarm in watched.alarms if not alarm.has_passed]
-    reasons = [alarm.doubt for alarm in doubtful]
-    if not doubtful or not {*reasons} <= {*CONTACTS, FAILURE} or not watched.check.passed:
+def _accusations(verdict: LogVerdict) -> list[_Accusation]:
+    """Return failures of any sensor and suspicions of asked ones, in order of time; what is alike is one."""
+    found: dict[tuple[str, str, str], list[Span]] = {}
+    for sensor, span in verdict.failed:
+        _add(found, _failure(sensor, span), span)
+    for sensor, span in verdict.suspected:
+        if sensor in verdict.scope.sensors:
+            _add(found, _suspicion(span.suspects or (sensor,), span), span)
+    made = [_Accusation(who, verb, _united(spans), how) for (who, verb, how), spans in found.items()]
+    return sorted(made, key=lambda each: each.spans[0])
+
+
+def _add(found: dict[tuple[str, str, str], list[Span]], words: tuple[str, str, str], span: SensorSpan) -> None:
+    found.setdefault(words, []).append((span.start_s, span.end_s))
+
+
+def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
+    judged = span.judgement
+    if judged is not None and judged.swapped:
+        one, other = sorted((str(judged.sensor), str(judged.partner)))
+        return f"the {sensor_text(one)} and the {sensor_text(other)}", "have changed places", ""
+    imu = f" of {judged.imu}" if judged is not None and judged.imu else ""
+    axis = f", its {judged.axis.rpartition('_')[2]} axis" if judged is not None and judged.axis else ""
+    fault = fault_text(sensor, judged) or span.reason.rstrip(".")
+    return f"the {sensor_text(sensor)}{imu}", "failed", f"{axis}{f': {fault}' if fault else ''}"
+
+
+def _suspicion(suspects: Sequence[str], span: SensorSpan) -> tuple[str, str, str]:
+    if len(suspects) == 1:
+        reason = f": {span.reason.rstrip('.')}" if span.reason else ""
+        return f"the {sensor_text(suspects[0])}", "may have failed", reason
+    names = [sensor_text(name) for name in suspects] if len(suspects) == 2 else list(suspects)
+    article = "the " if len(suspects) == 2 else ""
+    return f"one of {article}{listed(names)}", "failed", ": cannot tell which"
+
+
+def _united(spans: Iterable[Span]) -> tuple[Span, ...]:
+    """Return spans in order of time, those that meet as one."""
+    united: list[Span] = []
+    for start_s, end_s in sorted(spans):
+        if united and start_s <= united[-1][1]:
+            united[-1] = united[-1][0], max(end_s, united[-1][1])
+        else:
+            united.append((start_s, end_s))
+    return tuple(united)
+
+
+def _accused(verdict: LogVerdict) -> set[str]:
+    return {sensor for sensor, _ in (*verdict.failed, *verdict.suspected)} & {*verdict.scope.sensors}
+
+
+def _unjudged_text(verdict: LogVerdict) -> str:
+    """Say for which asked sensors nobody can tell, and why; of those that are accused, how much isn't judged."""
+    asked, accused = verdict.scope.sensors, _accused(verdict)
+    if not asked:
+        return "" if verdict.failed else "Cannot tell: no sensor is asked that this log has; --judge names some."
+    open_ = [sensor for sensor in verdict.unjudged if sensor not in accused]
+    if verdict.timeline.motion_total_s <= 0.0 and len(open_) == len(asked):
+        return "Cannot tell: nothing moves."
+    groups: dict[str, list[str]] = {}
+    for sensor in open_:
+        groups.setdefault(reasons_of(verdict, sensor)[0], []).append(sensor)
+    told = [
+        f"{'' if len(names) == len(asked) else f' for {listed(names)}'}: {reason}{_partly(verdict, names)}"
+        for reason, names in groups.items()
+    ]
+    if len(told) > _MOST:
+        others = [name for names in [*groups.values()][_MOST:] for name in names]
+        told = [*told[:_MOST], f" for {listed(others)}: other reasons"]
+    sentences = [f"Cannot tell{';'.join(told)}."] if told else []
+    for sensor in verdict.unjudged:
+        if sensor in accused:
+            total_s = verdict.timeline.motion_total_s
+            lost = of_text(total_s * (1.0 - verdict.judged_share(sensor)), total_s)
+            sentences.append(f"{sensor} is not judged in {lost}: {reasons_of(verdict, sensor)[0]}.")
+    return " ".join(sentences)
+
+
+def _partly(verdict: LogVerdict, names: Sequence[str]) -> str:
+    """Say how much of sensors is judged, where some of it is."""
+    total_s = verdict.timeline.motion_total_s
+    judged_s = total_s * min(map(verdict.judged_share, names))
+    return f" ({of_text(judged_s, total_s)} judged)" if judged_s >= 0.5 else ""
+
+
+def _clear_text(verdict: LogVerdict) -> str:
+    """Say which asked sensors are clear, and in how much of the time, where that isn't nearly all."""
+    others = {*_accused(verdict), *verdict.unjudged}
+    clear = [sensor for sensor in verdict.scope.sensors if sensor not in others]
+    if not clear:
         return ""
-    first_s = min(alarm.onset_s for alarm in doubtful)
-    before = [each.start_s for each in watched.excursions if each.reason in reasons and each.end_s >= first_s]
-    return f"No fault found until {min(first_s, *before[:1]):.1f} s; cannot tell from then on: {reasons[0]}."
+    share, total_s = min(map(verdict.judged_share, clear)), verdict.timeline.motion_total_s
+    partly = f" in the {of_text(share * total_s, total_s)} that are judged" if share < _NEARLY_ALL else ""
+    return f"{', '.join(clear)} {'is' if len(clear) == 1 else 'are'} clear{partly}."
 
 
-def causes(watched: WatchedLog) -> list[str]:
-    """Return why a log's verdict is that nobody can tell, the weightiest first."""
-    wrong = list(dict.fromkeys(cause.text for cause in watched.check.causes))
-    if wrong:
-        return [" or ".join(wrong)]
-    if watched.check.stops:
-        return [watched.check.stops[0].text]
-    doubtful = [alarm for alarm in watched.alarms if alarm.doubt and not alarm.has_passed]
-    weak = [*([doubt_text(doubtful)] if doubtful else []), *_unseen(watched)]
-    return weak or list(watched.reasons[:1]) or ["no stretch is long enough to be watched"]
-
-
-def doubt_text(doubtful: Sequence[Alarm]) -> str:
-    """Say which alarms may be no fault, and what else may have raised them."""
-    told = _listed([f"{alarm.source} at {alarm.time_s:.1f} s" for alarm in doubtful], most=_FEW)
-    doubts = _listed(list(dict.fromkeys(alarm.doubt for alarm in doubtful)), most=1)
-    return f"{counted(len(doubtful), 'alarm')} ({told}) may be no fault: {doubts}"
+def _sizes_text(verdict: LogVerdict) -> str:
+    """Say what would show in all asked sensors: the worst error of each unit, and the worst factor of the gyros."""
+    sizes = {sensor: verdict.sizes_of(sensor) for sensor in verdict.scope.sensors}
+    known = {sensor: each for sensor, each in sizes.items() if each is not None}
+    worst: dict[str, float] = {}
+    for sensor, each in known.items():
+        unit = unit_of(sensor)
+        if unit:
+            worst[unit] = max(worst.get(unit, 0.0), each.error)
+    errors = [f"{size_text(size)} {unit}" for unit, size in worst.items()]
+    shows = [f"an error of {listed(errors, 'or')}"] if errors else []
+    gyros = {sensor: known[sensor].factors for sensor in GYROS if sensor in known}
+    factors = [each for each in gyros.values() if each is not None]
+    if factors:
+        shows.append(factors_text((min(low for low, _ in factors), max(high for _, high in factors))))
+    parts = [f"{(', or ' if len(errors) > 1 else ' or ').join(shows)} would show"] if shows else []
+    blind = [sensor for sensor, each in gyros.items() if each is None]
+    if blind:
+        of = f" of {listed(blind, 'or')}" if factors else ""
+        parts.append(f"a wrong factor{of} would not show")
+    unknown = [sensor for sensor in sizes if sensor in GYROS and sensor not in known]
+    if unknown:
+        parts.append(f"which fault of {listed(unknown, 'or')} would show is not known")
+    return "".join(f"; {part}" for part in parts)
 
 
 def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
-    """Return what follows the verdict: a label and what is said under it, those that say something."""
+    """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
         ("Why", _why(watched)),
         ("How sure", _certainty(watched)),
-        ("Not watched", _not_watched(watched)),
-        ("Sensitivity", [certificate_text(watched.certificate)] if watched.watches else []),
-        ("Learnt from", _learnt(watched)),
         ("Read as", _read_as(watched)),
+        ("Learnt from", _learnt(watched)),
         ("Next", _next(watched)),
     ]
     return [(label, " ".join(sentences)) for label, sentences in told if sentences]
 
 
-def summary_lines(watched: WatchedLog, width: int = 80) -> list[str]:
-    """Return the verdict and the lines that follow it, as wide as a screen."""
-    lines = textwrap.wrap(verdict_text(watched), width)
-    for label, text in labelled(watched):
-        lines += textwrap.wrap(
-            f"{label:{_LABEL}}{text}",
-            width,
-            subsequent_indent=" " * _LABEL,
-            break_on_hyphens=False,
-            max_lines=_LINES,
-            placeholder=" ...",
-        )
-    return lines
+def summary_lines(watched: WatchedLog, width: int = 80, most: int | None = LINES) -> list[str]:
+    """Return the verdict, the table of its sensors and the lines that follow, as wide as a screen.
 
-
-def _fault_text(same: Sequence[Alarm]) -> str:
-    """Say who failed, when and how; of a fault that is found again, how often."""
-    first = same[0]
-    at = f"at {began_s(first):.1f} s"
-    if len(same) > 1:
-        at += f" (found {len(same)} times, last at {same[-1].time_s:.1f} s)"
-    judged = first.last
-    if judged is None:
-        return f"something failed {at}"
-    if judged.sensor is None:
-        who = "the attitude" if set(judged.candidates) <= set(ATTITUDE) else "a sensor"
-        return f"{who} failed {at}: cannot tell which of {_listed(judged.candidates, 'or')}"
-    if judged.swapped:
-        return f"the {sensor_text(judged.sensor)} and the {sensor_text(str(judged.partner))} have changed places {at}"
-    imu = f" of {judged.imu}" if judged.imu else ""
-    parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
-    unit = unit_of(judged.sensor)
-    known = judged.kind is not None and judged.kind != UNKNOWN
-    kind = (
-        f": {kind_text(str(judged.kind), parameters, judged.errors, unit, judged.partner)}" if known else _size(judged)
-    )
-    return f"the {sensor_text(judged.sensor)}{imu} failed {at}{kind}"
-
-
-def _size(judged: Judgement) -> str:
-    """Return how far a witness measured a sensor off, in brackets; nothing where none did.
-
-    >>> said = "MAG: the magnetometer knows r to 4 deg/s only; accelerometers: r reads -2.1 deg/s more"
-    >>> _size(Judgement(time_s=9.0, sensor="r", candidates=("r",), witness=said))
-    ' (accelerometers: r reads -2.1 deg/s more)'
+    Parameters
+    ----------
+    watched : WatchedLog
+    width : int
+    most : int or None
+        Lines in all; None for as many as there are.
     """
-    measured = (said for said in judged.witness.split("; ") if f": {judged.sensor} reads " in said)
-    return next((f" ({said})" for said in measured), "")
+    return verdict_lines(watched.verdict, labelled(watched), width, most)
+
+
+def verdict_lines(
+    verdict: LogVerdict, labels: Sequence[tuple[str, str]], width: int = 80, most: int | None = LINES
+) -> list[str]:
+    """Return a verdict with its table, what holds for the whole log, and labelled lines, as `summary_lines` does."""
+    lines = wrapped(first_line(verdict), width)
+    if most is None:
+        rows = timeline_rows(verdict)
+        told = [part for text in verdict.timeline.told for part in wrapped(text, width)]
+        return [*lines, *table_lines(rows, 10_000, len(rows) + 1), *told, *_labelled_lines(labels, width, None)]
+    if len(lines) > _LONGEST:
+        lines = [*lines[: _LONGEST - 1], f"{lines[_LONGEST - 1][: width - 4].rstrip()} ..."]
+    rows = timeline_rows(verdict)
+    if _all_open(rows):
+        rows = []
+    told = textwrap.wrap(" ".join(verdict.timeline.told), width, max_lines=1, placeholder=" ...")
+    needed = [each for each in labels if each[0] == "Next"]
+    lines += table_lines(rows, width, most - len(lines) - len(told) - len(needed))
+    lines += told
+    return [*lines, *_labelled_lines(labels, width, most - len(lines))]
+
+
+def _all_open(rows: Sequence[SensorRow]) -> bool:
+    """Whether one reason holds for all rows: the first line has said it."""
+    return len(rows) > 1 and len({row[1:] for row in rows}) == 1 and rows[0].state == State.NOT_JUDGED
+
+
+def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | None) -> list[str]:
+    """Return labelled lines, two each at most; where lines are short one each, and the less useful give way."""
+
+    def lines(shown: Sequence[tuple[str, str]], each: int | None) -> list[str]:
+        indent = " " * _LABEL
+        return [
+            line
+            for label, text in shown
+            for line in textwrap.wrap(
+                f"{label:{_LABEL}}{text}",
+                width,
+                subsequent_indent=indent,
+                break_on_hyphens=False,
+                max_lines=each,
+                placeholder=" ...",
+            )
+        ]
+
+    if most is None:
+        return lines(labels, None)
+    shown = list(labels)
+    while shown:
+        for each in (2, 1):
+            made = lines(shown, each)
+            if len(made) <= most:
+                return made
+        shown.remove(min(shown, key=lambda label: _GIVES_WAY.index(label[0])))
+    return []
 
 
 def _why(watched: WatchedLog) -> list[str]:
@@ -228,9 +321,9 @@ def _by_witness(alarm: Alarm) -> str:
 
 
 def _certainty(watched: WatchedLog) -> list[str]:
-    """Say what a verdict is worth."""
+    """Say how late a fault was decided, or how few false alarms a healthy log shows."""
     bound = alarm_bound(watched)
-    if watched.outcome is not Outcome.HEALTHY or bound is None:
+    if watched.verdict.outcome is not Outcome.HEALTHY or bound is None:
         decided = [alarm for alarm in watched.alarms if alarm.sensor is not None and not alarm.doubt]
         if not decided:
             return []
@@ -239,19 +332,8 @@ def _certainty(watched: WatchedLog) -> list[str]:
     seen = "No false alarm" if not passed_alarms(watched) else f"{counted(passed_alarms(watched), 'false alarm')}"
     return [
         f"{seen} in {duration_text(watched.armed_hours)} (95 %: at most {bound:.{int(bound < 10.0)}f} an hour). "
-        "A fault from the first sample on is learnt as healthy."
+        "An error that is constant from the first sample on is learnt as healthy."
     ]
-
-
-def _not_watched(watched: WatchedLog) -> list[str]:
-    lengths_s = seconds_by_state(stretches(watched))
-    total = {state: lengths_s.get(state, 0.0) for state in _NOT_WATCHED}
-    largest = sorted((state for state in total if total[state] >= SHORT_S), key=lambda state: -total[state])
-    parts = [f"{_NOT_WATCHED[state]} {total[state]:.1f}" for state in largest[:_MOST]]
-    rest_s = sum(total.values()) - sum(total[state] for state in largest[:_MOST])
-    others = [f"others {rest_s:.1f}"] if rest_s >= SHORT_S else []
-    why = [f"{reason.rstrip('.')}." for reason in watched.unwatched.values()]
-    return [*why, *([f"{sum(total.values()):.1f} s: {', '.join([*parts, *others])}."] if parts else [])]
 
 
 def _learnt(watched: WatchedLog) -> list[str]:
@@ -277,7 +359,7 @@ def _read_as(watched: WatchedLog) -> list[str]:
             columns.setdefault(table, []).append(source.channel)
     from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
     what = "; ".join(from_) or ", ".join(own)
-    return [f"{what}; {1.0 / log.sample_period_s:.4g} Hz.", *guessed_text(log)]
+    return [*guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
 
 
 def guessed_text(log: FlightLog) -> list[str]:
@@ -303,35 +385,11 @@ def _next(watched: WatchedLog) -> list[str]:
     typed = list(dict.fromkeys(cause.to_type for cause in watched.check.causes if cause.to_type))
     if typed:
         return [f"Add {' or '.join(typed)}"]
-    if watched.outcome is Outcome.UNKNOWN and watched.identified_s:
+    if watched.verdict.outcome is Outcome.UNKNOWN and watched.identified_s:
         return ["--identify SPAN|LOG for more healthy flight; --details for the rest."]
-    if watched.outcome is Outcome.FAILED:
+    if watched.verdict.outcome is Outcome.FAILED:
         return ["--report F.html or --record F.rrd shows it; --details for the rest."]
-    return ["--details for the rest, with the sizes of detectable faults."]
-
-
-def _unseen(watched: WatchedLog) -> list[str]:
-    """Say whose silence says nothing."""
-    names: list[str] = []
-    hidden = [f"a fault of {_listed(names, 'or')} would hardly show"] if names else []
-    return [*[_louder_text(each) for each in watched.louder], *hidden]
-
-
-def _louder_text(louder: Louder) -> str:
-    return (
-        f"the residual of {louder.sensor} was {louder.times:.2g} times as large from {louder.start_s:.1f} to "
-        f"{louder.end_s:.1f} s as where it was learnt, and no test could tell why"
-    )
-
-
-def _unheard(watched: WatchedLog) -> list[str]:
-    """Return the gyros that no verdict is about; of a monitor that names no sensor nobody knows."""
-    suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
-    return [name for name in GYROS if suspects and name not in suspects]
-
-
-def _length_s(watched: WatchedLog) -> float:
-    return sum(len(segment) * segment.sample_period_s for segment in watched.log.segments)
+    return ["--details for every span, with the sizes that would show."]
 
 
 def _spans(spans: Iterable[Span]) -> str:

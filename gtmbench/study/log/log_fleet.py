@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from gtmbench.checks import number, one_line, whole
+from gtmbench.checks import number, one_line, shown, whole
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.arrow_table import Column, Row, table_of
@@ -26,7 +26,7 @@ from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.registry import is_log
 from gtmbench.intake.mapping import split_mapping
 from gtmbench.intake.one_flight import is_log_folder
-from gtmbench.jobs.parts import Parts, holds_parts, parts_in
+from gtmbench.jobs.parts import Parts, holds_parts, parts_in, read_parts
 from gtmbench.jobs.processes import Lost, survived
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
@@ -34,8 +34,9 @@ from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
+from gtmbench.verdict.scope import Scope
 
-WHAT, SCHEMA = "fleet", 1
+WHAT, SCHEMA = "fleet", 2  # 2: rows hold the verdict on the asked sensors
 LIMIT_S = 900.0
 MOST_LOGS = 20_000
 _LIBRARIES = ("numpy", "scipy", "pandas")  # whose versions rows hang on
@@ -56,6 +57,10 @@ class Watching:
     rate_hz, false_alarms_per_hour : float or None
     attitude : str
         Whether the gyros drive it, as `watch_log` takes it.
+    judge : str or None
+        The sensors that are asked, such as ``p,q,r``; None for the usual ones.
+    limits : tuple of str
+        The sizes that have to show, as `watch_log` takes them.
     limit_s : float
         How long one log may take.
     """
@@ -66,6 +71,8 @@ class Watching:
     rate_hz: float | None = None
     false_alarms_per_hour: float | None = None
     attitude: str = FROM_LOG
+    judge: str | None = None
+    limits: tuple[str, ...] = ()
     limit_s: float = LIMIT_S
 
     def check(self) -> None:
@@ -78,6 +85,7 @@ class Watching:
         prepared(self.detector)
         split_mapping(self.mapping)
         check_attitude(self.attitude)
+        Scope(sensors=()).with_limits(self.limits)
         number("the limit of time, in seconds,", self.limit_s, 1.0, 1e6)
         if self.rate_hz is not None:
             number("rate_hz", self.rate_hz, 1e-3, 1e6)
@@ -105,6 +113,8 @@ class Watching:
             "rate_hz": self.rate_hz,
             "false_alarms_per_hour": self.false_alarms_per_hour,
             "attitude": self.attitude,
+            "judge": self.judge,
+            "limits": list(self.limits),
             "python": digests_of(self.files()),
         }
 
@@ -225,7 +235,8 @@ def conduct(
     """
     watching.check()
     whole("jobs", jobs, 1, 1000)
-    facts = {"watching": watching.facts(), "versions": code_facts(_LIBRARIES)}
+    _check_rows(out)
+    facts = {"rows": SCHEMA, "watching": watching.facts(), "versions": code_facts(_LIBRARIES)}
     of = {tuple(_file_fact(path)): path for path in logs}
     with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, items=list(of), resume=resume) as parts:
         todo, logs = parts.todo(), [of[tuple(item)] for item in parts.items]
@@ -242,6 +253,19 @@ def conduct(
         return parts
 
 
+def _check_rows(out: Path) -> None:
+    """Refuse a fleet's folder whose rows hold something else than today's."""
+    if not holds_parts(out):
+        return
+    known = read_parts(out)
+    rows = known.facts.get("rows", 1)
+    if known.what == WHAT and rows != SCHEMA:
+        raise InputError(
+            f"{out} holds a fleet by another version of gtmbench, whose rows have other columns (schema {shown(rows)}, "
+            f"here {SCHEMA}); watch its logs anew into another --out"
+        )
+
+
 def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row]) -> Row:
     """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
     try:
@@ -254,6 +278,8 @@ def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row])
                 rate_hz=watching.rate_hz,
                 false_alarms_per_hour=watching.false_alarms_per_hour,
                 attitude=watching.attitude,
+                judge=watching.judge,
+                limits=watching.limits,
             )
         )
     except GtmbenchError as error:

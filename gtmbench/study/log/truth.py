@@ -141,13 +141,15 @@ def score_log(
     mapping: Sequence[str] = (),
     rate_hz: float | None = None,
     attitude: str = FROM_LOG,
+    judge: str | Sequence[str] | None = None,
+    limits: Sequence[str] = (),
     progress: Progress = silent,
 ) -> ScoredLog:
     r"""Watch a log and score the verdicts on the injected failures that it records.
 
     Parameters
     ----------
-    path, detector, mapping, rate_hz, attitude, progress
+    path, detector, mapping, rate_hz, attitude, judge, limits, progress
         As `watch_log` takes them.
     healthy : sequence of (start, end), str or Path
         As in `watch_log`; by default the log before the first failure, 300 s at most.
@@ -185,7 +187,17 @@ def score_log(
         spans = spans or (_before(log.injections, start_s, path),)
         _check_healthy(spans, log.injections)
     return scored(
-        watch_log(path, watcher, healthy=spans, mapping=mapping, rate_hz=rate_hz, attitude=attitude, progress=progress)
+        watch_log(
+            path,
+            watcher,
+            healthy=spans,
+            mapping=mapping,
+            rate_hz=rate_hz,
+            attitude=attitude,
+            judge=judge,
+            limits=limits,
+            progress=progress,
+        )
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli.app import main
+from gtmbench.jobs.parts import parts_in
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
 from gtmbench.report.words.fleet import fleet_table
@@ -20,8 +21,9 @@ from gtmbench.study.log.log_fleet import Watching, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.airliner import airliner
-from tests.helpers.logged import watched_log
+from tests.helpers.logged import short, watched_log
 from tests.helpers.monitors import monitor
+from tests.helpers.timelines import Judged, clear, failed, suspected, unjudged, verdict
 
 HOW = ("--detector", "C", "--identify", "0:30")
 SMALL = Watching(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
@@ -70,7 +72,7 @@ def test_every_log_is_a_row_and_a_bad_one_says_why(flown):
     rows = rows_of(flown)
     assert list(rows) == ["flight_9.csv", "flight_10.csv", "flight_11.csv"]
     assert [row["outcome"] for row in rows.values()] == ["healthy", "failed", "error"]
-    assert rows["flight_10.csv"]["verdict"].startswith("The pitch gyro (q) failed at 4")
+    assert rows["flight_10.csv"]["verdict"].startswith("The pitch gyro (q) failed from 4")
     assert 43.0 < rows["flight_10.csv"]["first_alarm_s"] < 50.0
     assert "it names columns, and holds no row of values" in rows["flight_11.csv"]["error"]
     assert rows["flight_11.csv"]["verdict"] is None
@@ -309,3 +311,33 @@ def test_a_watched_log_that_is_unknown_has_no_gaps_in_its_row():
 def test_a_name_that_no_system_knows_is_one_line():
     with pytest.raises(gb.InputError, match="no file is called"):
         logs_in(["a.csv\0*"])
+
+
+def test_a_folder_with_other_columns_says_in_one_line_what_to_do(tmp_path, cli):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs/flight.csv").write_text("time_s,p_deg_s\n0,1\n")
+    with parts_in(tmp_path / "out", what="fleet", tasks=1, facts={"watching": {}, "versions": {}}):
+        pass
+    for more in (["--resume"], []):
+        code, out, err = cli("monitor", "logs", "--out", "out", *more)
+        assert (code, out) == (2, "")
+        assert err.splitlines()[-1].endswith("(schema 1, here 2); watch its logs anew into another --out")
+
+
+def test_what_is_asked_is_a_fact_of_the_fleet():
+    usual, gyros = Watching(), Watching(judge="gyros", limits=("2deg/s",))
+    gyros.check()
+    assert usual.facts() | {"judge": "gyros", "limits": ["2deg/s"]} == gyros.facts()
+    with pytest.raises(gb.InputError, match="--limit is 0"):
+        Watching(limits=("0deg",)).check()
+
+
+def test_a_row_has_the_verdict_on_the_asked_sensors():
+    made = clear() | {"r": [unjudged("gap", 0.0, 45.0), *clear(45.0)["r"]]}
+    made["q"].append(failed("q", 60.0, 90.0))
+    made["p"] = made["phi"] = [suspected(["p", "phi"], 60.0, 90.0), *clear()["p"]]
+    row = fleet_row(Judged(short(), verdict(made)))
+    assert set(row) <= set(COLUMNS)
+    assert (row["outcome"], row["failed_sensors"], row["suspected_sensors"]) == ("failed", "q", "p, phi")
+    assert row["judged_share"] == pytest.approx(0.75)
+    assert row["verdict"].startswith("The pitch gyro (q) failed from 60.0 to 90.0 s: bias 3 deg/s; one of the roll")

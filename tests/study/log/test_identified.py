@@ -10,7 +10,6 @@ import gtmbench as gb
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.report.log_findings import State, stretches
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
 from gtmbench.study.healthy_records import logged_records
@@ -152,7 +151,7 @@ def test_what_was_left_out_is_said_shown_and_written(watched):
     reset = watched["reset"]
     (reason,) = [line for line in reset.reasons if "left out of identification" in line]
     assert reason in " ".join(log_report(reset))
-    left = [(stretch.start_s, stretch.end_s) for stretch in stretches(reset) if stretch.state is State.LEFT_OUT]
+    left = [each.span for each in reset.left_out]
     assert sum(end_s - start_s for start_s, end_s in left) <= 4.5
     assert any(start_s <= 20.0 <= end_s for start_s, end_s in left)
     table = json.loads(json.dumps(log_results(reset)))

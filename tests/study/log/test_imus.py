@@ -177,7 +177,7 @@ def test_a_log_with_two_imus_is_compared_of_its_own_accord(watched):
 def test_report_and_json_say_which_imu(watched):
     lines = log_report(watched)
     assert any(line.startswith("IMUs: q of IMU and IMU2 part by 4") for line in lines)
-    assert lines[0].startswith("The pitch gyro (q) of IMU2 failed at 8")
+    assert lines[0].startswith("The pitch gyro (q) of IMU2 failed from 8")
     table = log_results(watched)
     assert [(each["text"], each["imu"]) for each in table["findings"]] == [("q of IMU2 failed", "IMU2")]
     assert table["imus"]["watched"] == "IMU"

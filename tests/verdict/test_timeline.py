@@ -1,0 +1,84 @@
+"""A timeline covers its log, and the weightiest claim stands wherever several meet."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gtmbench.verdict.timeline import NOTHING_PREDICTS, State, laid_out
+from tests.helpers.timelines import END_S, claims, clear, failed, span, suspected, unjudged
+
+WEIGHT = {"failed": 3, "suspected": 2, "not judged": 1, "clear": 0}
+
+
+@given(claims())
+def test_spans_cover_the_log_without_hole_or_overlap(made):
+    timeline = laid_out((0.0, END_S), made)
+    assert list(timeline.sensors) == list(made)
+    for spans in timeline.sensors.values():
+        assert (spans[0].start_s, spans[-1].end_s) == (0.0, END_S)
+        assert all(before.end_s == after.start_s for before, after in pairwise(spans))
+        assert all(each.duration_s > 0.0 for each in spans)
+
+
+@given(claims(), st.integers(0, 17))
+def test_the_weightiest_claim_of_an_instant_stands(made, tenth):
+    time_s = 10.0 * tenth + 5.0
+    timeline = laid_out((0.0, END_S), made)
+    for sensor, own in made.items():
+        there = [each.state.value for each in own if each.start_s < time_s < each.end_s]
+        state = max(there, key=WEIGHT.get, default="not judged")
+        assert timeline.at(sensor, time_s).state == state
+        if not there:
+            assert timeline.at(sensor, time_s).reason == NOTHING_PREDICTS
+
+
+@given(claims())
+def test_the_states_of_a_sensor_add_up_to_the_time_in_motion(made):
+    timeline = laid_out((0.0, END_S), made, motion_s=[(15.0, 40.0), (100.0, 180.0)])
+    for sensor in made:
+        total_s = sum(timeline.motion_in(sensor, state) for state in State)
+        assert total_s == pytest.approx(timeline.motion_total_s) == pytest.approx(105.0)
+
+
+@given(claims())
+def test_laying_out_a_timeline_again_changes_nothing(made):
+    once = laid_out((0.0, END_S), made)
+    again = laid_out((0.0, END_S), once.sensors)
+    assert dict(again.sensors) == dict(once.sensors)
+
+
+def test_claims_outside_of_the_log_are_cut_and_empty_ones_left_out():
+    own = [failed("q", -20.0, 10.0), unjudged("gap", 170.0, 300.0), suspected(["q"], 50.0, 50.0)]
+    spans = laid_out((0.0, END_S), {"q": [*clear()["q"], *own]}).sensors["q"]
+    assert [(each.start_s, each.end_s, each.state.value) for each in spans] == [
+        (0.0, 10.0, "failed"),
+        (10.0, 170.0, "clear"),
+        (170.0, 180.0, "not judged"),
+    ]
+
+
+def test_what_one_span_says_is_one_span_and_two_faults_are_two():
+    fault = failed("q", 20.0, 60.0)
+    other = failed("q", 60.0, 90.0, kind="jam", parameters={"value": 2.0})
+    spans = laid_out((0.0, END_S), {"q": [fault, other, unjudged("gap", 30.0, 40.0)]}).of("q", State.FAILED)
+    assert [(each.start_s, each.end_s, each.judgement.kind) for each in spans] == [
+        (20.0, 60.0, "bias"),
+        (60.0, 90.0, "jam"),
+    ]
+
+
+def test_nothing_writes_to_a_timeline():
+    timeline = laid_out((0.0, END_S), clear())
+    with pytest.raises(TypeError):
+        timeline.sensors["q"] = ()
+    with pytest.raises(AttributeError):
+        timeline.sensors["q"][0].state = State.FAILED
+
+
+@pytest.mark.parametrize("time_s", [-0.1, 180.1, float("nan")])
+def test_a_time_outside_of_the_log_is_refused(time_s):
+    timeline = laid_out((0.0, END_S), {"q": [span(State.CLEAR)]})
+    with pytest.raises(ValueError, match="outside of the log"):
+        timeline.at("q", time_s)
