@@ -114,8 +114,8 @@ def factors_text(factors: tuple[float, float]) -> str:
     return f"a factor of {below}" if high <= 2.0 - low + 1e-9 else f"a factor below {below} or above {above}"
 
 
-def sizes_text(sensor: str, sizes: Sizes | None, *, with_noise: bool = True) -> str:
-    """Say what would have shown in one sensor: an error that stays, a factor, noise.
+def sizes_text(sensor: str, sizes: Sizes | None, *, is_short: bool = False) -> str:
+    """Say what would have shown in one sensor: an error that stays, a factor, noise; in short only what would show.
 
     >>> sizes_text("q", Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.4), noise=1.0))
     '0.5 deg/s, a factor below 0.7 or above 1.4, noise of 1 deg/s'
@@ -128,9 +128,9 @@ def sizes_text(sensor: str, sizes: Sizes | None, *, with_noise: bool = True) -> 
     parts = [f"{size_text(sizes.error)} {unit}".rstrip()]
     if sizes.factors is not None:
         parts.append(factors_text(sizes.factors))
-    elif sensor in GYROS:
+    elif sensor in GYROS and not is_short:
         parts.append("not a wrong factor")
-    if with_noise and sizes.noise is not None:
+    if sizes.noise is not None and not is_short:
         parts.append(f"noise of {size_text(sizes.noise)} {unit}".rstrip())
     return ", ".join(parts)
 
@@ -173,7 +173,7 @@ def sensor_row(verdict: LogVerdict, sensor: str) -> SensorRow:
     if clear_s > 0.0:
         elsewhere = "elsewhere " if why else ""
         states.append(f"clear {clear_s:.0f} s" if lost_s >= _SHORT_S else "clear")
-        why.append(f"{elsewhere}{sizes_text(sensor, verdict.sizes_of(sensor), with_noise=False)}")
+        why.append(f"{elsewhere}{sizes_text(sensor, verdict.sizes_of(sensor), is_short=True)}")
     reasons = reasons_of(verdict, sensor)
     if not states:
         states, why = [str(State.NOT_JUDGED)], [reasons[0]]
@@ -248,7 +248,8 @@ def cut(text: str, width: int) -> str:
     if len(text) <= width:
         return text
     short = text[: width - 3]
-    whole = short.rsplit(" ", 1)[0] if " " in short[width // 2 :] else short
+    is_within = text[width - 3] != " " and " " in short[width // 2 :]  # of a word that needn't be broken
+    whole = short.rsplit(" ", 1)[0] if is_within else short
     return f"{whole.rstrip(' ,;')}..."
 
 
