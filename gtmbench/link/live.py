@@ -24,14 +24,12 @@ from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.showing import Drawn, Pictures
 from gtmbench.link.source import Delivery, Source
-from gtmbench.link.story import UNSURE
 from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.warming import warm
 from gtmbench.link.watcher import wants_of
-from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.units import counted, duration_text
+from gtmbench.report.words.verdict import first_line
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.values.attitude import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -83,7 +81,7 @@ class Live:
     ...     gb.send_live(record, Path(folder, "flight.tlog"))
     ...     with gb.live(f"{folder}/flight.tlog", monitor) as link:
     ...         print(len(list(link)), link.verdict, link.counts)
-    0 Can't tell: nothing could be watched. 1000 messages read
+    0 Cannot tell: nothing could be watched. 1000 messages read
     """
 
     def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
@@ -182,22 +180,10 @@ class Live:
         """The verdict so far in one sentence."""
         session = self._session
         if session is None:
-            return "Can't tell: the link ended before a monitor was learnt."
-        watched = duration_text(session.watched_s / 3600.0)
-        if session.outcome == Outcome.HEALTHY:
-            return f"No fault found in the {watched} that were watched."
-        if session.alarms:
-            first = session.alarms[0]
-            more = len(session.alarms) - 1
-            others = f", and {counted(more, 'more alarm')}" if more else ""
-            said = alarm_text(first)
-            if session.outcome == Outcome.FAILED:
-                return f"Fault: {said}; alarm at {first.time_s:.2f} s{others}."
-            return f"Can't tell: {said.removeprefix(UNSURE)}; alarm at {first.time_s:.2f} s{others}."
-        if session.watched_s <= 0.0:
-            return "Can't tell: nothing could be watched."
-        heard = duration_text(session.heard_s / 3600.0)
-        return f"Can't tell: only {watched} of {heard} could be watched, or not by every test."
+            return "Cannot tell: the link ended before a monitor was learnt."
+        if not session.watched_s:
+            return "Cannot tell: nothing could be watched."
+        return first_line(session.verdict)
 
     def _watched(self) -> Generator[LiveEvent, None, None]:
         for event in self._heard():

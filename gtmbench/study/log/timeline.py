@@ -27,6 +27,7 @@ from gtmbench.study.log.claims import (
 from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
 from gtmbench.study.log.hindsight.judged import JUDGED, Failure, agrees_from_s, hindsight_of
 from gtmbench.study.log.louder import Louder
+from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, axis_of
@@ -69,6 +70,8 @@ class Evidence:
     certified : tuple of Certified
         Of a monitor that rests on no motion: what clears the sensors that it predicts.
     watched_imu : str
+    imus : FlightLog or None
+        The log with the gyros of all its IMUs side by side; None where it has one.
     """
 
     log: FlightLog
@@ -86,6 +89,7 @@ class Evidence:
     unwatched: tuple[tuple[str, str], ...]
     certified: tuple[Certified, ...]
     watched_imu: str
+    imus: FlightLog | None = field(default=None, repr=False)
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
@@ -100,6 +104,14 @@ def timeline_of(evidence: Evidence) -> Timeline:
     if not evidence.check.stops:
         claims += _cleared(evidence, blocks, claims)
     told = _told(evidence, claims)
+    if evidence.imus is not None and not evidence.check.stops:
+        excused, imus = _excused(evidence), evidence.log.imus
+        of_others = of_other_imus(
+            evidence.imus, imus, evidence.watched_imu, is_driven=evidence.is_driven, excused_s=excused
+        )
+        for name, said in of_others:
+            claims += claims_of(name, said)
+            told += [f"{name}: {change.text}." for change in said.changes]
     claims += of_unread(unread, evidence.sensors)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in claims:

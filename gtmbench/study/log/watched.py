@@ -98,6 +98,8 @@ class WatchedLog:
         Whether the log's heading is a sensor's.
     there : tuple of str
         The sensors that the log has.
+    imus : FlightLog or None
+        The log with the gyros of all its IMUs side by side; None where it has one.
     swap : Swap or None
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
@@ -143,6 +145,7 @@ class WatchedLog:
     moving: tuple[Record, ...] = field(default=(), repr=False)
     has_heading: bool = True
     there: tuple[str, ...] = ()
+    imus: FlightLog | None = field(default=None, repr=False)
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
 
@@ -226,6 +229,7 @@ class WatchedLog:
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
             certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
+            imus=self.imus,
         )
 
     @cached_property
@@ -272,6 +276,7 @@ def concluded(said: Said) -> WatchedLog:
         moving=moving_of(said),
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
         there=opened.there,
+        imus=opened.imus,
         swap=swapped(learnt),
         scope=opened.asked.scope(opened.there, usual_of(said)),
     )

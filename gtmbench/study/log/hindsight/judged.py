@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import PROMISED_S, WINDOWS_S, Shift, departs, shift_of
+from gtmbench.study.log.hindsight.levels import PROMISED_S, SPARE, WINDOWS_S, Shift, departs, shift_of
 from gtmbench.study.log.hindsight.relation import (
     Relation,
     error_level,
@@ -277,7 +277,7 @@ def _of_angle(
         yield _unjudged(start_s, end_s, shifted[0].text)
         return
     jump, usual = jumps
-    bounds = np.where(np.isfinite(jump), jump + np.maximum(1.1 * usual, _JUMP_FLOOR_DEG), np.inf)
+    bounds = np.where(np.isfinite(jump), jump + SPARE * np.maximum(usual, _JUMP_FLOOR_DEG), np.inf)
     seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG))
     left = np.maximum.accumulate(np.where(seen, bounds, 0.0))  # an angle that jumped may be wrong from there on
     chunks = relation.chunked(np.maximum(bounds, left))

@@ -27,7 +27,7 @@ _QUANTILE, _OF_NORMAL = 0.6, 0.8416  # of absolute differences: a fault parts fe
 _LAGS = (2, 4, 8, 16)  # chunks, over which a level wanders
 _PAIRS = 8  # times a lag: chunks of a log, or a step counts as wander
 _MEDIAN = 0.5 * np.pi  # variance of a median over that of a mean, of normal values
-_SPARE = 1.1  # times what is significant: what is promised, for noise changes a little with a fault
+SPARE = 1.1  # times what is significant: what is promised, for noise changes a little with a fault
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,7 +111,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         deviation = np.sqrt(before_var + behind_var + wander**2)
         significant = np.maximum(_DEVIATIONS * deviation, level.floor)
         there = enough & known
-        size = np.where(there, np.abs(difference) + _SPARE * significant, np.inf) / share
+        size = np.where(there, np.abs(difference) + SPARE * significant, np.inf) / share
         bounds = np.minimum(bounds, size)
         shows = there & (np.abs(difference) > significant)
         larger = shows & (np.abs(difference) > np.abs(most))
