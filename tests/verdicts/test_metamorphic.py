@@ -125,7 +125,7 @@ def assert_no_false_all_clear(entry, folder):
     assert "\n".join(map(str, found)) == ""
 
 
-@pytest.mark.parametrize("move", list(moves(3, seed=1, steps=2)), ids=str)
+@pytest.mark.parametrize("move", list(moves(2, seed=1, steps=2)), ids=str)
 def test_a_fault_moved_through_a_log_is_never_in_a_span_called_clear_for_its_size(move, tmp_path):
     check_move(move, tmp_path)
 
