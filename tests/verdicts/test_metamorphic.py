@@ -125,14 +125,14 @@ def assert_no_false_all_clear(entry, folder):
     assert "\n".join(map(str, found)) == ""
 
 
-@pytest.mark.parametrize("move", list(moves(3, seed=1, steps=2)), ids=str)
+@pytest.mark.parametrize("move", list(moves(2, seed=1, steps=2)), ids=str)
 def test_a_fault_moved_through_a_log_is_never_in_a_span_called_clear_for_its_size(move, tmp_path):
     check_move(move, tmp_path)
 
 
 @pytest.mark.verdicts
 @pytest.mark.usefixtures("whole_certificates")
-@pytest.mark.parametrize("move", list(moves(36, seed=2, steps=6)), ids=str)
+@pytest.mark.parametrize("move", list(moves(24, seed=2, steps=5)), ids=str)
 def test_faults_moved_in_steps(move, tmp_path):
     check_move(move, tmp_path)
 
@@ -215,7 +215,7 @@ def test_less_information_never_clears_a_fault(loss, tmp_path):
 
 @pytest.mark.verdicts
 @pytest.mark.usefixtures("whole_certificates")
-@pytest.mark.parametrize("loss", list(losses(64, seed=5)), ids=str)
+@pytest.mark.parametrize("loss", list(losses(48, seed=5)), ids=str)
 def test_whatever_is_lost(loss, tmp_path):
     check_loss(loss, tmp_path)
 
