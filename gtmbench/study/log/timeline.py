@@ -25,12 +25,12 @@ from gtmbench.study.log.claims import (
     of_watches,
 )
 from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
-from gtmbench.study.log.hindsight.judged import JUDGED, Failure, agrees_from_s, hindsight_of
+from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.values.channels import ATTITUDE, axis_of
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
 
@@ -174,17 +174,7 @@ def _excused(evidence: Evidence) -> list[Span]:
 def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give where sensors are clear, by what the monitor rests on."""
     if blocks is not None:
-        failures: dict[str, list[Failure]] = {}
-        for sensor, span in claims:
-            if span.state in (State.FAILED, State.SUSPECTED):
-                failures.setdefault(sensor, []).append(_failure(span))
-        said = hindsight_of(
-            blocks,
-            is_driven=evidence.is_driven,
-            excused_s=_excused(evidence),
-            failures=failures,
-            faster={source.channel: _times(evidence, source.period_s) for source in evidence.log.sources},
-        )
+        said = _hindsight(evidence, blocks, claims)
         left = JUDGED if evidence.has_heading else tuple(name for name in JUDGED if name not in axis_of("psi"))
         yield from ((sensor, span) for sensor in left for span in said.claims[sensor])
     elif any(each.certificate.rows for each in evidence.certified):
@@ -193,6 +183,30 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
     else:
         reason = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
         yield from ((sensor, _unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
+
+
+def _hindsight(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> Hindsight:
+    """Return what gyros and attitude say of each other over the whole log, but for what failed."""
+    failures: dict[str, list[Failure]] = {}
+    for sensor, span in claims:
+        if span.state in (State.FAILED, State.SUSPECTED):
+            failures.setdefault(sensor, []).append(_failure(span))
+    return hindsight_of(
+        blocks,
+        is_driven=evidence.is_driven,
+        excused_s=_excused(evidence),
+        failures=failures,
+        faster={source.channel: _times(evidence, source.period_s) for source in evidence.log.sources},
+    )
+
+
+def shifted_gyros(evidence: Evidence) -> set[str]:
+    """Return the gyros that part from the attitude somewhere in a log, and that no alarm has named."""
+    if not evidence.moving:
+        return set()
+    blocks = blocks_of(evidence.moving)
+    said = _hindsight(evidence, blocks, _accused(evidence, blocks, evidence.log.span_s))
+    return {GYROS[change.axis] for change in said.changes}
 
 
 def _times(evidence: Evidence, period_s: float | None) -> float:

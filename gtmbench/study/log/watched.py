@@ -27,10 +27,11 @@ from gtmbench.study.log.louder import Louder, louder_than_learnt
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.log.said import Said, first_alarms, healthy_of
+from gtmbench.study.log.second_faults import second_faults
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_means import SLOW, SlowMeans
+from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
 from gtmbench.study.log.swap import Swap, swapped
-from gtmbench.study.log.timeline import Certified, Evidence, timeline_of
+from gtmbench.study.log.timeline import Certified, Evidence, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
 from gtmbench.values.record import Record, Span
@@ -100,6 +101,8 @@ class WatchedLog:
         The sensors that the log has.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
+    later : tuple of Alarm
+        Those that name another gyro while a first one that failed is replaced by what is predicted.
     swap : Swap or None
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
@@ -146,6 +149,7 @@ class WatchedLog:
     has_heading: bool = True
     there: tuple[str, ...] = ()
     imus: FlightLog | None = field(default=None, repr=False)
+    later: tuple[Alarm, ...] = ()
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
 
@@ -162,7 +166,8 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         slow = (self.means, self.gains, self.corrections)
-        return first_alarms(self.watches, self.standing, self.comparison, self.frozen, slow)
+        told = first_alarms(self.watches, self.standing, self.comparison, self.frozen, slow)
+        return tuple(sorted([*told, *beyond(told, self.later)], key=lambda alarm: alarm.time_s))
 
     @property
     def slow_alarms(self) -> tuple[Alarm, ...]:
@@ -194,7 +199,7 @@ class WatchedLog:
     @cached_property
     def verdict(self) -> LogVerdict:
         """The verdict: what the timeline comes to for the sensors that are asked."""
-        return verdict_of(timeline_of(self._evidence), self.scope)
+        return verdict_of(timeline_of(self.evidence), self.scope)
 
     @property
     def outcome(self) -> Outcome:
@@ -210,7 +215,8 @@ class WatchedLog:
         return own, Certified(certificate=certificate, watches=self.swap.watches)
 
     @property
-    def _evidence(self) -> Evidence:
+    def evidence(self) -> Evidence:
+        """All that its timeline is laid out of."""
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
         watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
         return Evidence(
@@ -249,6 +255,15 @@ class WatchedLog:
 
 def concluded(said: Said) -> WatchedLog:
     """Conclude what was said of a log."""
+    first = _concluded(said)
+    later = second_faults(first.monitor, first.watches, said.learnt.before) if first.moving else ()
+    if not later:
+        return first
+    shifted = shifted_gyros(first.evidence)  # by the attitude over the whole log, whatever a bank was learnt on
+    return replace(first, later=tuple(alarm for alarm in later if alarm.sensor in shifted))
+
+
+def _concluded(said: Said) -> WatchedLog:
     learnt = said.learnt
     opened = learnt.opened
     return WatchedLog(

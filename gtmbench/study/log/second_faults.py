@@ -1,0 +1,72 @@
+"""What a bank says beside a gyro that failed: the log is watched once more, the gyro replaced by what is predicted.
+
+While a fault lasts, a bank explains what rises by it, and watches that gyro no more. With the prediction in its place
+nothing of the fault is left, so that what breaks later stands alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.predicting import PredictingMonitor, predicts
+from gtmbench.detectors.protocol import Detector, Monitor, Watch
+from gtmbench.study.log.claims import began_s
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import Record
+
+_MOST = 2  # faults that are taken away, one after another: a third is told with them, or not judged
+_EARLIER_S = 1.0  # than it is dated, a fault may have begun
+_LATER_S = 3.0  # than the first one, another begins: nearer ones are told together, or not at all
+
+
+def second_faults(monitor: Monitor | Detector, watches: Sequence[Watch], before: Record | None) -> tuple[Alarm, ...]:
+    """Return the alarms of other gyros that are raised when those that failed read what is predicted.
+
+    Parameters
+    ----------
+    monitor : Monitor or Detector
+    watches : sequence of Watch
+        Its own.
+    before : Record or None
+        On which it had learnt the noise.
+    """
+    if not predicts(monitor):
+        return ()
+    return tuple(alarm for watch in watches for alarm in _beside(monitor, watch, before))
+
+
+def _beside(monitor: PredictingMonitor, watch: Watch, before: Record | None) -> Iterator[Alarm]:
+    named = [_first_named(watch, ())]
+    for _ in range(_MOST):
+        last = named[-1]
+        if last is None or last.sensor not in watch.predictions:
+            return
+        watch = monitor.watch(_without(watch, last), outside=watch.outside, before=before)
+        found = _first_named(watch, [alarm for alarm in named if alarm is not None])
+        if found is not None:
+            yield found
+        named.append(found)
+
+
+def _first_named(watch: Watch, told: Sequence[Alarm]) -> Alarm | None:
+    """Return the first alarm that names a gyro that isn't told yet, later than those that are."""
+    sensors, since_s = (
+        {alarm.sensor for alarm in told},
+        max([began_s(each) + _LATER_S for each in told], default=-np.inf),
+    )
+    for alarm in watch.faults:
+        is_new = alarm.sensor in GYROS and alarm.sensor not in sensors and began_s(alarm) >= since_s
+        if is_new and alarm.accuses and alarm.test != MISSING:
+            return alarm
+    return None
+
+
+def _without(watch: Watch, alarm: Alarm) -> Record:
+    """Return a record in which a gyro reads what is predicted, from when it failed on."""
+    record, sensor = watch.record, str(alarm.sensor)
+    predicted = watch.predictions[sensor]
+    broken = (record.time_s >= began_s(alarm) - _EARLIER_S) & np.isfinite(predicted)
+    return record.replace(sensor, np.where(broken, predicted, record[sensor]))
