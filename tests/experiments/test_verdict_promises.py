@@ -157,7 +157,7 @@ def blind(monkeypatch):
 
 
 def conducted(*only, quick=False, **given):
-    size = {"seed": 3, "draws": 18, "healthy": 2, "faults": 8} | given
+    size = {"seed": 3, "draws": 18, "healthy": 2, "faults": 8, "kept": None} | given
     return study.conduct(Campaign(quick, 1, lambda *_: None, SimpleNamespace(only=only, **size)))
 
 
@@ -174,6 +174,14 @@ def test_a_blind_detector_breaks_every_promise(tmp_path):
     assert rows[rows["kind"] == "stuck"]["failed"].all()
     assert "| stuck " in found.text
     assert "Breaches:" in found.text
+
+
+@pytest.mark.usefixtures("blind")
+def test_a_run_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    first = conducted("healthy", kept=tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
+    monkeypatch.delattr(study, "watched_by")
+    assert conducted("healthy", kept=tmp_path).text == first.text
 
 
 @pytest.mark.usefixtures("blind")
