@@ -285,7 +285,7 @@ def drawn(kind: str, timeline: Timeline, rng: np.random.Generator, *, is_early: 
     start_s, end_s = timeline.span_s
     between = (start_s + LOOKED[0], start_s + LATE_S) if is_early else (start_s + LATE_S, end_s)
     row: Row = {"kind": kind, "early": is_early, "at first": False}
-    for number in range(ONSETS):
+    for number in range(ONSETS if there else 0):
         sensor, onset_s, draw = str(rng.choice(there)), float(rng.uniform(*between)), int(rng.integers(1000))
         span = timeline.at(sensor, onset_s)
         if span.state is State.CLEAR and span.sizes is not None:

@@ -130,6 +130,15 @@ def test_what_is_stated_is_the_median_over_time():
     assert np.isnan(study.stated(timeline(), "q"))
 
 
+def test_where_nothing_is_promised_no_fault_is_drawn():
+    rng = np.random.default_rng(1)
+    assert study.drawn("bias", laid_out((0.0, END_S), {}), rng, is_early=False)[0] == []
+    puts, row = study.drawn("noise", laid_out((0.0, END_S), {"p": [CLEAR]}), rng, is_early=True)
+    assert [(put.sensor, put.times) for put in puts] == [("p", 1.0), ("p", 1.5)]
+    assert 0.5 < puts[0].onset_s < 10.0
+    assert row == {"kind": "noise", "early": True, "at first": True}
+
+
 def test_logs_have_every_property():
     logs = [study.any_log(number, 1) for number in range(60)]
     assert {log.rate_hz for log in logs} == set(study.RATES_HZ)
