@@ -8,7 +8,7 @@ one of 1.5 times that size, on the same log, and asks the timeline of the broken
 parts: ``promises``; ``healthy``, the exit codes and sizes of healthy logs; ``catalogue``, the strong faults of
 `every_fault.py` that lie above the certificate. Prints tables; writes report.md and all rows into DIR; ends with code 1
 where a target is missed (never with --quick). A log's rows are kept in the folder --kept, and a run that was stopped
-goes on. Half a minute to three minutes of CPU a log.
+goes on. About a minute of CPU a log.
 """
 
 from __future__ import annotations
