@@ -44,6 +44,7 @@ from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS, axis_of, unit_of
+from gtmbench.values.record import Span
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
@@ -203,17 +204,8 @@ class Flight:
         }
 
     def _fault(self, name: str, channel: str, figure: float, flight: gb.Record) -> gb.Fault:
-        """Return a fault; a share is one of what the channel does while it is broken."""
-        kind, size = KINDS[name], self.size
-        block: dict[str, Any] = {"kind": name, "channels": [channel], "onset_s": size.onset_s, **kind.others}
-        if kind.name:
-            block[kind.name] = f"{figure:.12f} {kind.of}" if kind.of else figure
-        others = {each.name for each in FAULTS[name].parameters()} - set(block)
-        block |= {each: NEXT[channel] for each in ("axis", "other") if each in others}
-        block |= {"seed": self.seed} if "seed" in others else {}
-        (spec,) = fault_specs(name, block, size.duration_s)
-        (fault,) = spec.faults(flight.between(size.onset_s, size.duration_s))
-        return fault
+        span_s = (self.size.onset_s, self.size.duration_s)
+        return fault_of(name, channel, figure, flight, span_s, seed=self.seed)
 
     def _ladder(self, kind: Kind) -> Iterator[float]:
         figure = kind.gyro[-1]
@@ -240,6 +232,20 @@ class Flight:
         _, broken = self._broken(fault, healthy)
         told = first_after(bank_alarms(self.monitor, broken), fault.onset_s)
         return {"found": told is not None and told.time_s <= fault.onset_s + FOUND_S}
+
+
+def fault_of(name: str, channel: str, figure: float, flight: gb.Record, span_s: Span, *, seed: int) -> gb.Fault:
+    """Return a fault that begins with a span; a share is one of what the channel does in it."""
+    kind = KINDS[name]
+    block: dict[str, Any] = {"kind": name, "channels": [channel], "onset_s": span_s[0], **kind.others}
+    if kind.name:
+        block[kind.name] = f"{figure:.12f} {kind.of}" if kind.of else figure
+    others = {each.name for each in FAULTS[name].parameters()} - set(block)
+    block |= {each: NEXT[channel] for each in ("axis", "other") if each in others}
+    block |= {"seed": seed} if "seed" in others else {}
+    (spec,) = fault_specs(name, block, span_s[1])
+    (fault,) = spec.faults(flight.between(*span_s))
+    return fault
 
 
 def group_of(channel: str) -> str:

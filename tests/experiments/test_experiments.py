@@ -129,6 +129,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "magnetometer_in_logs",
         "other_sensors_in_logs",
         "slow_faults_in_logs",
+        "verdict_promises",
         "odd_readings",
         "wrong_scales_in_logs",
         "lost_samples",
