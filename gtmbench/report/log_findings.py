@@ -6,6 +6,7 @@ from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.style import colours
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
@@ -22,11 +23,6 @@ def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:
         if not alarm.has_passed:
             faults.setdefault(alarm.verdict, []).append(alarm)
     return faults
-
-
-def began_s(alarm: Alarm) -> float:
-    """Return when a fault began: as its kind's fit tells, or else the alarm's test."""
-    return alarm.onset_s if alarm.last is None else alarm.last.parameters.get("onset_s", alarm.onset_s)
 
 
 def disarmed_by(alarm: Alarm, watch: Watch) -> list[str]:

@@ -12,6 +12,7 @@ from gtmbench.intake.delta_angle import integral, mean_rates
 from gtmbench.intake.fresh import fresh_rows
 from gtmbench.intake.samples import log_samples, write_samples
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.timeline import State
 from tests.helpers import intake_files as files
 from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
 
@@ -303,8 +304,8 @@ def test_a_gyro_that_fails_beside_a_slow_attitude_is_named_and_a_healthy_one_isn
         watched = gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0.0, 0.5 * made.end_s)])
         if record is made:
             assert watched.alarms == ()
-            # through a slow estimator a bias in seldom samples is hidden: such silence is no all-clear
-            assert (watched.outcome.name == "UNKNOWN") == bool(watched.hardly_watched)
+            spans = watched.timeline.of("q", State.CLEAR)  # through a slow estimator a bias in seldom samples is larger
+            assert all(span.sizes.error <= watched.scope.error_deg_s for span in spans)
             continue
         (alarm,) = watched.alarms
         assert (alarm.verdict, alarm.doubt) == ("q failed", "")

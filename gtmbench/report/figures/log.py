@@ -14,7 +14,6 @@ from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
     about,
-    began_s,
     faults_of,
     residuals_of,
     scores_of,
@@ -31,6 +30,7 @@ from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.seconds import SECOND_S
 from gtmbench.study.log.slow_means import SLOW, WINDOWS
 from gtmbench.study.log.watched import WatchedLog

@@ -13,7 +13,6 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.log_findings import (
     about,
-    began_s,
     faults_of,
     residuals_of,
     scores_of,
@@ -38,6 +37,7 @@ from gtmbench.report.words.other_sensors import sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
 from gtmbench.report.words.units import capitalised, duration_text
 from gtmbench.report.words.verdict import labelled, verdict_text
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span

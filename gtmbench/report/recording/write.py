@@ -75,7 +75,6 @@ from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.report.log_findings import (
-    began_s,
     residuals_of,
     scores_of,
     signals_of,
@@ -126,6 +125,7 @@ from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import ATTITUDE

@@ -14,7 +14,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms
+from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.score_units import level
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
@@ -28,6 +28,7 @@ from gtmbench.report.words.other_sensors import sensor_table
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog

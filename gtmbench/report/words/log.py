@@ -16,7 +16,7 @@ from gtmbench.detectors.protocol import Watch, is_ready
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.report.log_findings import alarm_bound, began_s, disarmed_by, passed_alarms
+from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines, witness_lines
 from gtmbench.report.words.isolation import isolation_lines
@@ -26,6 +26,7 @@ from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.self_check.explained import Explained
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of

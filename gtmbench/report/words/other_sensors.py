@@ -12,7 +12,6 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.crosscheck.relations import ACCEL, ALPHA, ALTITUDE, ATT, BETA, GPS, MAG, TAS, WIND
 from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.report.words.units import capitalised
 from gtmbench.study.log.gps_itself import FIX, JUMP
 from gtmbench.study.log.other_sensors import Limit, WatchedSensor, kind_of, not_told_apart, possible
 
@@ -28,23 +27,6 @@ NAMES = {
     WIND: "wind",
 }
 _MOST = 4  # alarms of a sensor that are told one by one
-
-
-def failed_sensors_text(failed: Sequence[WatchedSensor]) -> str:
-    """Say in one sentence which sensors failed and when; "" where none did.
-
-    >>> from gtmbench.detectors.alarm import Alarm, Judgement
-    >>> named = Judgement(time_s=212.0, sensor="magnetometer", candidates=("magnetometer",), axis="mag_y")
-    >>> alarm = Alarm(number=0, time_s=210.0, onset_s=210.0, source="field strength", judgements=(named,))
-    >>> failed_sensors_text([WatchedSensor(kind="magnetometer", name="MAG2", columns=(), alarms=(alarm,))])
-    'The magnetometer (MAG2) is disturbed from 210.0 s on, its y axis.'
-    """
-    told = []
-    for each in failed:
-        alarm = each.failed
-        assert alarm is not None  # whoever asks has looked
-        told.append(f"the {_named(each)} {_how(each, alarm)}")
-    return f"{capitalised('; '.join(told))}." if told else ""
 
 
 def _how(sensor: WatchedSensor, alarm: Alarm) -> str:

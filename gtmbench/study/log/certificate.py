@@ -43,7 +43,6 @@ _HALF = 0.5  # of the longest time watched: a fault has no longer to alarm
 _NAMED_OF = 3  # onsets that are watched anew
 _TIMES = (1.0, 1.5, 2.0, 3.0, 5.0)  # the size that is seen
 _ARMING_S = 5.0  # before what statistics look back at, where a record is watched anew
-_BEYOND_MOTION, _SMALL_DEG_S = 2.0, 5.0  # times a gyro's own motion, and at least: a bias that no silence may hide
 _JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
 
 
@@ -73,9 +72,8 @@ class Kind:
 
 
 _DIRECTED = ("size", "slope", "factor")
-_BIAS = Kind(fault=Bias, parameter="size")
 KINDS = (
-    _BIAS,
+    Kind(fault=Bias, parameter="size"),
     Kind(fault=Drift, parameter="slope", within_s=20.0),
     Kind(fault=ScaleFactor, parameter="factor"),
     Kind(fault=Deadzone, parameter="half_width"),
@@ -203,10 +201,6 @@ class _Trial:
         """Return a size that is looked at; `_STEPS` is the largest, each is `_FINE` times the one before."""
         return self.most * _FINE ** (step - _STEPS)
 
-    def not_above(self, size: float) -> float:
-        """Return the largest size that is looked at and not above a given one."""
-        return self.size(min(int(np.floor(_STEPS + np.log(size / self.most) / np.log(_FINE))), _STEPS))
-
     def smallest(self, least: int, near: int) -> int:
         """Return the first step from `least` on whose size is seen; `_NOT_SEEN` where not even the largest is.
 
@@ -268,34 +262,6 @@ def certificate_of(
     missing = "" if rows else "too little of it was watched"
     seconds = sum(3600.0 * watch.armed_hours for watch in watches)
     return Certificate(rows=tuple(rows), watched_s=seconds, is_named=named and bool(rows), missing=missing)
-
-
-def hardly_watched(
-    monitor: Monitor | Detector, watches: Sequence[Watch], *, means: SlowMeans | None = None
-) -> tuple[str, ...]:
-    """Return the gyros whose silence says nothing: no bias would have been seen that isn't beyond all their motion.
-
-    Of those that kinematics predict: other operators hold for one way of exciting the aircraft, and what they are
-    worth, the certificate says. It is what `certificate_of` says of biases, asked of one size: a tenth of the work.
-
-    Parameters
-    ----------
-    monitor, watches, means
-        As `certificate_of` has them.
-    """
-    if isinstance(monitor, SurfaceMonitor) or not predicts(monitor):
-        return ()
-    names = []
-    for sensor in _certified(monitor):
-        if sensor in GYROS and sensor in monitor.basis.kinematic:
-            motion = deviation(watch.record[sensor] for watch in watches)
-            size = max(_BEYOND_MOTION * motion, _SMALL_DEG_S)
-            slow = _slow(means, sensor, _BIAS)
-            if slow is None or slow.size > size:
-                tried = _trials(monitor, watches, sensor, (_BIAS,)).get(_BIAS, ())
-                if not all(_is_often_seen(trials, trials[0].not_above(size)) for trials in tried):
-                    names.append(sensor)
-    return tuple(names)
 
 
 def _certified(monitor: PredictingMonitor) -> list[str]:
