@@ -24,8 +24,8 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.watched import Outcome
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.verdict import Outcome
 from recorded.flights import CHANNELS, LogFile, Parts, watched
 from recorded.groups import studied_groups
 from recorded.mutations import Mutation

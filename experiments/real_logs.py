@@ -28,8 +28,8 @@ import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.verdict import Outcome
 from recorded.flights import CHANNELS, LogFile
 from recorded.study import OF_LOG, QUICK, UNTIL, Row, Size, Task, studied
 from recorded.truths import TRUTHS

@@ -21,7 +21,7 @@ from gtmbench.link.source import Delivery, Source
 from gtmbench.link.streams import InputSource
 from gtmbench.link.telemetry import Telemetry
 from gtmbench.link.watcher import Watcher
-from gtmbench.study.log.watched import Outcome
+from gtmbench.verdict.verdict import Outcome
 from tests.helpers import links, monitors
 
 BIAS = gb.Bias(channel="q", onset_s=45.0, size=4.0)

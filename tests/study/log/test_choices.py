@@ -4,8 +4,8 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.study.log import choices
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.verdict import Outcome
 
 ONSET_S = 140.0
 

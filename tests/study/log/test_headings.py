@@ -6,8 +6,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.log.headings import no_heading, with_heading
 from gtmbench.study.log.records import flying_part
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import truth
 
 HEALTHY = [(0.0, 80.0)]

@@ -15,8 +15,8 @@ from gtmbench.report.words.log import log_report
 from gtmbench.study.healthy_records import logged_records
 from gtmbench.study.log.identified import GROUND, RESET, RESIDUAL, Stretches, healthy_stretches, ratios, undisturbed
 from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.shared_flights import fly_once
+from gtmbench.verdict.verdict import Outcome
 
 NEEDED = ("p", "q", "r", "phi", "theta", "psi")
 C = BankDetector(bank=load_bank("C"))

@@ -16,7 +16,7 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.segments import Track, cut
 from gtmbench.study.healthy_records import logged_records
 from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import Outcome
+from gtmbench.verdict.verdict import Outcome
 from tests.helpers import clocked_logs as logs
 from tests.helpers.clocked_logs import ATTITUDE, GYRO, messages, without
 

@@ -15,8 +15,8 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.records import first_part, healthy_spans, within, without
 from gtmbench.study.log.watch import bank_between, watch_log
-from gtmbench.study.log.watched import Outcome
 from gtmbench.values.channels import header_of
+from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors as made_up
 from tests.helpers.airliner import airliner
 

@@ -8,9 +8,9 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.mishaps import flying_part_but, mishaps
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
+from gtmbench.verdict.verdict import Outcome
 
 PERIOD_S, LIES_S = 0.1, 12.0
 CHANNELS = (*GYROS, *ATTITUDE, *ACCELEROMETERS)

@@ -12,7 +12,7 @@ from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.contacts import crash_of
 from gtmbench.study.log.self_check.outcome import SelfCheck, check_watched
 from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import Outcome
+from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import ardupilot, imus
 
 DURATION_S = 200.0

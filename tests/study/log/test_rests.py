@@ -11,10 +11,10 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.study.log.rests import AT_REST, Rest, changes_of, found_at_rest, rests_of, settled_at_rest
 from gtmbench.study.log.slow_means import SLOW, SlowMeans
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS
+from gtmbench.verdict.verdict import Outcome
 
 STANDS_S, PERIOD_S = 12.0, 0.04
 CHANNELS = (*GYROS, *ATTITUDE, *ACCELEROMETERS)

@@ -22,8 +22,8 @@ from gtmbench.study.log.self_check.causes import (
     undone,
 )
 from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import Outcome
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.verdict import Outcome
 from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.helpers.airliner import airliner
 

@@ -7,7 +7,7 @@ import gtmbench as gb
 from gtmbench.study.log.seconds import of_seconds
 from gtmbench.study.log.standing import STANDING, standing_gyros
 from gtmbench.study.log.vertical import contradiction, up_of
-from gtmbench.study.log.watched import Outcome
+from gtmbench.verdict.verdict import Outcome
 
 CHANNELS = ["p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz"]
 PERIOD_S = 0.05

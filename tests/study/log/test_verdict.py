@@ -15,8 +15,8 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.study.log.starts import DOUBT, steady
 from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import Outcome
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.verdict import Outcome
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 CUT_S = 60.0
