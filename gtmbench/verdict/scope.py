@@ -47,7 +47,8 @@ class Scope:
 
     def limit_of(self, sensor: str) -> float:
         """Return the largest error of a sensor that may stay unseen, in its unit; infinite where nothing is asked."""
-        return {"deg/s": self.error_deg_s, "deg": self.error_deg}.get(unit_of(sensor), math.inf)
+        own, _, _ = sensor.partition(" of ")  # an IMU
+        return {"deg/s": self.error_deg_s, "deg": self.error_deg}.get(unit_of(own), math.inf)
 
     def with_limits(self, limits: Iterable[str]) -> Scope:
         """Return the scope with limits as they are typed: ``2deg/s``, ``8deg``, ``factor=0.7``; ``3`` is of gyros.

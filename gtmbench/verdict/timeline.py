@@ -70,7 +70,8 @@ class SensorSpan:
         On the log's clock.
     state : State
     reason : str
-        Why it isn't judged, or what is suspected; empty for one that is clear.
+        Why it isn't judged, or what is suspected; of one that is clear, why no smaller error would show, if that has a
+        reason.
     suspects : tuple of str
         Of a suspicion: the sensors of which one failed, itself among them.
     judgement : Judgement or None

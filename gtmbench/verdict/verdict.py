@@ -153,7 +153,7 @@ def _held_against(span: SensorSpan, sensor: str, scope: Scope) -> SensorSpan:
         return span
     if span.sizes.error > scope.limit_of(sensor):
         unit = "deg/s" if sensor in GYROS else "deg"
-        why = f"only an error of {span.sizes.error:.2g} {unit} or more would show"
+        why = span.reason or f"only an error of {span.sizes.error:.2g} {unit} or more would show"
         return replace(span, state=State.NOT_JUDGED, reason=why)
     if scope.factor is not None and sensor in GYROS and not _shows(span.sizes, scope.factor):
         return replace(span, state=State.NOT_JUDGED, reason=f"a factor of {scope.factor:g} would not show")

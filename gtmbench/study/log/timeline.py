@@ -59,7 +59,8 @@ class Evidence:
         The log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them.
     has_heading : bool
         Whether its heading is a sensor's.
-    is_driven : bool
+    is_driven, is_sure : bool
+        Whether the gyros drive the attitude, and whether that is known.
     alarms : tuple of Alarm
     watches : tuple of Watch
     learnt_s : tuple of (start, end)
@@ -80,6 +81,7 @@ class Evidence:
     moving: tuple[Record, ...] = field(repr=False)
     has_heading: bool
     is_driven: bool
+    is_sure: bool
     alarms: tuple[Alarm, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     learnt_s: tuple[Span, ...]
@@ -194,6 +196,7 @@ def _hindsight(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> H
     return hindsight_of(
         blocks,
         is_driven=evidence.is_driven,
+        is_sure=evidence.is_sure,
         excused_s=_excused(evidence),
         failures=failures,
         faster={source.channel: _times(evidence, source.period_s) for source in evidence.log.sources},

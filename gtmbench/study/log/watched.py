@@ -226,6 +226,7 @@ class WatchedLog:
             moving=self.moving,
             has_heading=self.has_heading,
             is_driven=self.attitude is not None and self.attitude.is_driven,
+            is_sure=self.attitude is not None and not self.attitude.is_assumed,
             alarms=(*self.alarms, *others, *(() if self.swap is None else self.swap.alarms)),
             watches=self.watches,
             learnt_s=self.identified_s,

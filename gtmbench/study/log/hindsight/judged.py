@@ -8,19 +8,20 @@ shift would have shown, up to the size that would.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import PROMISED_S, SPARE, WINDOWS_S, Shift, departs, shift_of
+from gtmbench.study.log.hindsight.levels import PROMISED_S, SPARE, WINDOWS_S, Shift, both_shift, departs, shift_of
 from gtmbench.study.log.hindsight.relation import (
+    Jumps,
     Relation,
     error_level,
     gain_level,
     jumps_deg,
-    noise_level,
+    noise_levels,
     noise_size,
     of_euler_rates,
     relation_of,
@@ -36,8 +37,9 @@ _JUMP_FLOOR_DEG = 1.0  # a smaller jump is an estimator's correction
 _OFTEN = 0.95  # of the onsets in a span, from which its size shows
 _COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
 _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
+_PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
 _AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
-_AT_EDGE, _MASKED = "too little of the log lies before or behind it", "gyros or attitude are missing, or excused"
+_AT_EDGE, _MASKED = "too little of the log lies before or behind it", "it stands, or gyros or attitude are missing"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +99,7 @@ def hindsight_of(
     blocks: Blocks,
     *,
     is_driven: bool,
+    is_sure: bool = False,
     excused_s: Sequence[Span] = (),
     failures: Mapping[str, Sequence[Failure]] | None = None,
     faster: Mapping[str, float] | None = None,
@@ -108,6 +111,8 @@ def hindsight_of(
     blocks : Blocks
     is_driven : bool
         Whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
+    is_sure : bool
+        Whether that is known, and not assumed: then references pull the attitude about in health, the heading most.
     excused_s : sequence of (start, end)
         Where nothing is asked of the relation, such as a contact with the ground.
     failures : mapping of sensor to sequence of Failure
@@ -130,31 +135,34 @@ def hindsight_of(
     >>> {span.state.value for span in said.claims["q"]}, said.claims["p"][1].state.value
     ({'not judged'}, 'clear')
     """
-    if of_euler_rates(blocks) > _CERTAIN:
+    share, error = of_euler_rates(blocks)
+    if abs(share - 1.0) < _EULER and share > _CERTAIN * error:
         misread = _unjudged(*_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
     relation, gentle = _relation(blocks, excused_s, {} if failures is None else failures)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
     changes: list[Change] = []
     jumps = jumps_deg(relation, gentle)
+    wanders = _PULLED_DEG_S if is_driven and is_sure else (0.0, 0.0, 0.0)
     for axis, (gyro, angle) in enumerate(_AXES):
         known = relation.known[:, axis]
         shifts = {
-            "error": shift_of(error_level(relation, axis, known), _shown(is_driven=is_driven)),
-            "gain": shift_of(gain_level(relation, axis, known)),
-            "noise": shift_of(noise_level(relation, axis, known)),
+            "error": shift_of(error_level(relation, axis, known, wanders[axis]), _shown(is_driven=is_driven)),
+            "noise": _noise_shift(relation, axis, known),
         }
-        own = list(_changes(relation, axis, shifts))
+        if not is_driven:  # an attitude that its gyros drive turns as they say
+            shifts["gain"] = shift_of(gain_level(relation, axis, known))
+        own = list(_changes(relation, axis, shifts, is_driven=is_driven))
         changes += own
         more = 1.0 if faster is None else np.sqrt(max(faster.get(gyro, 1.0), 1.0))
-        claims[gyro] = tuple(_of_gyro(relation, axis, shifts, own, is_driven=is_driven, noisier=float(more)))
-        claims[angle] = tuple(_of_angle(relation, axis, (jumps[0][:, axis], jumps[1][:, axis]), own))
+        claims[gyro] = tuple(_of_gyro(relation, axis, shifts, own, noisier=float(more)))
+        claims[angle] = tuple(_of_angle(relation, axis, Jumps(*(each[:, axis] for each in jumps)), own))
     return Hindsight(claims=claims, changes=tuple(changes))
 
 
 JUDGED = (*GYROS, *ATTITUDE)
 _AXES = tuple(zip(GYROS, ATTITUDE, strict=True))
-_CERTAIN = 10.0  # nats, of one reading of a log against another
+_CERTAIN, _EULER = 4.0, 0.3  # deviations, and by how much of it: gyros that read Euler rates
 
 
 def _relation(
@@ -185,13 +193,22 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     whole = np.ones(len(blocks), dtype=bool)
     first = max(int((failure.start_s - blocks.start_s) / relation.chunk_s), 0)
     apart = np.zeros(-(-len(blocks) // relation.per_chunk), dtype=bool)
-    for level_of in (error_level, gain_level, noise_level):
-        apart |= departs(level_of(relation, axis, whole), first)
+    own_noise, noise, _ = noise_levels(relation, axis, whole)
+    for level in (error_level(relation, axis, whole), gain_level(relation, axis, whole)):
+        apart |= departs(level, first)
+    apart |= departs(own_noise, first) & departs(noise, first)
     off = np.flatnonzero(apart[first:])
     last = first + int(off[-1]) + 1 if len(off) else first
     is_long = len(apart) - last >= round(_AGREES_S / relation.chunk_s)
     was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
     return blocks.start_s + last * relation.chunk_s if was_off and is_long else None
+
+
+def _noise_shift(relation: Relation, axis: int, known: BoolArray) -> Shift:
+    """Return what shifts of a gyro's noise alone; where the others shift, too, it is the aircraft that shakes."""
+    own, beside, others = (shift_of(level) for level in noise_levels(relation, axis, known))
+    shift = both_shift(own, beside)
+    return replace(shift, rises=0.0, falls=0.0, onset=None) if others.size else shift
 
 
 def _shown(*, is_driven: bool) -> FloatArray:
@@ -206,7 +223,7 @@ def _shown(*, is_driven: bool) -> FloatArray:
     return np.asarray(1.0 - SLOWEST_S * (decayed[:, 0] - decayed[:, 1]) / (ends[:, 1] - ends[:, 0]))
 
 
-def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift]) -> Iterator[Change]:
+def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[Change]:
     """Give the shifts of an axis; a gyro that becomes quieter is none."""
     start_s = relation.blocks.start_s
     for of, shift in shifts.items():
@@ -216,7 +233,7 @@ def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift]) -> Iter
     offset, gain = float(relation.offsets[axis]), float(relation.gains[axis])
     if abs(offset) > _MOST_OFFSET_DEG_S:
         yield Change(axis=axis, of="offset", time_s=start_s, size=offset)
-    if np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
+    if not is_driven and np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
         yield Change(axis=axis, of="scale", time_s=start_s, size=gain)
 
 
@@ -226,7 +243,6 @@ def _of_gyro(
     shifts: Mapping[str, Shift],
     changes: Sequence[Change],
     *,
-    is_driven: bool,
     noisier: float,
 ) -> Iterator[SensorSpan]:
     """Give the spans in which a gyro is clear, and those in which it isn't judged."""
@@ -238,7 +254,7 @@ def _of_gyro(
         yield _unjudged(start_s, end_s, changes[0].text)
         return
     errors = shifts["error"].bounds
-    gains = np.full(len(errors), np.inf) if is_driven else shifts["gain"].bounds
+    gains = shifts["gain"].bounds if "gain" in shifts else np.full(len(errors), np.inf)
     noises = noisier * noise_size(relation, axis, shifts["noise"].bounds)
     repeats = _OF_USUAL * usual_s <= PROMISED_S
     known = _chunks_known(relation, relation.known[:, axis])
@@ -264,9 +280,7 @@ def _of_gyro(
 _LARGEST_GAIN, _LARGEST_NOISE = 2.0, 1e3  # a turned sign shows at the first; no gyro's noise is larger than the second
 
 
-def _of_angle(
-    relation: Relation, axis: int, jumps: tuple[FloatArray, FloatArray], changes: Sequence[Change]
-) -> Iterator[SensorSpan]:
+def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Change]) -> Iterator[SensorSpan]:
     """Give the same of an angle: an error that stays begins with a jump that no gyro reads."""
     angle = ATTITUDE[axis]
     stands, _ = _standing(relation, relation.blocks.held_s[:, 3 + axis], angle)
@@ -276,17 +290,21 @@ def _of_angle(
     if shifted:
         yield _unjudged(start_s, end_s, shifted[0].text)
         return
-    jump, usual = jumps
+    jump, usual, stay = jumps
     bounds = np.where(np.isfinite(jump), jump + SPARE * np.maximum(usual, _JUMP_FLOOR_DEG), np.inf)
-    seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG))
+    seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG)) & (stay > 0.5 * jump)
     left = np.maximum.accumulate(np.where(seen, bounds, 0.0))  # an angle that jumped may be wrong from there on
+    worst_row = int(np.argmax(np.where(seen, jump, 0.0)))
+    since_s = start_s + worst_row * relation.blocks.period_s
     chunks = relation.chunked(np.maximum(bounds, left))
     worst = np.where(np.isnan(chunks), 0.0, chunks).max(axis=1)
     for first, stop, level in _as_good(worst, np.isfinite(worst)):
         span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
         if np.isfinite(level):
             sizes = Sizes(error=level, within_s=PROMISED_S)
-            yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, sizes=sizes)
+            jumped = f"{angle} jumps by {jump[worst_row]:.0f} deg at {since_s:.0f} s, and no gyro turns"
+            reason = jumped if seen.any() and span[1] > since_s else ""
+            yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, reason=reason, sizes=sizes)
         else:
             yield _unjudged(*span, _MASKED)
 

@@ -22,9 +22,11 @@ PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S))  # behind it; the last for what shows late
 _ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
 _FEWEST = 3  # chunks: a median of fewer is none
-_DEVIATIONS = 6.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
+_DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
+_OF_SPREAD = 6.0  # times what chunks scatter by: a smaller change is no other constant, and counts in what is promised
 _QUANTILE, _OF_NORMAL = 0.6, 0.8416  # of absolute differences: a fault parts few neighbours; the normal law's
-_LAGS = (2, 4, 8, 16)  # chunks, over which a level wanders
+_LAGS = (2, 4, 8, 16, 32, 64, 128)  # chunks, over which a level wanders
+_UNSURE = 2.4  # twice the relative deviation of a quantile's square, times the root of the number
 _PAIRS = 8  # times a lag: chunks of a log, or a step counts as wander
 _MEDIAN = 0.5 * np.pi  # variance of a median over that of a mean, of normal values
 SPARE = 1.1  # times what is significant: what is promised, for noise changes a little with a fault
@@ -41,12 +43,15 @@ class Level:
     deviations : shape (chunks,)
         How much each wanders by chance, up to a factor that is the same for all.
     floor : float
-        No smaller change is told: sensors differ by as much in health.
+        No smaller change is significant: sensors differ by as much in health.
+    wanders : float
+        No smaller change says that something broke: it counts in what is promised.
     """
 
     values: FloatArray
     deviations: FloatArray = field(repr=False)
     floor: float
+    wanders: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,6 +106,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     """
     values, deviations = level.values, np.where(np.isfinite(level.values), level.deviations, np.inf)
     scale, wander = _restless(values, deviations)
+    usual = float(np.median(deviations[np.isfinite(deviations)])) if np.isfinite(scale) else 0.0
     rates = np.where(np.isfinite(deviations), 1.0 / np.maximum(scale * deviations, 1e-12), 0.0)
     before, before_var, enough = _before(values, rates)
     bounds, most = np.full(len(values), np.inf), np.zeros(len(values))
@@ -113,11 +119,21 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         there = enough & known
         size = np.where(there, np.abs(difference) + SPARE * significant, np.inf) / share
         bounds = np.minimum(bounds, size)
-        shows = there & (np.abs(difference) > significant)
+        shows = there & (np.abs(difference) > np.maximum(significant, max(_OF_SPREAD * scale * usual, level.wanders)))
         larger = shows & (np.abs(difference) > np.abs(most))
         most[larger] = difference[larger]
     rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))
     return Shift(bounds=bounds, rises=rises, falls=falls, onset=_stepped_at(values) if most.any() else None)
+
+
+def both_shift(first: Shift, second: Shift) -> Shift:
+    """Return what shows only where two levels shift alike: a change of both, up to the larger bound."""
+    return Shift(
+        bounds=np.maximum(first.bounds, second.bounds),
+        rises=min(first.rises, second.rises),
+        falls=max(first.falls, second.falls),
+        onset=second.onset if first.onset is not None else None,
+    )
 
 
 def _stepped_at(values: FloatArray) -> int:
@@ -172,7 +188,8 @@ def _restless(values: FloatArray, deviations: FloatArray) -> tuple[float, float]
     for lag in _LAGS:
         far = _parted(values, deviations, lag)
         if len(values) >= _PAIRS * lag and len(far) >= _FEWEST:
-            grown = (float(np.quantile(far, _QUANTILE)) / _OF_NORMAL) ** 2 - scale**2
+            sure = 1.0 - _UNSURE / np.sqrt(len(far))  # the quantile's square is known to so much of itself
+            grown = sure * (float(np.quantile(far, _QUANTILE)) / _OF_NORMAL) ** 2 - scale**2
             wander = max(wander, usual * float(np.sqrt(max(grown, 0.0))))
     return max(scale, 1e-9), wander
 

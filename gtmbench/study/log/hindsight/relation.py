@@ -9,23 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
 from gtmbench.study.log.hindsight.levels import CHUNK_S, Level
-from gtmbench.values.record import BoolArray, FloatArray, Span
+from gtmbench.study.log.records import LIVELY_DEG_S
+from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
+_LIVELY_S, _OF_LIVELIEST, _STANDS_S, _MOST_DEG_S = 2.0, 0.2, 20.0, 400.0
 _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
 _GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: it doubles
 _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
-_JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed
+_JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0
-_ALIKE = 2  # neighbouring blocks, which share an edge
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 
@@ -96,6 +98,7 @@ def relation_of(
     regressors = _regressors(blocks)
     there = np.isfinite(blocks.gyros).all(axis=1) & np.isfinite(blocks.rates).all(axis=1)
     there &= ~blocks.within(excused_s)
+    there &= ~_stands(blocks)
     known = np.column_stack([there & ~blocks.within(spans) for spans in failed_s])
     error = np.full(blocks.gyros.shape, np.nan)
     offsets, gains = np.full(3, np.nan), np.full(3, np.nan)
@@ -110,6 +113,22 @@ def relation_of(
     return Relation(blocks=blocks, known=known, error=error, offsets=offsets, gains=gains)
 
 
+def _stands(blocks: Blocks) -> BoolArray:
+    """Tell in which blocks an aircraft stands that flies before or after: references wander off there.
+
+    It turns by less than a fifth of what it does in its liveliest tenth, for a third of a minute at least.
+    """
+    turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
+    rows = max(round(_LIVELY_S / blocks.period_s), 1)
+    mean = np.sqrt(np.convolve(np.square(np.minimum(turning, _MOST_DEG_S)), np.ones(rows) / rows, "same"))
+    moves = mean > max(LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
+    stands = np.zeros(len(mean), dtype=bool)
+    starts, ends = runs(~moves)
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        stands[start:end] = (end - start) * blocks.period_s >= _STANDS_S
+    return stands if moves.any() else np.zeros(len(mean), dtype=bool)
+
+
 def _regressors(blocks: Blocks) -> FloatArray:
     """Return 1, the three rates and their slopes, shape (blocks, 7)."""
     slopes = np.full(blocks.rates.shape, np.nan)
@@ -117,23 +136,37 @@ def _regressors(blocks: Blocks) -> FloatArray:
     return np.column_stack([np.ones(len(blocks)), blocks.rates, slopes])
 
 
-def of_euler_rates(blocks: Blocks) -> float:
-    """Return how much likelier the gyros read the rates of phi, theta and psi than body rates, in nats.
+def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
+    """Return which share of what Euler rates and body rates differ by the gyros read, and its standard error.
 
-    n / 2 log(s_body^2 / s_euler^2) of each gyro, by the robust spreads that both leave of it; neighbouring blocks share
-    an edge, so that two of them count as one.
+    y - w = b + A w + s (u - w) + e of each gyro, where u are the rates of phi, theta and psi: s is 0 of gyros that read
+    body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
+
+    Examples
+    --------
+    >>> random = np.random.default_rng(1)
+    >>> body, euler = 20.0 * random.standard_normal((2, 500, 3))
+    >>> other = dict(angles=0.0 * body, rough=0.0 * body, held_s=np.zeros((500, 6)))
+    >>> read = euler + 5.0 * random.standard_normal((500, 3))
+    >>> share, error = of_euler_rates(
+    ...     Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=body, euler_rates=euler, **other)
+    ... )
+    >>> abs(share - 1.0) < 0.2, error < 0.05
+    (True, True)
     """
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
-    nats = 0.0
-    for axis in range(3):
-        left = []
-        for rates in (blocks.rates, blocks.euler_rates):
-            columns = np.column_stack([np.ones(len(blocks)), rates])[there]
-            own = blocks.gyros[there, axis] - rates[there, axis]
-            left.append(own - columns @ _fitted(own, columns) if len(own) > columns.shape[1] else own)
-        body, euler = (float(np.median(np.abs(each))) + 1e-9 if len(each) else 1.0 for each in left)
-        nats += len(left[0]) / _ALIKE * np.log(body / euler)
-    return float(nats)
+    shares, precisions = np.zeros(3), np.zeros(3)
+    for axis in range(3 if np.count_nonzero(there) > _FEWEST else 0):
+        apart = (blocks.euler_rates - blocks.rates)[there, axis]
+        columns = np.column_stack([np.ones(len(apart)), blocks.rates[there]])
+        own, apart = (each - columns @ _fitted(each, columns) for each in (blocks.gyros[there, axis], apart))
+        power = float(np.square(apart).sum()) + 1e-12
+        shares[axis] = float(own @ apart) / power
+        left = own - shares[axis] * apart
+        precisions[axis] = power / ((1.4826 * float(np.median(np.abs(left)))) ** 2 + 1e-12)
+    if not precisions.sum() > 0.0:
+        return 0.0, np.inf
+    return float(shares @ precisions / precisions.sum()), float(1.0 / np.sqrt(precisions.sum()))
 
 
 def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
@@ -154,10 +187,12 @@ def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     return theta
 
 
-def error_level(relation: Relation, axis: int, known: BoolArray) -> Level:
+def error_level(relation: Relation, axis: int, known: BoolArray, wanders: float = 0.0) -> Level:
     """Return a gyro's mean error by chunks, in deg/s, of the blocks that are known."""
     values = _means(relation.chunked(np.where(known, relation.error[:, axis], np.nan)))
-    return Level(values=values, deviations=_by_liveliness(values, _lively(relation)), floor=ERROR_FLOOR_DEG_S)
+    return Level(
+        values=values, deviations=_by_liveliness(values, _lively(relation)), floor=ERROR_FLOOR_DEG_S, wanders=wanders
+    )
 
 
 def gain_level(relation: Relation, axis: int, known: BoolArray) -> Level:
@@ -172,15 +207,21 @@ def gain_level(relation: Relation, axis: int, known: BoolArray) -> Level:
     return Level(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
 
 
-def noise_level(relation: Relation, axis: int, known: BoolArray) -> Level:
-    """Return the logarithm of a gyro's roughness over that of the others, by chunks."""
+def noise_levels(relation: Relation, axis: int, known: BoolArray) -> tuple[Level, Level, Level]:
+    """Return the logarithm of a gyro's roughness by chunks, what it is more than that of the others, and theirs.
+
+    What shakes the aircraft raises all of them; what silences the others raises the second alone.
+    """
     there = relation.known.copy()
     there[:, axis] = known
     rough = relation.chunked(np.where(there, relation.blocks.rough, np.nan))
     powers = np.stack([_means(rough[..., each]) for each in range(3)])
     logs = np.log(np.maximum(powers, 1e-9))
     others = _mean_of_known(np.delete(logs, axis, axis=0))
-    return Level(values=logs[axis] - others, deviations=np.ones(len(others)), floor=_NOISE_FLOOR)
+    alike = np.ones(len(others))
+    own = Level(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
+    beside = Level(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
+    return own, beside, Level(values=others, deviations=alike, floor=_NOISE_FLOOR)
 
 
 def noise_size(relation: Relation, axis: int, bounds: FloatArray) -> FloatArray:
@@ -191,12 +232,20 @@ def noise_size(relation: Relation, axis: int, bounds: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(level * np.expm1(np.minimum(bounds, 50.0)) / 6.0))
 
 
-def jumps_deg(relation: Relation, known: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Return by how much each angle may jump at every block, and what of it is significant, in deg, (blocks, 3).
+class Jumps(NamedTuple):
+    """By how much each angle may jump at every block, what is significant, and what stays, in deg, (blocks, 3)."""
+
+    sizes: FloatArray
+    significant: FloatArray
+    stay: FloatArray
+
+
+def jumps_deg(relation: Relation, known: BoolArray) -> Jumps:
+    """Return by how much each angle may jump at every block.
 
     A jump of an angle turns the attitude by a rotation about that angle's axis a which no gyro reads. It stands in e of
     one block, whole: a.e / a.a over the gyros that are known, times the block's length. It is summed over a few blocks,
-    for what a lag leaves of a hard turn is taken back at once.
+    for what a lag leaves of a hard turn is taken back at once: it doesn't stay for seconds.
 
     Parameters
     ----------
@@ -211,7 +260,9 @@ def jumps_deg(relation: Relation, known: BoolArray) -> tuple[FloatArray, FloatAr
     turned = np.einsum("nij,nj->ni", axes, np.nan_to_num(error - _local(error))) * blocks.period_s
     turned = np.where(felt >= _FELT, turned / np.maximum(felt, _FELT), np.nan)
     lively = np.repeat(_lively(relation), relation.per_chunk)[: len(blocks)]
-    most, significant = np.full(turned.shape, np.inf), np.full(turned.shape, np.inf)
+    most, significant, stay = (np.full(turned.shape, value) for value in (np.inf, np.inf, 0.0))
+    for angle in range(3):
+        stay[:, angle] = np.abs(_summed(turned[:, angle], _JUMPS[-1]))
     for window in _JUMPS:
         for angle in range(3):
             summed = _summed(turned[:, angle], window)
@@ -220,7 +271,7 @@ def jumps_deg(relation: Relation, known: BoolArray) -> tuple[FloatArray, FloatAr
             smaller = jump + usual < most[:, angle] + significant[:, angle]
             smaller &= np.isfinite(jump + usual)
             most[smaller, angle], significant[smaller, angle] = jump[smaller], usual[smaller]
-    return most, significant
+    return Jumps(sizes=most, significant=significant, stay=stay)
 
 
 def _angle_axes(angles: FloatArray) -> FloatArray:
