@@ -16,7 +16,7 @@ import gtmbench as gb
 from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.log_fleet import logs_in
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.values.channels import WHOLE
+from gtmbench.values.channels import ATTITUDE, WHOLE
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from tests.verdicts.entries import READY, Broken, Entry, Required, Watching
 from tests.verdicts.recipes import Made, broken_between, sensors_of
@@ -178,6 +178,8 @@ def reached_s(broken: Broken, sizes: Sizes, margin: float = 1.0) -> float:
     """
     fault = broken.fault
     onset_s: float = fault.onset_s + fault.ramp_s
+    if isinstance(fault, gb.Drift) and fault.channel in ATTITUDE:
+        return inf  # an angle that grows wrong slowly is told as its gyro's error, whose size is another
     if isinstance(fault, gb.Drift):
         return onset_s + margin * sizes.error / abs(fault.slope)
     if isinstance(fault, gb.Bias):

@@ -25,7 +25,7 @@ from gtmbench.study.log.claims import (
     of_watches,
 )
 from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
-from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of
+from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of, shows
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
@@ -125,8 +125,33 @@ def timeline_of(evidence: Evidence) -> Timeline:
 
 def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> list[Claim]:
     """Return what alarms claim; of failures that overlap and share a residual each is suspected, and no more."""
-    claims = list(_alarmed(evidence, blocks, span_s))
+    blind = {sensor: doubt.text for doubt in evidence.check.doubts if doubt.is_blind for sensor in doubt.sensors}
+    claims = [
+        (sensor, _unless_blind(span, blind.get(sensor, ""))) for sensor, span in _alarmed(evidence, blocks, span_s)
+    ]
+    if blocks is not None:
+        claims = _but_at_odds(evidence, blocks, claims)
     return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
+
+
+def _unless_blind(span: SensorSpan, why: str) -> SensorSpan:
+    """Return a failure as not judged where most of the sensor's motion isn't explained, and no residual alarmed."""
+    return replace(span, state=State.NOT_JUDGED, reason=why) if why and span.state is State.FAILED else span
+
+
+def _but_at_odds(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> list[Claim]:
+    """Return claims that don't fail a gyro which agrees with the attitude while another one parts from it, unnamed."""
+    changes = _hindsight(evidence, blocks, claims).changes
+    others = {GYROS[change.axis] for change in changes}
+    kept = []
+    for sensor, span in claims:
+        is_named = sensor in GYROS and span.state is State.FAILED and others and sensor not in others
+        if is_named and not shows(blocks, sensor, _failure(span), _excused(evidence)):
+            reason = f"an alarm names {sensor}, which agrees with the attitude; {', '.join(sorted(others))} doesn't"
+            kept.append((sensor, replace(span, state=State.NOT_JUDGED, reason=reason)))
+        else:
+            kept.append((sensor, span))
+    return kept
 
 
 def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:

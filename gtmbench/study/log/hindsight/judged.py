@@ -188,20 +188,40 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     failure : Failure
     excused_s : sequence of (start, end)
     """
+    first, apart, chunk_s = _departures(blocks, sensor, failure, excused_s)
+    off = np.flatnonzero(apart[first:])
+    last = first + int(off[-1]) + 1 if len(off) else first
+    is_long = len(apart) - last >= round(_AGREES_S / chunk_s)
+    was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
+    return blocks.start_s + last * chunk_s if was_off and is_long else None
+
+
+def shows(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> bool:
+    """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
+
+    Parameters
+    ----------
+    blocks, sensor, failure, excused_s
+        As `agrees_from_s` takes them.
+    """
+    first, apart, chunk_s = _departures(blocks, sensor, failure, excused_s)
+    stop = int(np.ceil((failure.end_s - blocks.start_s) / chunk_s))
+    return bool(apart[first:stop].any())
+
+
+def _departures(
+    blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span]
+) -> tuple[int, BoolArray, float]:
+    """Return the chunk in which a failure begins, in which chunks its axis is another than before, and their length."""
     axis = next(place for place, names in enumerate(_AXES) if sensor in names)
     relation, _ = _relation(blocks, excused_s, {sensor: [failure]})
     whole = np.ones(len(blocks), dtype=bool)
     first = max(int((failure.start_s - blocks.start_s) / relation.chunk_s), 0)
-    apart = np.zeros(-(-len(blocks) // relation.per_chunk), dtype=bool)
-    own_noise, noise, _ = noise_levels(relation, axis, whole)
+    own, beside, _ = noise_levels(relation, axis, whole)
+    apart = departs(own, first) & departs(beside, first)
     for level in (error_level(relation, axis, whole), gain_level(relation, axis, whole)):
         apart |= departs(level, first)
-    apart |= departs(own_noise, first) & departs(noise, first)
-    off = np.flatnonzero(apart[first:])
-    last = first + int(off[-1]) + 1 if len(off) else first
-    is_long = len(apart) - last >= round(_AGREES_S / relation.chunk_s)
-    was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
-    return blocks.start_s + last * relation.chunk_s if was_off and is_long else None
+    return first, apart, relation.chunk_s
 
 
 def _noise_shift(relation: Relation, axis: int, known: BoolArray) -> Shift:

@@ -97,7 +97,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     >>> random = np.random.default_rng(1)
     >>> values = 0.1 * random.standard_normal(60)
     >>> healthy = shift_of(Level(values=values, deviations=np.full(60, 0.1), floor=0.0))
-    >>> healthy.size, bool(0.1 < healthy.bounds[30] < 0.3), bool(np.isinf(healthy.bounds[1]))
+    >>> healthy.size, bool(0.1 < healthy.bounds[30] < 0.8), bool(np.isinf(healthy.bounds[1]))
     (0.0, True, True)
     >>> stepped = values + np.where(np.arange(60) < 40, 0.0, 1.0)
     >>> broken = shift_of(Level(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
@@ -106,7 +106,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     """
     values, deviations = level.values, np.where(np.isfinite(level.values), level.deviations, np.inf)
     scale, wander = _restless(values, deviations)
-    usual = float(np.median(deviations[np.isfinite(deviations)])) if np.isfinite(scale) else 0.0
+    spread = _OF_SPREAD * scale * float(np.median(deviations[np.isfinite(deviations)])) if np.isfinite(scale) else 0.0
     rates = np.where(np.isfinite(deviations), 1.0 / np.maximum(scale * deviations, 1e-12), 0.0)
     before, before_var, enough = _before(values, rates)
     bounds, most = np.full(len(values), np.inf), np.zeros(len(values))
@@ -115,11 +115,11 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         behind, behind_var, known = _behind(values, rates, round(from_s / CHUNK_S), round(to_s / CHUNK_S))
         difference = behind - before
         deviation = np.sqrt(before_var + behind_var + wander**2)
-        significant = np.maximum(_DEVIATIONS * deviation, level.floor)
+        significant = np.maximum(_DEVIATIONS * deviation, level.floor if level.wanders else max(level.floor, spread))
         there = enough & known
         size = np.where(there, np.abs(difference) + SPARE * significant, np.inf) / share
         bounds = np.minimum(bounds, size)
-        shows = there & (np.abs(difference) > np.maximum(significant, max(_OF_SPREAD * scale * usual, level.wanders)))
+        shows = there & (np.abs(difference) > np.maximum(significant, max(spread, level.wanders)))
         larger = shows & (np.abs(difference) > np.abs(most))
         most[larger] = difference[larger]
     rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))

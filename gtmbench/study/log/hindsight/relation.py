@@ -151,7 +151,7 @@ def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
     >>> share, error = of_euler_rates(
     ...     Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=body, euler_rates=euler, **other)
     ... )
-    >>> abs(share - 1.0) < 0.2, error < 0.05
+    >>> abs(share - 1.0) < 0.05, error < 0.05
     (True, True)
     """
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
@@ -159,7 +159,8 @@ def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
     for axis in range(3 if np.count_nonzero(there) > _FEWEST else 0):
         apart = (blocks.euler_rates - blocks.rates)[there, axis]
         columns = np.column_stack([np.ones(len(apart)), blocks.rates[there]])
-        own, apart = (each - columns @ _fitted(each, columns) for each in (blocks.gyros[there, axis], apart))
+        read = (blocks.gyros - blocks.rates)[there, axis]
+        own, apart = (each - columns @ _fitted(each, columns) for each in (read, apart))
         power = float(np.square(apart).sum()) + 1e-12
         shares[axis] = float(own @ apart) / power
         left = own - shares[axis] * apart

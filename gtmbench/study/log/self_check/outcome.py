@@ -89,6 +89,8 @@ class Stop:
 class Doubt:
     """Why silence says nothing of some sensors, from a time on; of all sensors where none is named.
 
+    `is_blind`: what the sensor should read isn't known, so slow tests of it say nothing, either.
+
     >>> str(Doubt(text="p moves too little to show what it is", sensors=("p",)))
     'p moves too little to show what it is'
     """
@@ -96,6 +98,7 @@ class Doubt:
     text: str
     sensors: tuple[str, ...] = ()
     since_s: float = -np.inf
+    is_blind: bool = False
 
     def __str__(self) -> str:
         return self.text
@@ -328,7 +331,7 @@ def check_watched(
             if crash and not flown.is_blind:
                 doubts += (_doubt(crashed_text(crash, flown), whole.output, crash.start_s),)
             else:
-                doubts += (_doubt(unexplained_text(whole), whole.output),)
+                doubts += (replace(_doubt(unexplained_text(whole), whole.output), is_blind=True),)
         elif whole.output in identified and not (whole.is_shown or identified[whole.output].is_shown):
             why = f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for"
             doubts += (_doubt(why, whole.output),)
