@@ -14,7 +14,16 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import PROMISED_S, SPARE, WINDOWS_S, Shift, both_shift, departs, shift_of
+from gtmbench.study.log.hindsight.levels import (
+    PROMISED_S,
+    SPARE,
+    WINDOWS_S,
+    Shift,
+    both_shift,
+    departs,
+    shift_of,
+    stepped_at,
+)
 from gtmbench.study.log.hindsight.relation import (
     Jumps,
     Relation,
@@ -38,6 +47,7 @@ _OFTEN = 0.95  # of the onsets in a span, from which its size shows
 _COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
 _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
+_ABOUT = 3  # chunks about an end that is dated by blocks
 _AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
 _AT_EDGE, _MASKED = "too little of the log lies before or behind it", "it stands, or gyros or attitude are missing"
 
@@ -188,12 +198,21 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     failure : Failure
     excused_s : sequence of (start, end)
     """
-    first, apart, chunk_s = _departures(blocks, sensor, failure, excused_s)
+    first, apart, relation = _departures(blocks, sensor, failure, excused_s)
+    chunk_s = relation.chunk_s
     off = np.flatnonzero(apart[first:])
     last = first + int(off[-1]) + 1 if len(off) else first
     is_long = len(apart) - last >= round(_AGREES_S / chunk_s)
     was_off = len(off) and np.count_nonzero(apart[first:last]) >= _OFF * (last - first)
-    return blocks.start_s + last * chunk_s if was_off and is_long else None
+    if not (was_off and is_long):
+        return None
+    end_s = blocks.start_s + last * chunk_s
+    if failure.is_constant:  # then it ends in a step, which is dated by blocks
+        about = slice(max(last - _ABOUT, first) * relation.per_chunk, (last + _ABOUT) * relation.per_chunk)
+        errors = relation.error[about, axis_place(sensor)]
+        if np.count_nonzero(np.isfinite(errors)) > relation.per_chunk:
+            return blocks.start_s + (about.start + stepped_at(errors)) * blocks.period_s
+    return end_s
 
 
 def shows(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> bool:
@@ -204,16 +223,25 @@ def shows(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Spa
     blocks, sensor, failure, excused_s
         As `agrees_from_s` takes them.
     """
-    first, apart, chunk_s = _departures(blocks, sensor, failure, excused_s)
-    stop = int(np.ceil((failure.end_s - blocks.start_s) / chunk_s))
+    first, apart, relation = _departures(blocks, sensor, failure, excused_s)
+    stop = int(np.ceil((failure.end_s - blocks.start_s) / relation.chunk_s))
     return bool(apart[first:stop].any())
+
+
+def axis_place(sensor: str) -> int:
+    """Return the place of the axis that a gyro or an angle belongs to.
+
+    >>> axis_place("theta")
+    1
+    """
+    return next(place for place, names in enumerate(_AXES) if sensor in names)
 
 
 def _departures(
     blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span]
-) -> tuple[int, BoolArray, float]:
-    """Return the chunk in which a failure begins, in which chunks its axis is another than before, and their length."""
-    axis = next(place for place, names in enumerate(_AXES) if sensor in names)
+) -> tuple[int, BoolArray, Relation]:
+    """Return the chunk in which a failure begins, in which chunks its axis is another than before, and the relation."""
+    axis = axis_place(sensor)
     relation, _ = _relation(blocks, excused_s, {sensor: [failure]})
     whole = np.ones(len(blocks), dtype=bool)
     first = max(int((failure.start_s - blocks.start_s) / relation.chunk_s), 0)
@@ -221,7 +249,7 @@ def _departures(
     apart = departs(own, first) & departs(beside, first)
     for level in (error_level(relation, axis, whole), gain_level(relation, axis, whole)):
         apart |= departs(level, first)
-    return first, apart, relation.chunk_s
+    return first, apart, relation
 
 
 def _noise_shift(relation: Relation, axis: int, known: BoolArray) -> Shift:

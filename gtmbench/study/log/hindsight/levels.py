@@ -123,7 +123,7 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         larger = shows & (np.abs(difference) > np.abs(most))
         most[larger] = difference[larger]
     rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))
-    return Shift(bounds=bounds, rises=rises, falls=falls, onset=_stepped_at(values) if most.any() else None)
+    return Shift(bounds=bounds, rises=rises, falls=falls, onset=stepped_at(values) if most.any() else None)
 
 
 def both_shift(first: Shift, second: Shift) -> Shift:
@@ -136,8 +136,12 @@ def both_shift(first: Shift, second: Shift) -> Shift:
     )
 
 
-def _stepped_at(values: FloatArray) -> int:
-    """Return the chunk from which on a level is another: where two levels part most, by n1 n2 / n (m2 - m1)^2."""
+def stepped_at(values: FloatArray) -> int:
+    """Return the place from which on values are others: where two means part most, by n1 n2 / n (m2 - m1)^2.
+
+    >>> stepped_at(np.array([0.0, 0.1, np.nan, 0.0, 2.0, 2.1, 2.0]))
+    4
+    """
     known = np.flatnonzero(np.isfinite(values))
     own = np.clip(values[known], *np.quantile(values[known], [0.02, 0.98]))
     count = np.arange(1, len(own))
