@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
+from heapq import heappop, heappush
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -198,14 +199,20 @@ _RANK = {state: rank for rank, state in enumerate(State)}
 def _merged(span_s: Span, claims: Sequence[SensorSpan], otherwise: str) -> tuple[SensorSpan, ...]:
     """Return the weightiest claim of every instant, in time and without a hole."""
     start_s, end_s = span_s
-    own = sorted((each for each in claims if each.end_s > each.start_s), key=lambda each: _RANK[each.state])
+    own = [each for each in claims if each.end_s > each.start_s]
     inside = {time_s for each in own for time_s in (each.start_s, each.end_s) if start_s < time_s < end_s}
+    begun = sorted(range(len(own)), key=lambda place: own[place].start_s, reverse=True)  # the next one last
+    there: list[tuple[int, int]] = []  # a heap of what has begun: by weight, then as it was claimed
     merged: list[SensorSpan] = []
     for first_s, last_s in pairwise([start_s, *sorted(inside), end_s]):
         middle_s = 0.5 * (first_s + last_s)
+        while begun and own[begun[-1]].start_s <= middle_s:
+            place = begun.pop()
+            heappush(there, (_RANK[own[place].state], place))
+        while there and own[there[0][1]].end_s < middle_s:
+            heappop(there)
         nothing = SensorSpan(start_s=first_s, end_s=last_s, state=State.NOT_JUDGED, reason=otherwise)
-        weightiest = next((each for each in own if each.start_s <= middle_s <= each.end_s), nothing)
-        part = replace(weightiest, start_s=first_s, end_s=last_s)
+        part = replace(own[there[0][1]] if there else nothing, start_s=first_s, end_s=last_s)
         if merged and _goes_on(merged[-1], part):
             merged[-1] = replace(merged[-1], end_s=last_s)
         else:
