@@ -14,6 +14,7 @@ import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
 from gtmbench.study.log.hindsight.levels import CHUNK_S, Level
+from gtmbench.study.log.seconds import IntArray
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
@@ -26,6 +27,9 @@ _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0
 _ALIKE = 2  # neighbouring blocks, which share an edge
+_SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
+_CHANCE = 3.0  # deviations
+_AGAINST = 10.0  # nats
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 
@@ -117,34 +121,58 @@ def _regressors(blocks: Blocks) -> FloatArray:
     return np.column_stack([np.ones(len(blocks)), blocks.rates, slopes])
 
 
-def of_euler_rates(blocks: Blocks) -> float:
+def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> float:
     """Return how much likelier the gyros read the rates of phi, theta and psi than body rates, in nats.
 
-    n / 2 log(s_body^2 / s_euler^2) of each gyro, by the robust spreads that both leave of it; neighbouring blocks share
-    an edge, so that two of them count as one.
+    (|e_body| - |e_euler|) / s over gyros and blocks, by Laplace's law with the scale s of the better one, less three
+    deviations of what chance makes of it; neighbouring blocks share an edge, so that two of them count as one. An angle
+    that jumps spoils body rates from there on, and no Euler rates: a quarter of the log that tells against these counts
+    alone.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    but_s : sequence of (start, end)
+        What is left out.
     """
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
-    nats = 0.0
+    quarters = [_nearer(blocks, rows) for rows in np.array_split(np.flatnonzero(there & ~blocks.within(but_s)), 4)]
+    least = min(_nats(quarter) for quarter in quarters)
+    return least if least < -_AGAINST else _nats(np.concatenate(quarters))
+
+
+def _nearer(blocks: Blocks, rows: IntArray) -> FloatArray:
+    """Return by how much more Euler rates explain of some blocks, in nats, shape (blocks, 3)."""
+    nats = np.zeros((len(rows), 3))
     for axis in range(3):
         left = []
         for rates in (blocks.rates, blocks.euler_rates):
-            columns = np.column_stack([np.ones(len(blocks)), rates])[there]
-            own = blocks.gyros[there, axis] - rates[there, axis]
-            left.append(own - columns @ _fitted(own, columns) if len(own) > columns.shape[1] else own)
-        body, euler = (float(np.median(np.abs(each))) + 1e-9 if len(each) else 1.0 for each in left)
-        nats += len(left[0]) / _ALIKE * np.log(body / euler)
-    return float(nats)
+            columns = np.column_stack([np.ones(len(rows)), rates[rows]])
+            own = blocks.gyros[rows, axis] - rates[rows, axis]
+            left.append(np.abs(own - columns @ _fitted(own, columns)) if len(own) > columns.shape[1] else own)
+        if len(rows) > columns.shape[1]:
+            scale = min(float(np.median(each)) for each in left) / np.log(2.0)
+            nats[:, axis] = (left[0] - left[1]) / (scale + 1e-9)
+    return nats
+
+
+def _nats(each: FloatArray) -> float:
+    """Return a sum of nats without what chance makes of it."""
+    total, chance = float(each.sum()) / _ALIKE, _CHANCE * float(np.std(each)) * np.sqrt(each.size / _ALIKE)
+    return float(np.sign(total) * max(abs(total) - chance, 0.0))
 
 
 def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     """Return parameters by Huber's weights, gains near 0 a priori."""
     weight: FloatArray = np.ones(len(values))
-    theta: FloatArray = np.zeros(regressors.shape[1])
+    theta, least = np.asarray(np.linalg.lstsq(regressors, values, rcond=None)[0]), np.inf
+    chance = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(_SECOND) if len(values) > 2 else 0.0
     for _ in range(_ROUNDS):
         left = values - regressors @ theta
         spread = max(1.4826 * float(np.median(np.abs(left - np.median(left)))), 1e-9)
         theta_before = theta
-        prior = np.diag([0.0, *[(spread / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
+        least = min(least, spread)  # what the prior itself leaves is no noise: a turned sign would pass for it
+        prior = np.diag([0.0, *[(max(least, chance) / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
         weighted = regressors * weight[:, np.newaxis]
         theta = np.asarray(np.linalg.lstsq(weighted.T @ regressors + prior, weighted.T @ values, rcond=None)[0])
         left = values - regressors @ theta
@@ -179,7 +207,8 @@ def noise_level(relation: Relation, axis: int, known: BoolArray) -> Level:
     rough = relation.chunked(np.where(there, relation.blocks.rough, np.nan))
     powers = np.stack([_means(rough[..., each]) for each in range(3)])
     logs = np.log(np.maximum(powers, 1e-9))
-    others = _mean_of_known(np.delete(logs, axis, axis=0))
+    usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
+    others = _mean_of_known(np.delete(logs - usual[:, np.newaxis], axis, axis=0))  # one that is missing makes no step
     return Level(values=logs[axis] - others, deviations=np.ones(len(others)), floor=_NOISE_FLOOR)
 
 
