@@ -45,9 +45,7 @@ def motion(duration_s=120.0, rate_hz=20.0, seed=1, start_s=0.0, noise=1.0, large
     random = np.random.default_rng((seed, round(rate_hz)))
     gyros = body_rates(angles, slopes) + noise * GYRO_NOISE * random.standard_normal(angles.shape)
     told = angles + noise * ANGLE_NOISE * random.standard_normal(angles.shape)
-    return gb.Record(
-        np.column_stack([gyros, told]), channels=SENSORS, sample_period_s=1.0 / rate_hz, start_s=start_s
-    )
+    return gb.Record(np.column_stack([gyros, told]), channels=SENSORS, sample_period_s=1.0 / rate_hz, start_s=start_s)
 
 
 def with_error(record, sensor, error):
