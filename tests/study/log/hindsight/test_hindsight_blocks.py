@@ -1,4 +1,4 @@
-"""Blocks of a log: what gyros read and the attitude turns by, exactly, wherever records begin and samples are missing."""
+"""Blocks of a log: what gyros read and the attitude turns by, wherever records begin and samples are missing."""
 
 import numpy as np
 import pytest

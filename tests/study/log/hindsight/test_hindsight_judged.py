@@ -1,6 +1,7 @@
 """Where gyros and angles are clear: no fault of the size that is stated for its onset lies in a span called clear."""
 
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -80,7 +81,7 @@ def test_a_healthy_log_is_clear_but_for_its_ends(seed, is_driven):
 def test_claims_of_a_sensor_cover_the_log():
     for spans in healthy().claims.values():
         assert (spans[0].start_s, spans[-1].end_s) == (0.0, pytest.approx(END_S))
-        assert all(before.end_s == after.start_s for before, after in zip(spans[:-1], spans[1:], strict=True))
+        assert all(before.end_s == after.start_s for before, after in pairwise(spans))
 
 
 def test_every_onset_that_is_too_near_to_an_end_is_not_judged():
