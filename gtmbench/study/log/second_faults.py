@@ -65,8 +65,14 @@ def _first_named(watch: Watch, told: Sequence[Alarm]) -> Alarm | None:
 
 
 def _without(watch: Watch, alarm: Alarm) -> Record:
-    """Return a record in which a gyro reads what is predicted, from when it failed on."""
+    """Return a record in which a gyro reads what is predicted, from when it failed on, and the noise that it had.
+
+    Without any noise it would be told as a change of its noise, which takes others' alarms for its own.
+    """
     record, sensor = watch.record, str(alarm.sensor)
-    predicted = watch.predictions[sensor]
-    broken = (record.time_s >= began_s(alarm) - _EARLIER_S) & np.isfinite(predicted)
-    return record.replace(sensor, np.where(broken, predicted, record[sensor]))
+    predicted, first = watch.predictions[sensor], began_s(alarm) - _EARLIER_S
+    broken = (record.time_s >= first) & np.isfinite(predicted)
+    usual = record[sensor][record.time_s < first] - predicted[record.time_s < first]
+    usual = usual[np.isfinite(usual)]
+    noise = np.resize(usual - np.median(usual), len(record)) if len(usual) else np.zeros(len(record))
+    return record.replace(sensor, np.where(broken, predicted + noise, record[sensor]))

@@ -114,9 +114,8 @@ def timeline_of(evidence: Evidence) -> Timeline:
         for name, said in of_others:
             claims += claims_of(name, said)
             told += [f"{name}: {change.text}." for change in said.changes]
-    claims += of_unread(unread, evidence.sensors)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
-    for sensor, span in claims:
+    for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)
     moving = evidence.moving
     motion = motion_spans(lively_seconds(moving).tolist(), span_s, unread) if moving else (span_s,)

@@ -145,11 +145,13 @@ def hindsight_of(
     >>> {span.state.value for span in said.claims["q"]}, said.claims["p"][1].state.value
     ({'not judged'}, 'clear')
     """
-    share, error = of_euler_rates(blocks)
+    named = {} if failures is None else failures
+    failed_s = [(each.start_s, each.end_s) for spans in named.values() for each in spans]
+    share, error = of_euler_rates(blocks, [*excused_s, *failed_s])
     if abs(share - 1.0) < _EULER and share > _CERTAIN * error:
         misread = _unjudged(*_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
-    relation, gentle = _relation(blocks, excused_s, {} if failures is None else failures)
+    relation, gentle = _relation(blocks, excused_s, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
     changes: list[Change] = []
     jumps = jumps_deg(relation, gentle)

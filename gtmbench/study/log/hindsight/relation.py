@@ -28,6 +28,7 @@ _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0
+_SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 
@@ -136,11 +137,17 @@ def _regressors(blocks: Blocks) -> FloatArray:
     return np.column_stack([np.ones(len(blocks)), blocks.rates, slopes])
 
 
-def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
+def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, float]:
     """Return which share of what Euler rates and body rates differ by the gyros read, and its standard error.
 
     y - w = b + A w + s (u - w) + e of each gyro, where u are the rates of phi, theta and psi: s is 0 of gyros that read
     body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
+
+    Parameters
+    ----------
+    blocks : Blocks
+    but_s : sequence of (start, end)
+        What is left out.
 
     Examples
     --------
@@ -155,6 +162,7 @@ def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
     (True, True)
     """
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
+    there &= ~blocks.within(but_s)
     shares, precisions = np.zeros(3), np.zeros(3)
     for axis in range(3 if np.count_nonzero(there) > _FEWEST else 0):
         apart = (blocks.euler_rates - blocks.rates)[there, axis]
@@ -173,12 +181,14 @@ def of_euler_rates(blocks: Blocks) -> tuple[float, float]:
 def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     """Return parameters by Huber's weights, gains near 0 a priori."""
     weight: FloatArray = np.ones(len(values))
-    theta: FloatArray = np.zeros(regressors.shape[1])
+    theta, least = np.asarray(np.linalg.lstsq(regressors, values, rcond=None)[0]), np.inf
+    chance = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(_SECOND) if len(values) > 2 else 0.0
     for _ in range(_ROUNDS):
         left = values - regressors @ theta
         spread = max(1.4826 * float(np.median(np.abs(left - np.median(left)))), 1e-9)
         theta_before = theta
-        prior = np.diag([0.0, *[(spread / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
+        least = min(least, spread)  # what the prior itself leaves is no noise: a turned sign would pass for it
+        prior = np.diag([0.0, *[(max(least, chance) / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
         weighted = regressors * weight[:, np.newaxis]
         theta = np.asarray(np.linalg.lstsq(weighted.T @ regressors + prior, weighted.T @ values, rcond=None)[0])
         left = values - regressors @ theta
@@ -218,7 +228,8 @@ def noise_levels(relation: Relation, axis: int, known: BoolArray) -> tuple[Level
     rough = relation.chunked(np.where(there, relation.blocks.rough, np.nan))
     powers = np.stack([_means(rough[..., each]) for each in range(3)])
     logs = np.log(np.maximum(powers, 1e-9))
-    others = _mean_of_known(np.delete(logs, axis, axis=0))
+    usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
+    others = _mean_of_known(np.delete(logs - usual[:, np.newaxis], axis, axis=0))  # one that is missing makes no step
     alike = np.ones(len(others))
     own = Level(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
     beside = Level(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)

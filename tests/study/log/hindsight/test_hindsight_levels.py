@@ -1,0 +1,283 @@
+"""Levels: what is added from an onset on is never above what is stated for it, and chance alone changes nothing."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtmbench.study.log.hindsight.levels import SPARE, WINDOWS_S, Level, departs, shift_of
+
+CHUNKS = 60
+DRAWS = 50
+
+
+def level(values, *, deviations=0.1, floor=0.0):
+    return Level(values=values, deviations=np.broadcast_to(deviations, values.shape).copy(), floor=floor)
+
+
+def white(seed=1, chunks=CHUNKS, deviation=0.1):
+    return deviation * np.random.default_rng(seed).standard_normal(chunks)
+
+
+def stepped(values, onset, size, until=None):
+    changed = values.copy()
+    changed[onset:until] += size
+    return changed
+
+
+@cache
+def healthy(seed=1):
+    return shift_of(level(white(seed)))
+
+
+# what is promised ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [-30.0, -0.5, 0.05, 0.3, 2.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_begins_at_a_chunk_is_below_the_bound_there_or_shows(seed, size):
+    """S is added to the medians behind the onset and to none before it, whatever else is known of the level."""
+    values = white(seed)
+    for onset in range(3, CHUNKS - 2, 2):
+        shift = shift_of(level(stepped(values, onset, size)))
+        assert shift.bounds[onset] >= abs(size)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_change_of_one_and_a_half_the_stated_size_shows_whatever_its_sign(seed, sign):
+    """One of the stated size may count as wander, and its bound grows then."""
+    values, bounds = white(seed), healthy(seed).bounds
+    for onset in range(5, CHUNKS - 4, 4):
+        shift = shift_of(level(stepped(values, onset, sign * 1.5 * bounds[onset])))
+        assert np.sign(shift.size) == sign
+        assert shift.size == (shift.rises if sign > 0.0 else shift.falls)
+        assert abs(shift.onset - onset) <= 2
+
+
+def test_a_change_of_the_stated_size_mostly_shows():
+    shown = [
+        bool(shift_of(level(stepped(white(seed), onset, sign * healthy(seed).bounds[onset]))).size)
+        for seed in range(10)
+        for onset in range(5, CHUNKS - 4, 8)
+        for sign in (-1.0, 1.0)
+    ]
+    assert np.mean(shown) > 0.7
+
+
+def test_half_of_what_is_stated_shows_seldom():
+    """A bound is no larger than it has to be."""
+    shown = [
+        bool(shift_of(level(stepped(white(seed), onset, 0.5 * healthy(seed).bounds[onset]))).size)
+        for seed in range(10)
+        for onset in (10, 20, 30, 40, 50)
+    ]
+    assert np.mean(shown) < 0.2
+
+
+@pytest.mark.parametrize(("seed", "size"), [(seed, size) for seed in range(5) for size in (-4.0, 1.0)])
+def test_the_onset_of_a_step_and_its_size(seed, size):
+    for onset in (8, 30, 55):
+        shift = shift_of(level(stepped(white(seed), onset, size)))
+        assert shift.onset == onset
+        assert shift.size == pytest.approx(size, abs=0.25)
+
+
+def test_the_larger_of_a_rise_and_a_fall_is_the_size():
+    up, down = (stepped(stepped(white(3), 20, first), 40, second) for first, second in ((3.0, -5.0), (-1.0, 4.0)))
+    rising, falling = shift_of(level(down)), shift_of(level(up))
+    assert rising.size == rising.rises == pytest.approx(4.0, abs=1.2)
+    assert falling.rises == pytest.approx(3.0, abs=0.3)
+    assert falling.size == falling.falls if -falling.falls > falling.rises else falling.rises
+
+
+# what changes nothing -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_a_constant_changes_no_bound_a_sign_neither_and_a_unit_is_a_factor(broken):
+    values = stepped(white(5), 25, 2.0) if broken else white(5)
+    usual = shift_of(level(values))
+    for other in (shift_of(level(values + 17.0)), shift_of(level(-values))):
+        np.testing.assert_allclose(other.bounds, usual.bounds, rtol=1e-6)
+        assert abs(other.size) == pytest.approx(abs(usual.size))
+        assert other.onset == usual.onset
+    turned = shift_of(level(-values))
+    assert (turned.rises, turned.falls) == (pytest.approx(-usual.falls), pytest.approx(-usual.rises))
+    scaled = shift_of(level(7.0 * values, deviations=0.1))
+    np.testing.assert_allclose(scaled.bounds, 7.0 * usual.bounds, rtol=1e-6)
+    assert scaled.size == pytest.approx(7.0 * usual.size)
+
+
+def test_deviations_are_known_up_to_a_factor():
+    usual, other = (shift_of(level(white(2), deviations=size)) for size in (0.1, 33.0))
+    np.testing.assert_allclose(other.bounds, usual.bounds, rtol=1e-6)
+
+
+def test_a_chunk_that_isnt_known_is_left_out():
+    values, whole = white(4), shift_of(level(white(4)))
+    values[30] = np.nan
+    found = shift_of(level(values))
+    assert np.isfinite(found.bounds[6:55]).all()
+    np.testing.assert_allclose(found.bounds[40:55], whole.bounds[40:55], rtol=0.3)
+
+
+def test_a_chunk_that_is_noisier_tells_less():
+    deviations = np.full(CHUNKS, 0.1)
+    deviations[30:] = 1.0
+    random = np.random.default_rng(8)
+    values = deviations * random.standard_normal(CHUNKS)
+    shift = shift_of(Level(values=values, deviations=deviations, floor=0.0))
+    assert shift.size == 0.0
+    assert np.median(shift.bounds[35:50]) > 3.0 * np.median(shift.bounds[5:20])
+
+
+# chance -------------------------------------------------------------------------------------------------------------
+
+
+def student(random):
+    return 0.1 * random.standard_t(3, CHUNKS)
+
+
+def normal(random):
+    return 0.1 * random.standard_normal(CHUNKS)
+
+
+def one_wild(random):
+    values = normal(random)
+    values[random.integers(CHUNKS)] += 10.0
+    return values
+
+
+@pytest.mark.parametrize("draw", [normal, student, one_wild])
+def test_nothing_shows_in_health(draw):
+    shifts = [shift_of(level(draw(np.random.default_rng(seed)))) for seed in range(DRAWS)]
+    assert np.mean([shift.size != 0.0 for shift in shifts]) <= 0.04
+    assert all((shift.onset is None) == (shift.size == 0.0) for shift in shifts)
+
+
+def test_a_level_that_wanders_has_wider_bounds_and_does_not_show():
+    shown, wider = [], []
+    for seed in range(DRAWS):
+        random = np.random.default_rng(seed)
+        calm = 0.1 * random.standard_normal(200)
+        wanders = shift_of(level(calm + np.cumsum(0.03 * random.standard_normal(200))))
+        shown.append(wanders.size != 0.0)
+        wider.append(np.median(wanders.bounds[10:190]) / np.median(shift_of(level(calm)).bounds[10:190]))
+    assert np.mean(shown) <= 0.3  # 0.9 by the scatter of neighbours alone
+    assert np.median(wider) > 2.0
+
+
+def test_one_step_is_no_wander():
+    """A fault is told however restless a level is taken for: a step widens no bound by much."""
+    for seed in range(5):
+        wide = shift_of(level(stepped(white(seed, 120), 60, 5.0)))
+        usual = shift_of(level(white(seed, 120)))
+        assert wide.size == pytest.approx(5.0, abs=0.2)
+        assert np.median(wide.bounds[90:110] - 5.0) < 2.0 * np.median(usual.bounds[90:110])
+
+
+def test_bounds_fall_with_the_noise_and_with_the_windows_that_are_known():
+    bounds = [np.median(shift_of(level(white(seed))).bounds[10:40]) for seed in range(10)]
+    assert 0.2 < np.median(bounds) < 0.4
+    late = [shift_of(level(white(seed))).bounds[CHUNKS - 5] for seed in range(10)]
+    assert np.median(late) > 1.5 * np.median(bounds)
+
+
+# what is too little -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", [0, 1, 2, 3, 4, 5])
+def test_too_few_chunks_promise_nothing(known):
+    values = np.full(CHUNKS, np.nan)
+    values[20 : 20 + known] = white(1, known) if known else 0.0
+    shift = shift_of(level(values))
+    assert np.isinf(shift.bounds).all()
+    assert (shift.size, shift.onset) == (0.0, None)
+
+
+@pytest.mark.parametrize("chunks", [1, 2, 5])
+def test_a_log_of_few_chunks_promises_nothing(chunks):
+    assert np.isinf(shift_of(level(white(1, chunks))).bounds).all()
+
+
+def test_the_ends_of_a_log_promise_nothing():
+    bounds = healthy().bounds
+    assert np.flatnonzero(np.isfinite(bounds)).tolist() == list(range(3, CHUNKS - 2))
+
+
+def test_no_change_below_the_floor_shows_and_none_is_promised():
+    values = 0.001 * white(1)
+    for size, shows in ((0.25, False), (-0.25, False), (0.35, True), (-0.35, True)):
+        assert (shift_of(level(stepped(values, 30, size), floor=0.3)).size != 0.0) == shows
+    bounds = shift_of(level(values, floor=0.3)).bounds[5:50]
+    np.testing.assert_allclose(bounds, 0.3 * SPARE, rtol=0.01)
+
+
+# what shows late ----------------------------------------------------------------------------------------------------
+
+
+def late_only():
+    """Return the shares that a fault shows that only the last window sees."""
+    return np.array([1e-9] * (len(WINDOWS_S) - 1) + [1.0])
+
+
+def test_a_fault_that_shows_late_is_bounded_by_the_late_window():
+    values, onset = white(2), 20
+    usual = shift_of(level(values), late_only())
+    late = stepped(values, onset + 10, 1.2 * usual.bounds[onset])  # nothing of it shows for 20 s
+    assert shift_of(level(late)).size > 0.0
+    assert shift_of(level(late), late_only()).bounds[onset] > 1.0 * usual.bounds[onset]
+    assert np.isfinite(usual.bounds[3:48]).all()  # three chunks lie 20 s behind
+    assert (usual.bounds[48:] > 1e6).all()  # behind that, only windows are known in which nothing of it shows
+
+
+def test_a_share_that_shows_divides_the_bound():
+    values = white(6)
+    full, half = (shift_of(level(values), np.full(len(WINDOWS_S), share)) for share in (1.0, 0.5))
+    np.testing.assert_allclose(half.bounds, 2.0 * full.bounds)
+    assert half.size == full.size
+
+
+# what departs -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [-3.0, 3.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_a_level_departs_while_it_is_another_and_no_longer(seed, size):
+    values = stepped(white(seed, 80), 30, size, 50)
+    found = departs(level(values, floor=0.3), 30)
+    assert np.flatnonzero(found[30:]).tolist() == list(range(20))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_wild_chunk_departs_from_nothing_nor_does_health(seed):
+    values = white(seed, 80)
+    values[45] += 100.0
+    values[60:62] -= 100.0
+    assert not departs(level(values, floor=0.3), 30).any()
+
+
+def test_nothing_departs_from_what_isnt_known():
+    values = stepped(white(1), 2, 5.0)
+    assert not departs(level(values), 2).any()
+    gap = stepped(white(1), 20, 5.0)
+    gap[30:45] = np.nan
+    found = departs(level(gap), 20)
+    assert found[20:29].all()
+    assert not found[33:42].any()
+
+
+def test_less_than_the_floor_is_no_departure():
+    values = 0.001 * white(1)
+    assert not departs(level(stepped(values, 30, 0.25), floor=0.3), 30).any()
+    assert departs(level(stepped(values, 30, 0.35), floor=0.3), 30)[30:].all()
+
+
+def test_a_level_that_wandered_before_has_to_depart_further():
+    random = np.random.default_rng(1)
+    wander = np.cumsum(0.1 * random.standard_normal(100))
+    values = 0.02 * random.standard_normal(120)
+    values[:100] += wander - wander[-1]
+    assert departs(level(stepped(0.02 * random.standard_normal(120), 100, 0.5)), 100)[102:].all()
+    assert not departs(level(stepped(values, 100, 0.5)), 100)[102:].any()

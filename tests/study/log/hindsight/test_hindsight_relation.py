@@ -1,0 +1,310 @@
+"""The relation of gyros and attitude: what was put into a record is found, and only what stays is left."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtmbench.study.log.hindsight.blocks import blocks_of
+from gtmbench.study.log.hindsight.relation import (
+    ERROR_FLOOR_DEG_S,
+    error_level,
+    gain_level,
+    jumps_deg,
+    noise_level,
+    noise_size,
+    of_euler_rates,
+    relation_of,
+)
+from gtmbench.values.channels import ATTITUDE, GYROS
+from tests.helpers.turning import from_on, motion, with_error
+
+EVERY = slice(None)
+
+
+@cache
+def healthy(seed=1):
+    return blocks_of([motion(seed=seed)])
+
+
+def everywhere(blocks):
+    return np.ones(len(blocks), dtype=bool)
+
+
+def level_of(level_of_one, record, axis):
+    blocks = blocks_of([record])
+    return level_of_one(relation_of(blocks), axis, everywhere(blocks))
+
+
+# its constants ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("axis", range(3))
+def test_offset_and_gain_of_a_gyro_are_its_own(axis, seed):
+    record = motion(seed=seed)
+    name = GYROS[axis]
+    relation = relation_of(blocks_of([record.replace(name, 1.06 * record[name] - 3.0)]))
+    expected, gains = np.zeros(3), np.ones(3)
+    expected[axis], gains[axis] = -3.0, 1.06
+    np.testing.assert_allclose(relation.offsets, expected, atol=0.05)
+    np.testing.assert_allclose(relation.gains, gains, atol=0.02)
+    assert np.nanstd(relation.error[:, axis]) == pytest.approx(
+        np.nanstd(relation_of(healthy(seed)).error[:, axis]), rel=0.1
+    )
+
+
+@pytest.mark.parametrize("duration_s", [60.0, 240.0])
+@pytest.mark.parametrize("factor", [-1.0, -0.4, 0.0, 0.5, 2.0, 4.0])
+def test_a_gain_that_is_far_from_one_throughout_is_not_taken_for_noise(factor, duration_s):
+    record = motion(duration_s)
+    relation = relation_of(blocks_of([record.replace("q", factor * record["q"])]))
+    assert relation.gains[1] == pytest.approx(factor, abs=0.05 + 0.4 * abs(factor - 1.0))
+    np.testing.assert_allclose(relation.gains[[0, 2]], 1.0, atol=0.02)
+
+
+@pytest.mark.parametrize(("axis", "other"), [(0, 1), (1, 2), (2, 0), (0, 2)])
+def test_axes_that_are_a_little_crooked_and_a_lag_are_no_error(axis, other):
+    record = motion()
+    name = GYROS[axis]
+    usual = np.nanstd(relation_of(healthy()).error[:, axis])
+    crooked = record.replace(name, record[name] + 0.05 * record[GYROS[other]])
+    assert np.nanstd(relation_of(blocks_of([crooked])).error[:, axis]) < 1.2 * usual
+    late = record.replace(name, np.interp(record.time_s - 0.1, record.time_s, record[name]))
+    found = relation_of(blocks_of([late]))
+    assert np.nanstd(found.error[:, axis]) < 1.2 * usual
+    left = blocks_of([late]).gyros[:, axis] - blocks_of([late]).rates[:, axis]
+    assert np.nanstd(found.error[:, axis]) < 0.8 * np.nanstd(left)
+
+
+def test_a_gain_is_near_one_where_no_motion_shows_it():
+    """Noise of the attitude alone would make it 0."""
+    relation = relation_of(blocks_of([motion(large_deg=(0.05, 0.05, 0.05))]))
+    np.testing.assert_allclose(relation.gains, 1.0, atol=0.3)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3])
+def test_constants_are_those_of_most_of_the_log(share):
+    """A fault that lasts for less than half of a log bends its constants by little."""
+    onset_s = 120.0 * (1.0 - share)
+    relation = relation_of(blocks_of([with_error(motion(), "q", from_on(onset_s, 20.0))]))
+    assert abs(relation.offsets[1]) < 0.7  # its mean is 2 and 6
+    assert np.nanmedian(relation.error[relation.blocks.time_s > onset_s + 1.0, 1]) == pytest.approx(20.0, abs=0.8)
+
+
+def test_what_failed_or_is_excused_bends_no_constant():
+    broken = with_error(motion(), "r", from_on(40.0, 30.0))
+    relation = relation_of(blocks_of([broken]), (), ((), (), [(39.0, 121.0)]))
+    np.testing.assert_allclose(relation.offsets, 0.0, atol=0.05)
+    assert not relation.known[200:, 2].any()
+    assert relation.known[:, :2].all()
+    assert np.nanmedian(relation.error[250:, 2]) == pytest.approx(30.0, abs=0.1)  # it is told all the same
+    excused = relation_of(blocks_of([broken]), [(39.0, 121.0)])
+    np.testing.assert_allclose(excused.offsets, 0.0, atol=0.05)
+    assert not excused.known[200:].any()
+    assert np.isnan(excused.error[200:]).all()
+
+
+def test_nothing_is_known_of_a_log_that_is_missing():
+    record = motion(20.0)
+    nothing = record.replace("q", np.full(len(record), np.nan))
+    relation = relation_of(blocks_of([nothing]))
+    assert np.isnan(relation.offsets).all()
+    assert np.isnan(relation.gains).all()
+    assert not relation.known.any()
+
+
+def test_what_is_left_does_not_depend_on_the_clock():
+    record = motion()
+    later = type(record)(record.values, channels=record.channels, sample_period_s=0.05, start_s=777.0)
+    np.testing.assert_allclose(relation_of(blocks_of([later])).error, relation_of(healthy()).error, atol=1e-9)
+
+
+# Euler rates --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 4.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_gyros_that_read_body_rates_are_told_from_those_that_read_the_angles_slopes(seed, noise):
+    record = motion(seed=seed, noise=noise, large_deg=(25.0, 15.0, 60.0))
+    assert of_euler_rates(blocks_of([record])) < -50.0
+    slopes = np.gradient(record.matrix(ATTITUDE), record.time_s, axis=0)
+    smooth = motion(seed=seed, noise=0.0, large_deg=(25.0, 15.0, 60.0)).matrix(ATTITUDE)
+    random = np.random.default_rng(seed)
+    for axis, name in enumerate(GYROS):
+        slopes = np.gradient(smooth[:, axis], record.time_s) + noise * 0.15 * random.standard_normal(len(record))
+        record = record.replace(name, slopes)
+    assert of_euler_rates(blocks_of([record])) > 50.0
+
+
+@pytest.mark.parametrize("large_deg", [(0.02, 0.02, 0.02), (12.0, 0.0, 0.0), (3.0, 3.0, 3.0)])
+def test_where_both_are_nearly_the_same_chance_does_not_decide(large_deg):
+    for seed in range(1, 5):
+        assert of_euler_rates(blocks_of([motion(300.0, 10.0, seed, large_deg=large_deg)])) < 5.0
+
+
+@pytest.mark.parametrize("onset_s", [6.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("name", ["phi", "theta"])
+def test_an_angle_that_jumps_does_not_make_gyros_euler_rates(name, onset_s):
+    """The body's axes are turned with it from there on, so that body rates fit no more, and Euler rates as before."""
+    for size in (8.0, 15.0, 20.0):
+        blocks = blocks_of([with_error(motion(), name, from_on(onset_s, size))])
+        assert of_euler_rates(blocks) < 0.0
+        assert of_euler_rates(blocks, [(onset_s - 1.0, 121.0)]) <= 0.0
+
+
+def test_one_broken_gyro_does_not_make_them_euler_rates():
+    broken = with_error(motion(), "p", from_on(40.0, 30.0))
+    assert of_euler_rates(blocks_of([broken])) < 0.0
+
+
+# levels -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_error_level_is_what_a_gyro_reads_too_much_chunk_by_chunk(axis):
+    level = level_of(error_level, with_error(motion(), GYROS[axis], from_on(80.0, 2.0)), axis)
+    assert level.floor == ERROR_FLOOR_DEG_S
+    assert np.median(level.values[40:]) - np.median(level.values[:40]) == pytest.approx(2.0, abs=0.1)
+    usual = level_of(error_level, motion(), axis).values
+    assert np.abs(usual).max() < 0.2
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.6, -1.0])
+@pytest.mark.parametrize("axis", range(3))
+def test_the_gain_level_is_by_how_much_a_gyro_turns_too_far_whatever_its_bias(axis, factor):
+    record = motion()
+    name = GYROS[axis]
+    late = record.time_s >= 80.0
+    broken = record.replace(name, np.where(late, factor * record[name] + 3.0, record[name]))
+    values = level_of(gain_level, broken, axis).values
+    assert np.median(values[41:]) - np.median(values[:40]) == pytest.approx(factor - 1.0, abs=0.12)
+
+
+def test_a_chunk_that_turns_more_tells_more_of_a_gain():
+    record = motion()
+    calm = record.time_s < 60.0
+    values = record.values.copy()
+    values[calm] *= 0.2
+    half = type(record)(values, channels=record.channels, sample_period_s=0.05)
+    deviations = level_of(gain_level, half, 0).deviations
+    assert np.median(deviations[:29]) > 3.0 * np.median(deviations[31:])
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("bound", [1.0, 3.0])
+def test_noise_of_the_size_that_is_stated_raises_the_level_by_its_bound(axis, bound):
+    record = motion(rate_hz=50.0)
+    blocks = blocks_of([record])
+    relation = relation_of(blocks)
+    usual = noise_level(relation, axis, everywhere(blocks)).values
+    sizes = noise_size(relation, axis, np.full(len(usual), bound))
+    size = float(np.median(sizes))
+    added = size * np.random.default_rng(2).standard_normal(len(record))
+    louder = level_of(noise_level, with_error(record, GYROS[axis], added), axis).values
+    assert np.median(louder - usual) == pytest.approx(bound, abs=0.1)
+
+
+def test_no_bound_of_noise_is_no_size_and_a_calm_chunk_counts_as_the_usual_one():
+    blocks = healthy()
+    relation = relation_of(blocks)
+    chunks = len(error_level(relation, 0, everywhere(blocks)).values)
+    sizes = noise_size(relation, 0, np.full(chunks, np.inf))
+    assert (sizes > 1e6).all()
+    sizes = noise_size(relation, 0, np.full(chunks, 1.0))
+    assert sizes.min() >= 0.99 * np.median(sizes)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_gyro_that_failed_is_no_measure_of_the_others_noise_and_makes_no_step(axis):
+    """However loud it was before: here eight times as loud."""
+    random = np.random.default_rng(3)
+    record = with_error(motion(), GYROS[axis], 1.2 * random.standard_normal(2401))
+    blocks = blocks_of([record])
+    failed_s = [(), (), ()]
+    failed_s[axis] = [(60.0, 121.0)]
+    relation = relation_of(blocks, (), failed_s)
+    for other in {0, 1, 2} - {axis}:
+        values = noise_level(relation, other, relation.known[:, other]).values
+        assert np.median(values[30:]) - np.median(values[:30]) == pytest.approx(0.0, abs=0.3)
+
+
+def test_noise_of_all_gyros_is_shaking_and_no_change_of_one():
+    record = motion(rate_hz=50.0)
+    shaken, noise = record, from_on(60.0, 3.0)(record.time_s)
+    for name in GYROS:
+        shaken = shaken.replace(
+            name, record[name] + noise * np.random.default_rng(ord(name)).standard_normal(len(record))
+        )
+    for axis in range(3):
+        values = level_of(noise_level, shaken, axis).values
+        assert np.median(values[31:]) - np.median(values[:29]) == pytest.approx(0.0, abs=0.3)
+
+
+@pytest.mark.parametrize("level_of_one", [error_level, gain_level, noise_level])
+def test_a_chunk_of_which_less_than_half_is_known_is_unknown(level_of_one):
+    blocks = healthy()
+    relation = relation_of(blocks)
+    known = everywhere(blocks)
+    known[100:106] = False  # six of ten
+    known[200:204] = False
+    values = level_of_one(relation, 1, known).values
+    assert np.isnan(values[10])
+    assert np.isfinite(np.delete(values, 10)).all()
+
+
+def test_livelier_chunks_scatter_no_less():
+    record = motion(240.0)
+    random = np.random.default_rng(1)
+    loud = record.time_s >= 120.0
+    values = record.values.copy()
+    values[~loud] *= 0.3
+    values[:, :3] += np.where(loud, 3.0, 0.1)[:, np.newaxis] * random.standard_normal((len(record), 3))
+    blocks = blocks_of([type(record)(values, channels=record.channels, sample_period_s=0.05)])
+    level = error_level(relation_of(blocks), 0, everywhere(blocks))
+    assert np.median(level.deviations[62:118]) > 4.0 * np.median(level.deviations[2:58])
+    lively = np.square(blocks.rates).sum(axis=1).reshape(120, 10).mean(axis=1)
+    assert (np.diff(level.deviations[np.argsort(lively)]) >= 0.0).all()
+
+
+# jumps --------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", [-6.0, 4.0, 30.0])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, size):
+    blocks = blocks_of([with_error(motion(), ATTITUDE[axis], from_on(70.1, size))])
+    jump, usual = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    place = int(np.argmax(np.nan_to_num(jump[:, axis], posinf=0.0)))
+    assert abs(blocks.time_s[place] - 70.0) < 4.1
+    assert jump[350, axis] + max(usual[350, axis], 1.0) >= abs(size)
+    assert jump[350, axis] == pytest.approx(abs(size), rel=0.15, abs=0.5)
+    assert jump[350, axis] > usual[350, axis]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_no_angle_jumps_in_health(seed):
+    blocks = healthy(seed)
+    jump, usual = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    there = np.isfinite(jump)
+    assert there.mean() > 0.95
+    assert np.mean(jump[there] > usual[there]) < 0.001
+
+
+def test_a_bias_of_a_gyro_is_no_jump_of_its_angle():
+    blocks = blocks_of([with_error(motion(), "p", from_on(70.0, 8.0))])
+    relation = relation_of(blocks, (), ([(69.0, 121.0)], (), ()))
+    jump, usual = jumps_deg(relation, np.ones((len(blocks), 3), dtype=bool))
+    far = np.abs(blocks.time_s - 70.0) > 5.0
+    assert np.nanmax(jump[far, 0][np.isfinite(jump[far, 0])]) < 3.0
+    assert np.isfinite(usual[far]).mean() > 0.95
+
+
+def test_a_gyro_that_tells_nothing_leaves_its_angle_open():
+    blocks = healthy()
+    tells = np.ones((len(blocks), 3), dtype=bool)
+    tells[300:, 0] = False
+    jump, _ = jumps_deg(relation_of(blocks), tells)
+    assert np.isinf(jump[330:, 0]).all()
+    assert np.isfinite(jump[30:270, 0]).all()
+    assert np.isfinite(jump[330:570, 1:]).all()  # near wings level, no angle but phi is p's
