@@ -81,7 +81,7 @@ class Evidence:
     moving: tuple[Record, ...] = field(repr=False)
     has_heading: bool
     is_driven: bool
-    is_sure: bool
+    is_sure: bool = False
     alarms: tuple[Alarm, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     learnt_s: tuple[Span, ...]

@@ -16,6 +16,7 @@ import numpy as np
 from gtmbench.study.log.hindsight.blocks import Blocks
 from gtmbench.study.log.hindsight.levels import CHUNK_S, Level
 from gtmbench.study.log.records import LIVELY_DEG_S
+from gtmbench.study.log.seconds import IntArray
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
@@ -28,6 +29,7 @@ _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0
+_HALF, _KNOWN_SHARE = 0.5, 0.2  # of a share, and how well a quarter of a log has to know it
 _SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
@@ -141,7 +143,8 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     """Return which share of what Euler rates and body rates differ by the gyros read, and its standard error.
 
     y - w = b + A w + s (u - w) + e of each gyro, where u are the rates of phi, theta and psi: s is 0 of gyros that read
-    body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
+    body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision. An
+    angle that jumps spoils body rates from there on: a quarter of the log that tells against Euler rates counts alone.
 
     Parameters
     ----------
@@ -162,12 +165,19 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     (True, True)
     """
     there = np.isfinite(np.column_stack([blocks.gyros, blocks.rates, blocks.euler_rates])).all(axis=1)
-    there &= ~blocks.within(but_s)
+    rows = np.flatnonzero(there & ~blocks.within(but_s))
+    quarters = [_euler_share(blocks, quarter) for quarter in np.array_split(rows, 4)]
+    against = [each for each in quarters if each[0] < _HALF and each[1] < _KNOWN_SHARE]
+    return min(against, default=_euler_share(blocks, rows))
+
+
+def _euler_share(blocks: Blocks, rows: IntArray) -> tuple[float, float]:
+    """Return the share of some blocks, and its standard error."""
     shares, precisions = np.zeros(3), np.zeros(3)
-    for axis in range(3 if np.count_nonzero(there) > _FEWEST else 0):
-        apart = (blocks.euler_rates - blocks.rates)[there, axis]
-        columns = np.column_stack([np.ones(len(apart)), blocks.rates[there]])
-        read = (blocks.gyros - blocks.rates)[there, axis]
+    for axis in range(3 if len(rows) > _FEWEST else 0):
+        apart = (blocks.euler_rates - blocks.rates)[rows, axis]
+        columns = np.column_stack([np.ones(len(rows)), blocks.rates[rows]])
+        read = (blocks.gyros - blocks.rates)[rows, axis]
         own, apart = (each - columns @ _fitted(each, columns) for each in (read, apart))
         power = float(np.square(apart).sum()) + 1e-12
         shares[axis] = float(own @ apart) / power

@@ -11,7 +11,7 @@ from gtmbench.study.log.hindsight.relation import (
     error_level,
     gain_level,
     jumps_deg,
-    noise_level,
+    noise_levels,
     noise_size,
     of_euler_rates,
     relation_of,
@@ -20,6 +20,16 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import from_on, motion, with_error
 
 EVERY = slice(None)
+
+
+def noise_level(relation, axis, known):
+    """Return what a gyro's noise is beside the others'."""
+    return noise_levels(relation, axis, known)[1]
+
+
+def are_euler(blocks, but_s=()):
+    share, error = of_euler_rates(blocks, but_s)
+    return abs(share - 1.0) < 0.3 and share > 4.0 * error
 
 
 @cache
@@ -127,20 +137,20 @@ def test_what_is_left_does_not_depend_on_the_clock():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_gyros_that_read_body_rates_are_told_from_those_that_read_the_angles_slopes(seed, noise):
     record = motion(seed=seed, noise=noise, large_deg=(25.0, 15.0, 60.0))
-    assert of_euler_rates(blocks_of([record])) < -50.0
+    assert not are_euler(blocks_of([record]))
     slopes = np.gradient(record.matrix(ATTITUDE), record.time_s, axis=0)
     smooth = motion(seed=seed, noise=0.0, large_deg=(25.0, 15.0, 60.0)).matrix(ATTITUDE)
     random = np.random.default_rng(seed)
     for axis, name in enumerate(GYROS):
         slopes = np.gradient(smooth[:, axis], record.time_s) + noise * 0.15 * random.standard_normal(len(record))
         record = record.replace(name, slopes)
-    assert of_euler_rates(blocks_of([record])) > 50.0
+    assert are_euler(blocks_of([record]))
 
 
 @pytest.mark.parametrize("large_deg", [(0.02, 0.02, 0.02), (12.0, 0.0, 0.0), (3.0, 3.0, 3.0)])
 def test_where_both_are_nearly_the_same_chance_does_not_decide(large_deg):
     for seed in range(1, 5):
-        assert of_euler_rates(blocks_of([motion(300.0, 10.0, seed, large_deg=large_deg)])) < 5.0
+        assert not are_euler(blocks_of([motion(300.0, 10.0, seed, large_deg=large_deg)]))
 
 
 @pytest.mark.parametrize("onset_s", [6.0, 30.0, 60.0, 90.0])
@@ -149,13 +159,13 @@ def test_an_angle_that_jumps_does_not_make_gyros_euler_rates(name, onset_s):
     """The body's axes are turned with it from there on, so that body rates fit no more, and Euler rates as before."""
     for size in (8.0, 15.0, 20.0):
         blocks = blocks_of([with_error(motion(), name, from_on(onset_s, size))])
-        assert of_euler_rates(blocks) < 0.0
-        assert of_euler_rates(blocks, [(onset_s - 1.0, 121.0)]) <= 0.0
+        assert not are_euler(blocks)
+        assert not are_euler(blocks, [(onset_s - 1.0, 121.0)])
 
 
 def test_one_broken_gyro_does_not_make_them_euler_rates():
     broken = with_error(motion(), "p", from_on(40.0, 30.0))
-    assert of_euler_rates(blocks_of([broken])) < 0.0
+    assert not are_euler(blocks_of([broken]))
 
 
 # levels -------------------------------------------------------------------------------------------------------------
@@ -274,7 +284,7 @@ def test_livelier_chunks_scatter_no_less():
 @pytest.mark.parametrize("axis", range(3))
 def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, size):
     blocks = blocks_of([with_error(motion(), ATTITUDE[axis], from_on(70.1, size))])
-    jump, usual = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    jump, usual, _ = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
     place = int(np.argmax(np.nan_to_num(jump[:, axis], posinf=0.0)))
     assert abs(blocks.time_s[place] - 70.0) < 4.1
     assert jump[350, axis] + max(usual[350, axis], 1.0) >= abs(size)
@@ -285,7 +295,7 @@ def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, siz
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_angle_jumps_in_health(seed):
     blocks = healthy(seed)
-    jump, usual = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    jump, usual, _ = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
     there = np.isfinite(jump)
     assert there.mean() > 0.95
     assert np.mean(jump[there] > usual[there]) < 0.001
@@ -294,7 +304,7 @@ def test_no_angle_jumps_in_health(seed):
 def test_a_bias_of_a_gyro_is_no_jump_of_its_angle():
     blocks = blocks_of([with_error(motion(), "p", from_on(70.0, 8.0))])
     relation = relation_of(blocks, (), ([(69.0, 121.0)], (), ()))
-    jump, usual = jumps_deg(relation, np.ones((len(blocks), 3), dtype=bool))
+    jump, usual, _ = jumps_deg(relation, np.ones((len(blocks), 3), dtype=bool))
     far = np.abs(blocks.time_s - 70.0) > 5.0
     assert np.nanmax(jump[far, 0][np.isfinite(jump[far, 0])]) < 3.0
     assert np.isfinite(usual[far]).mean() > 0.95
@@ -304,7 +314,7 @@ def test_a_gyro_that_tells_nothing_leaves_its_angle_open():
     blocks = healthy()
     tells = np.ones((len(blocks), 3), dtype=bool)
     tells[300:, 0] = False
-    jump, _ = jumps_deg(relation_of(blocks), tells)
+    jump, _, _ = jumps_deg(relation_of(blocks), tells)
     assert np.isinf(jump[330:, 0]).all()
     assert np.isfinite(jump[30:270, 0]).all()
     assert np.isfinite(jump[330:570, 1:]).all()  # near wings level, no angle but phi is p's
