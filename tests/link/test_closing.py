@@ -11,7 +11,7 @@ from tests.helpers import monitors
 
 HEARD = [(10.0, 70.0), (80.0, 130.0)]
 ALL = [(10.0, 70.0), (80.0, 130.0)]
-FUNCTION = gb.FunctionDetector(lambda record: [], name="level", channels=("p", "q")).calibrate()
+FUNCTION = gb.FunctionDetector(lambda _: [], name="level", channels=("p", "q")).calibrate()
 
 
 def alarm(sensor="q", candidates=("q",), onset_s=90.0, ended_s=None, doubt=""):
@@ -36,7 +36,9 @@ def test_a_healthy_link_is_clear_where_it_was_armed_and_exits_with_0():
     assert said.timeline.at("q", 20.0).sizes is None
 
 
-@pytest.mark.parametrize(("armed_s", "outcome"), [(90.0, Outcome.HEALTHY), (75.0, Outcome.UNKNOWN), (0.0, Outcome.UNKNOWN)])
+@pytest.mark.parametrize(
+    ("armed_s", "outcome"), [(90.0, Outcome.HEALTHY), (75.0, Outcome.UNKNOWN), (0.0, Outcome.UNKNOWN)]
+)
 def test_a_link_of_which_too_little_was_armed_is_no_verdict(armed_s, outcome):
     armed = [(10.0, min(10.0 + armed_s, 70.0)), (80.0, max(80.0, 80.0 + armed_s - 60.0))]
     said = closed(armed=[each for each in armed if each[1] > each[0]])

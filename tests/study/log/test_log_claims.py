@@ -1,5 +1,6 @@
 """What alarms, checks, excursions and certificates claim of sensors: the state that each kind asks for, never clear."""
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -154,7 +155,9 @@ def test_where_the_check_stops_no_sensor_is_judged():
 
 @pytest.mark.parametrize(("since_s", "start_s"), [(-np.inf, 10.0), (50.0, 50.0)])
 def test_a_doubt_is_of_those_that_it_names_from_when_it_is_on_or_of_all(since_s, start_s):
-    claims = list(of_check(SelfCheck(doubts=(Doubt(text="why", sensors=("q",), since_s=since_s),)), (10.0, END_S), "pqr"))
+    claims = list(
+        of_check(SelfCheck(doubts=(Doubt(text="why", sensors=("q",), since_s=since_s),)), (10.0, END_S), "pqr")
+    )
     assert [(sensor, span.start_s, span.end_s) for sensor, span in claims] == [("q", start_s, END_S)]
     everyone = of_check(SelfCheck(doubts=(Doubt(text="why", since_s=since_s),)), (10.0, END_S), ("p", "q"))
     assert [(sensor, span.state) for sensor, span in everyone] == [(name, State.NOT_JUDGED) for name in "pq"]
@@ -199,7 +202,7 @@ def test_what_was_not_read_is_motion_where_it_lies_between_motion(reason, span_s
     spans = motion_spans(lively, (0.0, 120.0), [Unread(start_s=span_s[0], end_s=span_s[1], reason=reason)])
     moving_s = sum(end_s - start_s for start_s, end_s in spans)
     assert moving_s == pytest.approx(len(lively) + (span_s[1] - span_s[0]) * counts)
-    assert all(first[1] < second[0] for first, second in zip(spans[:-1], spans[1:], strict=True))
+    assert all(first[1] < second[0] for first, second in pairwise(spans))
 
 
 def test_nothing_that_stands_is_motion():

@@ -16,7 +16,7 @@ from gtmbench.study.log.timeline import Evidence, shifted_gyros, timeline_of
 from gtmbench.verdict.timeline import State
 from tests.helpers.turning import SENSORS, from_on, motion, with_error
 
-MONITOR = gb.FunctionDetector(lambda record: [], name="never", channels=("p", "q")).calibrate()
+MONITOR = gb.FunctionDetector(lambda _: [], name="never", channels=("p", "q")).calibrate()
 END_S = 120.0
 
 
@@ -202,7 +202,9 @@ def test_a_gyro_that_is_sampled_faster_than_it_is_read_may_hide_more_noise():
     slow = timeline_of(evidence())
     given = evidence()
     fast = timeline_of(
-        replace(given, log=replace(given.log, sources=(Source(channel="q", column="q", unit="deg/s", period_s=0.0125),)))
+        replace(
+            given, log=replace(given.log, sources=(Source(channel="q", column="q", unit="deg/s", period_s=0.0125),))
+        )
     )
     noise = [each.at("q", 60.0).sizes.noise for each in (slow, fast)]
     assert noise[1] == pytest.approx(2.0 * noise[0])
