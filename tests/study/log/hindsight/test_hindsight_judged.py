@@ -78,6 +78,14 @@ def test_a_healthy_log_is_clear_but_for_its_ends(seed, is_driven):
         assert all(span.sizes.error < 3.0 for span in said.claims[angle] if span.sizes)
 
 
+def test_no_gyro_is_promised_to_be_better_than_what_installation_explains():
+    """0.3 deg/s, and a tenth of it; and an angle than an estimator's correction of 1 deg."""
+    for axis, gyro in enumerate(GYROS):
+        assert 0.33 <= stated(healthy(), gyro, 60.0).error < 0.4
+        assert 1.1 <= stated(healthy(), ATTITUDE[axis], 60.0).error < 1.35
+        assert 0.11 <= stated(healthy(), gyro, 60.0).factors[1] - 1.0 < 0.14
+
+
 def test_claims_of_a_sensor_cover_the_log():
     for spans in healthy().claims.values():
         assert (spans[0].start_s, spans[-1].end_s) == (0.0, pytest.approx(END_S))
