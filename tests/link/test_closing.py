@@ -11,7 +11,7 @@ from tests.helpers import monitors
 
 HEARD = [(10.0, 70.0), (80.0, 130.0)]
 ALL = [(10.0, 70.0), (80.0, 130.0)]
-FUNCTION = gb.FunctionDetector(lambda _record: [], name="level", channels=("p", "q")).calibrate()
+FUNCTION = gb.FunctionDetector(lambda _: [], name="level", channels=("p", "q")).calibrate()
 
 
 def alarm(sensor="q", candidates=("q",), onset_s=90.0, ended_s=None, doubt=""):

@@ -324,5 +324,5 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     return [
         bound,
         f"this means: no fault of {', '.join(suspects)} above the thresholds began while watched;",
-        f"one from the first sample on is learnt as healthy; one that grows more slowly than {slower} is not detected",
+        f"one that is constant from the first sample on shows beyond 5 deg/s only; one that grows more slowly than {slower} is not detected",
     ]

@@ -332,7 +332,7 @@ def _certainty(watched: WatchedLog) -> list[str]:
     seen = "No false alarm" if not passed_alarms(watched) else f"{counted(passed_alarms(watched), 'false alarm')}"
     return [
         f"{seen} in {duration_text(watched.armed_hours)} (95 %: at most {bound:.{int(bound < 10.0)}f} an hour). "
-        "An error that is constant from the first sample on is learnt as healthy."
+        "An error that is constant from the first sample on shows beyond 5 deg/s only."
     ]
 
 

@@ -52,7 +52,8 @@ def swapped(first: Learnt) -> Swap | None:
     first : Learnt
     """
     basis = basis_of(first.monitor)
-    if first.check.stops or not first.identified_s or basis.kinematic or not predicts(first.monitor):
+    has_motion = bool(basis.kinematic) and first.opened.own.motion is not None
+    if first.check.stops or not first.identified_s or has_motion or not predicts(first.monitor):
         return None
     start_s, end_s = whole_s(first.opened.log)
     begins_s = max(end_s - _LAST_SHARE * (end_s - start_s), first.identified_s[-1][1])

@@ -101,6 +101,8 @@ def timeline_of(evidence: Evidence) -> Timeline:
     claims = _accused(evidence, blocks, span_s)
     claims += of_check(evidence.check, span_s, evidence.sensors)
     claims += [(sensor, _unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
+    if not evidence.has_heading and not evidence.unwatched:
+        claims += [(sensor, _unjudged(span_s, "the log is read without a heading")) for sensor in axis_of("psi")]
     claims += of_excursions(evidence.excursions, evidence.sensors)
     claims += of_watches(evidence.watches, evidence.louder, span_s)
     if not evidence.check.stops:

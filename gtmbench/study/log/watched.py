@@ -291,10 +291,10 @@ def _concluded(said: Said) -> WatchedLog:
         is_assumed_healthy=bool(learnt.identified_s) and not opened.asked.says_healthy,
         moving=moving_of(said),
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
-        there=opened.there,
+        there=there_of(said),
         imus=opened.imus,
         swap=swapped(learnt),
-        scope=opened.asked.scope(opened.there, usual_of(said)),
+        scope=opened.asked.scope(there_of(said), usual_of(said)),
     )
 
 
@@ -307,11 +307,18 @@ def moving_of(said: Said) -> tuple[Record, ...]:
     return tuple(watch.record for watch in said.watches) if installed else opened.own.motion.segments
 
 
+def there_of(said: Said) -> tuple[str, ...]:
+    """Return the sensors that a log has, and what else its monitor may name, such as surfaces."""
+    monitor = said.learnt.monitor
+    suspects = monitor.suspects if is_ready(monitor) else ()
+    return tuple(dict.fromkeys([*said.learnt.opened.there, *suspects]))
+
+
 def usual_of(said: Said) -> tuple[str, ...]:
     """Return the sensors that are asked where nobody says which: those that the monitor speaks for."""
     monitor = said.learnt.monitor
     basis = basis_of(monitor)
-    if basis.kinematic:
+    if moving_of(said):
         return JUDGED
     suspects = monitor.suspects if is_ready(monitor) else ()
     return basis.predicts or suspects or monitor.channels

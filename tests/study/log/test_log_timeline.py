@@ -16,7 +16,7 @@ from gtmbench.study.log.timeline import Evidence, shifted_gyros, timeline_of
 from gtmbench.verdict.timeline import State
 from tests.helpers.turning import SENSORS, from_on, motion, with_error
 
-MONITOR = gb.FunctionDetector(lambda _record: [], name="never", channels=("p", "q")).calibrate()
+MONITOR = gb.FunctionDetector(lambda _: [], name="never", channels=("p", "q")).calibrate()
 END_S = 120.0
 
 

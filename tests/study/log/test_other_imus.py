@@ -22,7 +22,7 @@ class SideBySide:
         self.segments, self.channels = (record,), record.channels
 
 
-def beside(change=lambda gyros, _time_s: gyros, unit="deg/s", is_driven=False, excused_s=()):
+def beside(change=lambda gyros, _: gyros, unit="deg/s", is_driven=False, excused_s=()):
     """Return {IMU: what is said of it}: the first is watched, the second changed, the third healthy."""
     record = motion()
     gyros, random = record.matrix(GYROS), np.random.default_rng(7)
@@ -52,7 +52,7 @@ def test_healthy_ones_are_clear_whatever_their_unit_and_the_watched_one_is_left_
     "turned", [lambda g: g[:, [1, 0, 2]] * [1.0, -1.0, 1.0], lambda g: -g, lambda g: g * [1.0, -1.0, -1.0]]
 )
 def test_one_that_is_mounted_turned_is_not_clear(turned):
-    said = beside(lambda gyros, _time_s: turned(gyros))
+    said = beside(lambda gyros, _: turned(gyros))
     assert said["IMU2"].changes
     assert clear_of(said["IMU2"]) <= {"p", "r"}
     assert clear_of(said["IMU3"]) == set(GYROS)

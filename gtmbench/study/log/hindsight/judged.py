@@ -49,7 +49,7 @@ _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
 _ABOUT = 3  # chunks about an end that is dated by blocks
 _AGREES_S, _OFF = 10.0, 0.6  # for so long it reads right again; so much of the time before it didn't
-_AT_EDGE, _MASKED = "too little of the log lies before or behind it", "it stands, or gyros or attitude are missing"
+_AT_EDGE, _MASKED = "too little is known before or behind it", "it stands, or gyros or attitude are missing"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,16 +60,18 @@ class Change:
     of: str
     time_s: float
     size: float
+    stays: bool = True
 
     @property
     def text(self) -> str:
         """Say it in words."""
-        gyro, when = GYROS[self.axis], f"from {self.time_s:.0f} s on than before"
+        gyro = GYROS[self.axis]
+        when = f"from {self.time_s:.0f} s on than before" if self.stays else f"for a time about {self.time_s:.0f} s"
         if self.of == "error":
             more = "more" if self.size > 0.0 else "less"
             return f"{gyro} reads {abs(self.size):.2g} deg/s {more}, against the attitude, {when}"
         if self.of == "gain":
-            return f"{gyro} turns {abs(self.size):.2g} times {'further' if self.size > 0.0 else 'less'} {when}"
+            return f"{gyro} turns {100.0 * abs(self.size):.0f} % {'further' if self.size > 0.0 else 'less'} {when}"
         if self.of == "offset":
             return f"{gyro} reads {self.size:+.2g} deg/s, against the attitude, throughout"
         if self.of == "scale":
@@ -279,7 +281,8 @@ def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift], *, is_d
     for of, shift in shifts.items():
         size = shift.rises if of == "noise" else shift.size
         if size and shift.onset is not None:
-            yield Change(axis=axis, of=of, time_s=start_s + shift.onset * relation.chunk_s, size=size)
+            time_s = start_s + shift.onset * relation.chunk_s
+            yield Change(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
     offset, gain = float(relation.offsets[axis]), float(relation.gains[axis])
     if abs(offset) > _MOST_OFFSET_DEG_S:
         yield Change(axis=axis, of="offset", time_s=start_s, size=offset)

@@ -66,12 +66,15 @@ class Shift:
         The largest change upwards and downwards that shows from any onset, 0 where none does.
     onset : int or None
         The chunk from which on the level is another; None where it never changes.
+    stays : bool
+        Whether it stays another: not where the change is larger from an earlier onset, and is over.
     """
 
     bounds: FloatArray = field(repr=False)
     rises: float
     falls: float
     onset: int | None
+    stays: bool = True
 
     @property
     def size(self) -> float:
@@ -123,7 +126,12 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         larger = shows & (np.abs(difference) > np.abs(most))
         most[larger] = difference[larger]
     rises, falls = float(most.max(initial=0.0)), float(most.min(initial=0.0))
-    return Shift(bounds=bounds, rises=rises, falls=falls, onset=stepped_at(values) if most.any() else None)
+    if not most.any():
+        return Shift(bounds=bounds, rises=0.0, falls=0.0, onset=None)
+    onset, largest = stepped_at(values), int(np.argmax(np.abs(most)))
+    left = float(np.nanmedian(values[onset:]) - np.nanmedian(values[:onset])) if onset else 0.0
+    stays = bool(np.abs(left - most[largest]) < 0.5 * np.abs(most[largest]))
+    return Shift(bounds=bounds, rises=rises, falls=falls, onset=onset if stays else largest, stays=stays)
 
 
 def both_shift(first: Shift, second: Shift) -> Shift:
@@ -133,6 +141,7 @@ def both_shift(first: Shift, second: Shift) -> Shift:
         rises=min(first.rises, second.rises),
         falls=max(first.falls, second.falls),
         onset=second.onset if first.onset is not None else None,
+        stays=second.stays,
     )
 
 

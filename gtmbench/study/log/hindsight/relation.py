@@ -143,8 +143,8 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     """Return which share of what Euler rates and body rates differ by the gyros read, and its standard error.
 
     y - w = b + A w + s (u - w) + e of each gyro, where u are the rates of phi, theta and psi: s is 0 of gyros that read
-    body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision. An
-    angle that jumps spoils body rates from there on: a quarter of the log that tells against Euler rates counts alone.
+    body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
+    An angle that jumps spoils body rates from there on: a quarter of the log that tells against these counts alone.
 
     Parameters
     ----------

@@ -211,6 +211,26 @@ def test_the_ends_of_a_log_promise_nothing():
     assert np.flatnonzero(np.isfinite(bounds)).tolist() == list(range(3, CHUNKS - 2))
 
 
+def test_a_change_of_two_chunks_shows_by_half_and_one_of_three_whole():
+    """The shortest window has four."""
+    for size in (-8.0, 8.0):
+        for chunks, share in ((2, 0.5), (3, 1.0)):
+            shift = shift_of(level(stepped(white(1), 30, size, 30 + chunks)))
+            assert shift.size == pytest.approx(share * size, rel=0.1)
+
+
+def test_what_is_significant_is_six_deviations_of_two_medians():
+    """Of n values before and 30 behind, of variance pi / 2 (1 / n + 1 / 30); wander only adds to it."""
+    only = np.array([1e-9, 1e-9, 1.0, 1e-9])
+    found = []
+    for seed in range(16):
+        values = white(seed, 400)
+        apart = abs(np.median(values[300:330]) - np.median(values[:300]))
+        found.append(shift_of(level(values), only).bounds[300] - apart)
+    expected = 1.1 * 6.0 * 0.1 * np.sqrt(0.5 * np.pi * (1.0 / 300.0 + 1.0 / 30.0))
+    assert np.mean(np.sort(found)[:8]) == pytest.approx(expected, rel=0.1)
+
+
 def test_no_change_below_the_floor_shows_and_none_is_promised():
     values = 0.001 * white(1)
     for size, shows in ((0.25, False), (-0.25, False), (0.35, True), (-0.35, True)):
