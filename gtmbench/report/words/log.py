@@ -324,5 +324,6 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
     return [
         bound,
         f"this means: no fault of {', '.join(suspects)} above the thresholds began while watched;",
-        f"one that is constant from the first sample on shows beyond 5 deg/s only; one that grows more slowly than {slower} is not detected",
+        "one that is constant from the first sample on shows beyond 5 deg/s only;",
+        f"one that grows more slowly than {slower} is not detected",
     ]

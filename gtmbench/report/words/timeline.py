@@ -51,9 +51,12 @@ class SensorRow(NamedTuple):
 def sensor_text(name: str) -> str:
     """Name a sensor as an engineer does.
 
-    >>> sensor_text("q"), sensor_text("magnetometer"), sensor_text("strain_3")
-    ('pitch gyro (q)', 'magnetometer', 'strain_3')
+    >>> sensor_text("q"), sensor_text("magnetometer"), sensor_text("strain_3"), sensor_text("q of IMU2")
+    ('pitch gyro (q)', 'magnetometer', 'strain_3', 'pitch gyro (q) of IMU2')
     """
+    own, of, imu = name.partition(" of ")
+    if of:
+        return f"{sensor_text(own)} of {imu}"
     long = SENSORS.get(name) or NAMES.get(name, name)
     return long if long.lower() == name.lower() else f"{long} ({name})"
 

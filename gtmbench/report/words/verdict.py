@@ -112,7 +112,7 @@ def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
     if judged is not None and judged.swapped:
         one, other = sorted((str(judged.sensor), str(judged.partner)))
         return f"the {sensor_text(one)} and the {sensor_text(other)}", "have changed places", ""
-    imu = f" of {judged.imu}" if judged is not None and judged.imu else ""
+    imu = f" of {judged.imu}" if judged is not None and judged.imu and " of " not in sensor else ""
     axis = f", its {judged.axis.rpartition('_')[2]} axis" if judged is not None and judged.axis else ""
     fault = fault_text(sensor, judged) or span.reason.rstrip(".")
     return f"the {sensor_text(sensor)}{imu}", "failed", f"{axis}{f': {fault}' if fault else ''}"

@@ -71,6 +71,8 @@ class Evidence:
     certified : tuple of Certified
         Of a monitor that rests on no motion: what clears the sensors that it predicts.
     watched_imu : str
+    reasons : tuple of str
+        What limits the verdict, where nothing could have alarmed.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
     """
@@ -91,6 +93,7 @@ class Evidence:
     unwatched: tuple[tuple[str, str], ...]
     certified: tuple[Certified, ...]
     watched_imu: str
+    reasons: tuple[str, ...] = ()
     imus: FlightLog | None = field(default=None, repr=False)
 
 
@@ -209,7 +212,10 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
         for each in evidence.certified:
             yield from of_certificate(each.certificate, each.watches)
     else:
-        reason = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
+        silent = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
+        reason = (
+            silent if any(watch.armed_hours for watch in evidence.watches) else next(iter(evidence.reasons), silent)
+        )
         yield from ((sensor, _unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
 
 

@@ -236,6 +236,7 @@ class WatchedLog:
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
             certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
+            reasons=self.reasons,
             imus=self.imus,
         )
 
@@ -321,7 +322,7 @@ def usual_of(said: Said) -> tuple[str, ...]:
     if moving_of(said):
         return JUDGED
     suspects = monitor.suspects if is_ready(monitor) else ()
-    return basis.predicts or suspects or monitor.channels
+    return basis.predicts or suspects or monitor.channels or said.learnt.opened.log.channels
 
 
 def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
