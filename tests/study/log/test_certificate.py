@@ -13,8 +13,11 @@ from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines
-from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of, hardly_watched
-from gtmbench.values.pieces import deviation
+from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
+from gtmbench.study.log.claims import of_certificate
+from gtmbench.verdict.scope import Scope
+from gtmbench.verdict.timeline import State, laid_out
+from gtmbench.verdict.verdict import verdict_of
 from tests.helpers.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.helpers.monitors import monitor, record
 
@@ -92,17 +95,19 @@ def test_every_gyro_and_kind_has_its_row_and_more_noise_is_needed_where_there_is
     assert certificate().watched_s == pytest.approx(3600.0 * flight().armed_hours)
 
 
-def test_silence_proves_nothing_where_the_smallest_bias_is_beyond_the_motion(monkeypatch):
-    """The verdict asks of one size, which is on the certificate's own steps."""
-    monkeypatch.setattr("gtmbench.study.log.certificate._SMALL_DEG_S", 0.0)
-    for times, is_hardly in ((0.99, True), (1.01, False)):
-        monkeypatch.setattr("gtmbench.study.log.certificate._BEYOND_MOTION", times * motion_of_q(certificate()))
-        assert ("q" in hardly_watched(monitor(), [flight()])) == is_hardly
-
-
-def motion_of_q(said):
-    """Return how many times its own motion the smallest bias of q is."""
-    return said.of("q", "bias").size / deviation([flight().record["q"]])
+@pytest.mark.parametrize("sensor", ["p", "q", "r"])
+def test_silence_proves_nothing_where_the_smallest_bias_is_above_the_limit(sensor):
+    """The timeline has the certificate's own size, within which time a fault shows, and the verdict asks for it."""
+    watch, row = flight(), certificate().of(sensor, "bias")
+    claims = {name: [span for other, span in of_certificate(certificate(), [watch]) if other == name] for name in "pqr"}
+    timeline = laid_out((0.0, watch.record.end_s), claims, motion_s=[(30.0, 60.0)])
+    for times, state, exit_code in ((0.99, State.NOT_JUDGED, 3), (1.01, State.CLEAR, 0)):
+        said = verdict_of(timeline, Scope(sensors=(sensor,), error_deg_s=times * row.size))
+        span = said.timeline.at(sensor, 45.0)
+        assert (span.state, span.sizes.error, span.sizes.within_s) == (state, row.size, row.within_s)
+        assert said.exit_code == exit_code
+    unsized = Certificate(rows=tuple(each for each in certificate().rows if each.sensor != sensor), watched_s=60.0)
+    assert sensor not in {name for name, _ in of_certificate(unsized, [watch])}
 
 
 def test_another_start_changes_nothing():

@@ -19,7 +19,8 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 CHUNK_S = 2.0
 PROMISED_S = 60.0  # behind an onset, in which what is promised shows
-WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S))  # behind it; the last for what shows late
+# behind an onset; the late ones for what shows late
+WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
 _ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
 _FEWEST = 3  # chunks: a median of fewer is none
 _DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
