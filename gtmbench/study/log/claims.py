@@ -27,6 +27,7 @@ from gtmbench.verdict.timeline import SensorSpan, Sizes, State
 
 Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
 _PASSED = "its residual rose, and no fault explains it"
+_BESIDE = "too little is known before or behind it"  # to raise an alarm in time
 _SHORT_S = 0.5  # of what wasn't armed: a statistic looks back as far
 
 
@@ -122,11 +123,12 @@ def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span)
     for watch in watches:
         for name, score in watch.scores.items():
             if score.is_stuck_above:
-                reason = "its test statistic never came down: a fault from the beginning, or other noise"
+                reason = f"the score of {name} never came down: a fault from the beginning, or other noise"
                 for sensor in axis_of(name):
                     yield sensor, _unjudged((watch.record.start_s, watch.record.end_s), reason)
     for each in louder:
-        reason = f"its residual stood {each.times:.1f} times as high as usual, {each.start_s:.0f} to {each.end_s:.0f} s"
+        span = f"{each.start_s:.0f} to {each.end_s:.0f} s"
+        reason = f"the residual of {each.sensor} stood {each.times:.1f} times as high as usual, {span}"
         for sensor in axis_of(each.sensor):
             yield sensor, _unjudged(span_s, reason)
 
@@ -136,7 +138,11 @@ def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterat
     sensors = dict.fromkeys(row.sensor for row in certificate.rows)
     for sensor in sensors:
         bias, scale, noise = (certificate.of(sensor, kind.kind) for kind in (Bias, ScaleFactor, Noise))
-        if bias is None or bias.size is None:
+        if bias is None:
+            continue
+        if bias.size is None:
+            for watch in watches:
+                yield sensor, _unjudged((watch.record.start_s, watch.record.end_s), "no error of it would show here")
             continue
         factor = None if scale is None else scale.size
         sizes = Sizes(
@@ -145,20 +151,23 @@ def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterat
             factors=None if factor is None else (1.0 - factor, 1.0 + factor),
             noise=None if noise is None else noise.size,
         )
-        for start_s, end_s in _armed_s(watches, sensor, bias.within_s):
-            yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=sizes)
+        for watch in watches:
+            since_s = watch.record.start_s
+            for start_s, end_s in _armed_s(watch, sensor, bias.within_s):
+                yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=sizes)
+                yield sensor, _unjudged((since_s, start_s), _BESIDE)
+                since_s = end_s
+            yield sensor, _unjudged((since_s, watch.record.end_s), _BESIDE)
 
 
-def _armed_s(watches: Sequence[Watch], sensor: str, within_s: float) -> Iterator[Span]:
-    for watch in watches:
-        record = watch.record
-        score = watch.scores.get(sensor)
-        armed = watch.armed if score is None else score.armed
-        starts, ends = runs(_closed(armed, record))
-        for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-            start_s, end_s = record.time_at(start), record.time_at(end - 1) - within_s
-            if end_s > start_s:
-                yield start_s, end_s
+def _armed_s(watch: Watch, sensor: str, within_s: float) -> Iterator[Span]:
+    record, score = watch.record, watch.scores.get(sensor)
+    armed = watch.armed if score is None else score.armed
+    starts, ends = runs(_closed(armed, record))
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        start_s, end_s = record.time_at(start), record.time_at(end - 1) - within_s
+        if end_s > start_s:
+            yield start_s, end_s
 
 
 def _closed(armed: BoolArray, record: Record) -> BoolArray:

@@ -9,10 +9,10 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.detectors.monitor.scores import bank_alarms
+from gtmbench.report.tables.fleet import fleet_row
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
-from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
 from gtmbench.study.log.claims import of_certificate
 from gtmbench.verdict.scope import Scope
@@ -187,7 +187,7 @@ def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
 
 def test_the_report_holds_it_in_words_and_numbers():
     watched, said = short(), short().certificate
-    assert f"Sensitivity  {certificate_text(said)}" in summary_lines(watched, 500)
+    assert fleet_row(watched)["certificate"] == certificate_text(said)
     lines = log_report(watched)
     assert set(certificate_lines(said)) <= set(lines)
     results = log_results(watched)["certificate"]

@@ -120,8 +120,15 @@ def test_a_crash_at_the_end_is_said_beside_what_was_judged_before_it(tmp_path, h
         record = record.replace("p", record["p"] + np.where(late, 500.0, 0.0)).replace("phi", record["phi"] + rolled)
         record = record.replace("nz", np.where(late, 9.0, record["nz"]))
     gb.write_log(record, tmp_path / "log.csv")
-    said = verdict_text(gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0, 60)]))
-    if has_events:
-        assert said.startswith("No fault found in")
-    else:
-        assert said == "No fault found until 135.4 s; cannot tell from then on: impact or touchdown."
+    said = gb.watch_log(tmp_path / "log.csv", "C", healthy=[(0, 60)])
+    assert said.verdict.exit_code == 0
+    assert verdict_text(said).startswith("No fault found in p, q, r, phi, theta, psi: ")
+    for sensor in said.verdict.scope.sensors:
+        assert said.timeline.at(sensor, 100.0).state is State.CLEAR
+        end = said.timeline.at(sensor, 139.0)
+        if has_events:
+            assert end.state in (State.CLEAR, State.NOT_JUDGED)
+            assert end.reason != IMPACT
+        else:
+            assert (end.state, end.reason) == (State.NOT_JUDGED, IMPACT)
+            assert end.start_s == pytest.approx(135.4, abs=0.1)

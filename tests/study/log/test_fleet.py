@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.log_fleet import Watching, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
+from gtmbench.verdict.scope import Scope
 from tests.helpers.airliner import airliner
 from tests.helpers.logged import short, watched_log
 from tests.helpers.monitors import monitor
@@ -184,7 +186,7 @@ def test_worst_comes_first():
 
 
 def small_logs(folder, names):
-    noise = np.random.default_rng(1).standard_normal((1500, 2))
+    noise = np.random.default_rng(1).standard_normal((3000, 2))
     record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     for name in names:
         gb.write_log(record, folder / name)
@@ -303,7 +305,8 @@ def test_long_words_are_cut(flown):
 
 def test_a_watched_log_that_is_unknown_has_no_gaps_in_its_row():
     flight = gb.Record(np.zeros((50, 1)), channels=["p"], sample_period_s=0.02)
-    row = fleet_row(watched_log([flight], [], monitor(), reasons=["too short"]))
+    asked = Scope(sensors=("p",))
+    row = fleet_row(replace(watched_log([flight], [], monitor(), reasons=["too short"]), scope=asked))
     assert (row["outcome"], row["first_alarm_s"], row["p_bias_deg_s"]) == ("unknown", None, None)
     assert "too short" in row["verdict"]
 

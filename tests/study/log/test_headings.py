@@ -7,6 +7,7 @@ import gtmbench as gb
 from gtmbench.study.log.headings import no_heading, with_heading
 from gtmbench.study.log.records import flying_part
 from gtmbench.testing.mechanisms import MECHANISMS
+from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import truth
 
@@ -31,12 +32,19 @@ def logged(record, folder, heading):
 
 
 HEADINGS = {"zero": lambda _, __: "0", "late": lambda share, read: "" if share < 0.7 else read}
+WHY = {"zero": "the heading never changes: psi reads 0 all the time", "late": "psi is missing in 70 % of the log"}
 
 
 @pytest.mark.parametrize("name", HEADINGS)
 def test_a_heading_of_no_use_leaves_p_and_q_watched_and_says_so(flown, name, tmp_path):
     watched = gb.watch_log(logged(flown, tmp_path, HEADINGS[name]), "auto", healthy=HEALTHY)
-    assert watched.outcome is Outcome.HEALTHY
+    assert watched.verdict.unjudged == ("r", "psi")  # which are asked, too
+    assert watched.verdict.exit_code == 3
+    for sensor in ("r", "psi"):
+        (span,) = watched.timeline.sensors[sensor]
+        assert (span.state, span.reason.startswith(WHY[name])) == (State.NOT_JUDGED, True)
+    others = gb.watch_log(watched.log.path, "auto", healthy=HEALTHY, judge="p,q,phi,theta")
+    assert others.verdict.exit_code == 0
     assert watched.reasons[0].endswith("so the log is watched without a heading")
     assert "psi" in watched.unwatched["r"]
     assert {row.sensor for row in watched.certificate.rows} == {"p", "q"}
@@ -58,7 +66,7 @@ def test_a_heading_can_be_left_out_by_hand(flown, tmp_path):
 def test_why_a_heading_is_of_no_use(flown, tmp_path):
     assert no_heading(gb.open_log(logged(flown, tmp_path, lambda _, read: read))) == ""
     still = gb.open_log(logged(flown, tmp_path, HEADINGS["zero"]))
-    assert no_heading(still) == "psi reads 0 all the time"
+    assert no_heading(still) == "the heading never changes: psi reads 0 all the time"
     late = gb.open_log(logged(flown, tmp_path, HEADINGS["late"]))
     assert no_heading(late) == "psi is missing in 70 % of the log"
 

@@ -239,8 +239,9 @@ def row(kind, size, within_s=5.0):
     return SimpleNamespace(sensor="q", kind=kind, size=size, within_s=within_s)
 
 
-def certified(*rows, armed):
-    return [span for _, span in of_certificate(Certificate(rows=rows), [watch_of(armed)])]
+def certified(*rows, armed, states=(State.CLEAR,)):
+    spans = [span for _, span in of_certificate(Certificate(rows=rows), [watch_of(armed)])]
+    return [span for span in sorted(spans, key=lambda span: span.start_s) if span.state in states]
 
 
 def test_a_certificate_clears_where_its_test_was_armed_for_long_enough():
@@ -253,6 +254,13 @@ def test_a_certificate_clears_where_its_test_was_armed_for_long_enough():
     assert spans[0].sizes.error == 2.0
     assert spans[0].sizes.within_s == 5.0
     assert spans[0].sizes.noise is None
+    rest = certified(row("bias", 2.0), armed=armed, states=(State.NOT_JUDGED,))
+    assert [(round(span.start_s, 1), round(span.end_s, 1)) for span in rest] == [
+        (0.0, 10.0),
+        (34.9, 60.0),
+        (94.9, 99.9),
+    ]
+    assert {span.reason for span in rest} == {"too little is known before or behind it"}
 
 
 @pytest.mark.parametrize("pause_s", [0.6, 2.0])
@@ -267,3 +275,6 @@ def test_no_size_is_no_certificate_nor_is_a_stretch_that_is_shorter_than_its_del
     assert not certified(row("drift", 0.1), armed=np.ones(1000))
     assert not certified(row("bias", 2.0, within_s=200.0), armed=np.ones(1000))
     assert not certified(row("bias", 2.0), armed=np.zeros(1000))
+    (span,) = certified(row("bias", None), armed=np.ones(1000), states=tuple(State))
+    assert (span.start_s, round(span.end_s, 1), span.reason) == (0.0, 99.9, "no error of it would show here")
+    assert certified(row("drift", 0.1), armed=np.ones(1000), states=tuple(State)) == []

@@ -16,6 +16,7 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.intake.segments import Track, cut
 from gtmbench.study.healthy_records import logged_records
 from gtmbench.study.log.watch import watch_log
+from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import clocked_logs as logs
 from tests.helpers.clocked_logs import ATTITUDE, GYRO, messages, without
@@ -42,9 +43,9 @@ def opened(name, sent, folder, **options):
     return gb.open_log(path, mapping=mapping, **{"needs": C.channels} | options)
 
 
-def watched(name, sent, folder):
+def watched(name, sent, folder, **options):
     path, mapping = written(name, sent, folder)
-    return watch_log(path, monitor(), mapping=mapping)
+    return watch_log(path, monitor(), mapping=mapping, **options)
 
 
 def kinds(log):
@@ -80,10 +81,11 @@ def test_the_command_tells_it_in_words(cli, tmp_path):
     assert "20.50 s  p failed; dropout\n" in out
     assert "since about 20.00 s; named at 20.50 s; gone since 22.00 s" in out
     verdict = " ".join(out.split("\nWhy", 1)[0].split())
-    assert verdict == (
-        "The roll gyro (p) failed at 20.0 s: dropout; the pitch gyro (q) failed at 20.0 s: dropout; "
-        "the yaw gyro (r) failed at 20.0 s: dropout."
+    assert verdict.startswith(
+        "The roll gyro (p) failed from 20.0 to 22.0 s: dropout; the pitch gyro (q) failed from 20.0 to 22.0 s: "
+        "dropout; the yaw gyro (r) failed from 20.0 to 22.0 s: dropout. "
     )
+    assert "phi, theta, psi are clear" in verdict
 
 
 @pytest.mark.parametrize("name", logs.FORMATS)
@@ -91,8 +93,11 @@ def test_a_pause_of_all_is_a_gap(name, tmp_path):
     sent = messages()
     for message in list(sent):
         sent = without(sent, message, PAUSE)
-    log = watched(name, sent, tmp_path)
+    log = watched(name, sent, tmp_path, judged=0.5)  # 40 s are little: a quarter of them lies beside gap and ends
     assert (log.outcome, log.alarms) == (Outcome.HEALTHY, ())
+    for sensor in (*GYRO, *ATTITUDE):
+        assert (log.timeline.at(sensor, 21.0).state, log.timeline.at(sensor, 21.0).reason) == (State.NOT_JUDGED, "gap")
+        assert log.timeline.at(sensor, 13.0).state is log.timeline.at(sensor, 29.0).state is State.CLEAR
     assert [segment.values.shape[0] > 800 for segment in log.log.segments] == [True, True]
     assert ("gap", None) in kinds(log.log)
     assert "gap" in {stretch for stretch, _ in kinds(log.log)}

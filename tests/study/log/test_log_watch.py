@@ -16,6 +16,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.records import first_part, healthy_spans, within, without
 from gtmbench.study.log.watch import bank_between, watch_log
 from gtmbench.values.channels import header_of
+from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import monitors as made_up
 from tests.helpers.airliner import airliner
@@ -195,7 +196,8 @@ def test_rates_follow_the_log_up_to_100_hz_and_the_monitor(logs, folder):
     assert brought.log.sample_period_s == 0.01
     assert watch_log(logs("fast"), QUICK, rate_hz=50.0).log.sample_period_s == 0.02
     again = watch_log(folder / "double.csv", brought.monitor)
-    assert (again.log.sample_period_s, again.outcome) == (0.01, Outcome.HEALTHY)
+    assert (again.log.sample_period_s, again.alarms) == (0.01, ())
+    assert again.timeline.at("r", 130.0 - 100.0).reason.startswith("only an error of 3")  # of so little motion
     slower = watch_log(logs("healthy"), QUICK, healthy=[logs("fast")])
     assert slower.monitor.sample_period_s == 0.04
 
@@ -262,6 +264,13 @@ def test_a_monitor_that_is_ready_takes_no_other_orders(logs):
         watch_log(logs("other"), ready, rate_hz=50.0)
 
 
+def nothing_said(watched, sensor):
+    """Return why a sensor isn't judged at any time, and a log without an alarm no all-clear."""
+    (span,) = {(span.state, span.reason) for span in watched.timeline.sensors[sensor] if span.reason not in ("gap",)}
+    assert (span[0], watched.outcome) == (State.NOT_JUDGED, Outcome.UNKNOWN)
+    return span[1]
+
+
 class Limit(gb.SimpleDetector):
     """Somebody's own: it learns the greatest |p|, and promises no rate."""
 
@@ -276,7 +285,8 @@ class Limit(gb.SimpleDetector):
 
 def test_a_detector_of_ones_own_learns_from_what_is_healthy_and_watches_the_rest(logs):
     watched = watch_log(logs("healthy"), Limit(), healthy=[(100.0, 120.0), logs("other")])
-    assert (watched.outcome, watched.reasons) == (Outcome.HEALTHY, ())
+    assert (watched.alarms, watched.reasons) == ((), ())
+    assert nothing_said(watched, "p") == "limit states no size that it would find, so its silence says nothing"
     largest = max(
         np.abs(gb.read_log(logs("other"))["p"]).max(), np.abs(gb.read_log(logs("healthy")).between(100, 120)["p"]).max()
     )
@@ -298,7 +308,12 @@ def test_a_function_learns_nothing_and_watches_all_of_it(logs):
         watch.record.time_s[k] for watch in watched.watches for k in (20, 300)
     ]
     assert (watched.outcome, watched.monitor.name, len(watched.watches)) == (Outcome.FAILED, "fast", 2)
-    assert watch_log(logs("gap"), lambda _: []).outcome is Outcome.HEALTHY
+    states = {sensor: span.state for sensor in watched.timeline.sensors for span in watched.timeline.sensors[sensor]}
+    assert set(states.values()) == {State.SUSPECTED}  # a function that says of no channels what it reads: of each
+    silent = watch_log(logs("gap"), lambda _: [])
+    assert {nothing_said(silent, sensor) for sensor in silent.log.channels} == {
+        "<lambda> states no size that it would find, so its silence says nothing"
+    }
     assert watch_log(logs("fast"), fast, rate_hz=50.0).log.sample_period_s == 0.02
     with pytest.raises(InputError, match="isn't identified anew"):
         watch_log(logs("gap"), fast, healthy=[(100.0, 110.0)])
@@ -307,7 +322,8 @@ def test_a_function_learns_nothing_and_watches_all_of_it(logs):
 def test_the_dissertations_operator_takes_two_healthy_stretches(logs):
     between = gb.DissertationOperator(inputs=("p", "beta", "ny"), causal_order=10, noncausal_order=10, window=50)
     watched = watch_log(logs("healthy"), between, healthy=[(100.0, 115.0), (120.0, 140.0)])
-    assert (watched.outcome, watched.alarms) == (Outcome.HEALTHY, ())
+    assert (watched.verdict.scope.sensors, watched.alarms) == (("r", "p", "beta", "ny"), ())
+    assert nothing_said(watched, "r") == "dissertation states no size that it would find, so its silence says nothing"
     by_hand = gb.identify(
         gb.read_log(logs("healthy")).between(100.0, 115.0),
         inputs=between.inputs,

@@ -8,6 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.timeline import State
 from tests.helpers import monitors
 
 PERIOD_S, ONSET_S = 0.1, 150.0
@@ -36,4 +37,6 @@ def test_a_residual_far_louder_than_where_it_was_learnt_is_no_all_clear(healthy,
     if is_told:
         assert told.louder[0].times == pytest.approx(times, rel=0.3)
         assert told.louder[0].end_s > ONSET_S
-        assert verdict_text(told).startswith("Cannot tell: the residual of r was ")
+        assert told.verdict.unjudged == ("r", "psi")
+        assert told.timeline.at("r", ONSET_S).state is told.timeline.at("psi", ONSET_S).state is State.NOT_JUDGED
+        assert verdict_text(told).startswith("Cannot tell for r and psi: the residual of r stood ")

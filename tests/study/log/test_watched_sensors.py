@@ -14,8 +14,10 @@ from gtmbench.report.words.other_sensors import possible_lines, sensor_lines, se
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.other_sensors import kind_of, not_told_apart, possible, watched_sensors
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
+from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.verdict import Outcome
-from tests.helpers.logged import short
+from tests.helpers.logged import watched_log
+from tests.helpers.monitors import monitor, record
 
 LEARNT_S, ONSET_S = 90.0, 110.0
 CHANNELS = (GPS_VELOCITY, ACCELEROMETERS, ("tas",), ("altitude",), MAGNETOMETER)
@@ -175,14 +177,20 @@ def test_a_sensor_that_falls_silent_is_told_and_does_not_fail(flight):
 
 
 def test_a_failed_sensor_ends_with_1_and_leaves_the_gyros_verdict(flight):
-    healthy = short()
-    assert healthy.outcome is healthy.gyros_outcome is Outcome.HEALTHY
+    part = record(4500, seed=53)
+    part = gb.Record(part.values, channels=part.channels, sample_period_s=part.sample_period_s, start_s=90.0)
+    asked = Scope(sensors=GYROS)
+    healthy = replace(watched_log([part], [part], monitor()), scope=asked)
+    assert (healthy.outcome, healthy.verdict.failed) == (Outcome.HEALTHY, ())
     sensors = watched(gb.inject(flight, gb.Bias(channel="mag_z", onset_s=ONSET_S, size=15.0)))
     both = replace(healthy, sensors=sensors)
-    assert (both.outcome, both.gyros_outcome) == (Outcome.FAILED, Outcome.HEALTHY)
+    assert both.outcome is Outcome.FAILED
+    assert {sensor for sensor, _ in both.verdict.failed} == {"magnetometer"}
+    assert [both.timeline.sensors[gyro] for gyro in GYROS] == [healthy.timeline.sensors[gyro] for gyro in GYROS]
+    assert (both.verdict.suspected, both.verdict.unjudged) == ((), ())
     said = verdict_text(both)
-    assert said.startswith("The magnetometer (MAG) is disturbed from 11")
-    assert "No fault of a gyro found" in said
+    assert said.startswith("The magnetometer failed from 11")
+    assert "p, q, r are clear" in said
     table = sensor_table(both.failed_sensors[0])
     assert (table["sensor"], table["name"], table["failed_s"]) == (
         "magnetometer",
@@ -218,5 +226,6 @@ def test_a_log_is_watched_by_the_command_with_and_without_a_disturbed_magnetomet
     (told,) = (each for each in outcomes["broken"]["sensors"] if each["failed_s"] is not None)
     assert told["sensor"] == "magnetometer"
     assert told["failed_s"] == pytest.approx(ONSET_S, abs=3.0)
-    assert outcomes["broken"]["verdict"].startswith("The magnetometer (mag) is disturbed from 11")
+    assert outcomes["broken"]["verdict"].startswith("The magnetometer failed from 11")
+    assert "p, q, r, phi, theta, psi are clear" in outcomes["broken"]["verdict"]
     assert outcomes["broken"]["findings"] == outcomes["healthy"]["findings"]
