@@ -22,9 +22,10 @@ PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
 _ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
+_SETTLED = 10  # chunks, by whose scatter a change in the last ones is judged
 _FEWEST = 3  # chunks: a median of fewer is none
 _DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
-_OF_SPREAD = 6.0  # times what chunks scatter by: a smaller change is no other constant, and counts in what is promised
+_OF_SPREAD = 5.0  # times what chunks scatter by: a smaller change is no other constant, and counts in what is promised
 _QUANTILE, _OF_NORMAL = 0.6, 0.8416  # of absolute differences: a fault parts few neighbours; the normal law's
 _LAGS = (2, 4, 8, 16, 32, 64, 128)  # chunks, over which a level wanders
 _UNSURE = 2.4  # twice the relative deviation of a quantile's square, times the root of the number
@@ -131,8 +132,20 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
         return Shift(bounds=bounds, rises=0.0, falls=0.0, onset=None)
     onset, largest = stepped_at(values), int(np.argmax(np.abs(most)))
     left = float(np.nanmedian(values[onset:]) - np.nanmedian(values[:onset])) if onset else 0.0
+    behind = values[min(onset, largest) :]
+    if np.abs(most[largest]) < _by_own_scatter(values[-max(len(behind), _SETTLED) :], len(behind)):  # it is restless
+        return Shift(bounds=bounds, rises=0.0, falls=0.0, onset=None)
     stays = bool(np.abs(left - most[largest]) < 0.5 * np.abs(most[largest]))
     return Shift(bounds=bounds, rises=rises, falls=falls, onset=onset if stays else largest, stays=stays)
+
+
+def _by_own_scatter(values: FloatArray, count: int) -> float:
+    """Return what is significant of a median of so many, by how these values scatter themselves."""
+    own = values[np.isfinite(values)]
+    if not len(own):
+        return np.inf
+    scatter = 1.4826 * float(np.median(np.abs(own - np.median(own))))
+    return float(_DEVIATIONS * scatter * np.sqrt(_MEDIAN / count))
 
 
 def both_shift(first: Shift, second: Shift) -> Shift:

@@ -168,7 +168,7 @@ def test_a_level_that_wanders_has_wider_bounds_and_does_not_show():
         wider.append(
             np.median(wanders.bounds[10:190]) / np.median(shift_of(replace(level(calm), wanders=ANY)).bounds[10:190])
         )
-    assert np.mean(shown) <= 0.3  # 0.9 by the scatter of neighbours alone
+    assert np.mean(shown) <= 0.5  # 0.9 by the scatter of neighbours alone
     assert np.median(wider) > 2.0
 
 
@@ -219,15 +219,15 @@ def test_a_change_of_two_chunks_shows_by_half_and_one_of_three_whole():
             assert shift.size == pytest.approx(share * size, rel=0.1)
 
 
-def test_what_is_significant_is_six_deviations_of_two_medians():
+def test_what_is_significant_is_five_deviations_of_two_medians():
     """Of n values before and 30 behind, of variance pi / 2 (1 / n + 1 / 30); wander only adds to it."""
-    only = np.array([1e-9, 1e-9, 1.0, 1e-9])
+    only = np.array([1e-9, 1e-9, 1.0, 1e-9, 1e-9])
     found = []
     for seed in range(16):
         values = white(seed, 400)
         apart = abs(np.median(values[300:330]) - np.median(values[:300]))
-        found.append(shift_of(level(values), only).bounds[300] - apart)
-    expected = 1.1 * 6.0 * 0.1 * np.sqrt(0.5 * np.pi * (1.0 / 300.0 + 1.0 / 30.0))
+        found.append(shift_of(replace(level(values), wanders=ANY), only).bounds[300] - apart)
+    expected = 1.1 * 5.0 * 0.1 * np.sqrt(0.5 * np.pi * (1.0 / 300.0 + 1.0 / 30.0))
     assert np.mean(np.sort(found)[:8]) == pytest.approx(expected, rel=0.1)
 
 
