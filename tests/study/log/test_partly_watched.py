@@ -43,7 +43,8 @@ def test_p_and_q_are_watched_where_only_r_is_unexplained_and_that_is_no_all_clea
     assert not healthy.check.stops
     assert set(healthy.monitor.basis.predicts) == {"p", "q"}
     assert healthy.armed_hours * 3600.0 > 0.3 * DURATION_S
-    why = "gyros and attitude don't show one motion, so r or the heading is wrong; p and q are watched without the heading"
+    why = "gyros and attitude don't show one motion, so r or the heading is wrong; p and q are watched without the "
+    why += "heading"
     assert verdict_text(healthy) == f"Cannot tell for r and psi: {why}. p, q, phi, theta are clear."
     assert {span.reason for sensor in ("r", "psi") for span in healthy.timeline.sensors[sensor]} == {why}
     assert healthy.verdict.unjudged == ("r", "psi")
