@@ -20,6 +20,7 @@ from gtmbench.report.words.log import log_report
 from gtmbench.report.words.verdict import summary_lines, verdict_text
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.attitude import AttitudeEstimator
+from gtmbench.verdict.scope import Scope
 from tests.helpers.logged import (
     CASES,
     ODD,
@@ -83,11 +84,14 @@ def test_an_alarm_that_may_be_no_faults_is_said_to_be_so():
     assert all(other.sensor is None for other in odd().alarms)
     assert set(alarm.last.candidates) == set(ODD)  # which of them nothing tells
     assert alarm.last.reason
-    said = verdict_text(odd())
-    assert said.startswith("Cannot tell: ")
-    assert f"({ODD[0]} at {alarm.time_s:.1f} s" in said
-    assert "may be no fault: motion or model" in said
-    assert int(odd().outcome) == 3
+    asked = replace(odd(), scope=Scope(sensors=tuple(ODD)))
+    assert verdict_text(asked).startswith("Cannot tell: ")
+    for sensor in ODD:
+        doubted = [span for span in asked.timeline.sensors[sensor] if span.reason == alarm.last.doubt]
+        assert [span.state for span in doubted][:1] == ["not judged"]
+        assert doubted[0].start_s <= alarm.time_s <= doubted[-1].end_s
+    assert alarm.last.doubt == "motion or model"
+    assert int(asked.outcome) == 3
 
 
 def test_a_long_list_of_remarks_is_shortened_and_counted():
@@ -133,10 +137,13 @@ def test_the_bound_is_that_of_the_length_watched(case):
 
 def test_twenty_seconds_without_an_alarm_bound_little():
     assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
-    assert verdict_text(unexplained()).startswith("No fault found in p, q, r, phi, theta, psi: ")
+    asked = replace(unexplained(), scope=Scope(sensors=("p", "q", "r")))
+    assert verdict_text(asked).startswith("Cannot tell: too little is known before or behind it (12 of 30 s judged)")
     assert any("; 1 alarm that nothing explains in 22.7 s watched" in line for line in log_report(unexplained()))
-    told = " ".join(log_report(short()))
-    assert "one from the first sample on is learnt as healthy" in told
+    calm = replace(short(), scope=Scope(sensors=("p", "q", "r"), judged=0.4))
+    assert verdict_text(calm).startswith("No fault found in p, q, r: 13 of 30 s judged; ")
+    told = " ".join(log_report(calm))
+    assert "one that is constant from the first sample on shows beyond 5 deg/s only" in told
     assert "one that grows more slowly than the drifts above is not detected" in told
 
 

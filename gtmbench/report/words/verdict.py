@@ -36,7 +36,7 @@ from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
-from gtmbench.verdict.timeline import SensorSpan, State
+from gtmbench.verdict.timeline import NOTHING_PREDICTS, SensorSpan, State
 from gtmbench.verdict.verdict import LogVerdict, Outcome
 
 LINES = 12  # of what is printed by default
@@ -44,7 +44,14 @@ _LONGEST = 5  # lines of the first sentence on a screen; all of it stands in the
 _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
-_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Next")  # where lines are short, the first of these first
+_GIVES_WAY = (
+    "How sure",
+    "Learnt from",
+    "Why",
+    "Read as",
+    "Not watched",
+    "Next",
+)  # where lines are short, the first of these first
 
 
 class _Accusation(NamedTuple):
@@ -149,7 +156,7 @@ def _unjudged_text(verdict: LogVerdict) -> str:
         return "" if verdict.failed else "Cannot tell: no sensor is asked that this log has; --judge names some."
     open_ = [sensor for sensor in verdict.unjudged if sensor not in accused]
     if verdict.timeline.motion_total_s <= 0.0 and len(open_) == len(asked):
-        return "Cannot tell: nothing moves."
+        return f"Cannot tell: {_only_reason(verdict) or 'nothing moves'}."
     groups: dict[str, list[str]] = {}
     for sensor in open_:
         groups.setdefault(reasons_of(verdict, sensor)[0], []).append(sensor)
@@ -167,6 +174,13 @@ def _unjudged_text(verdict: LogVerdict) -> str:
             lost = of_text(total_s * (1.0 - verdict.judged_share(sensor)), total_s)
             sentences.append(f"{sensor} is not judged in {lost}: {reasons_of(verdict, sensor)[0]}.")
     return " ".join(sentences)
+
+
+def _only_reason(verdict: LogVerdict) -> str:
+    """Return the reason that holds for all asked sensors and all of the log, as wrong units do; "" where none does."""
+    spans = [span for sensor in verdict.scope.sensors for span in verdict.timeline.sensors.get(sensor, ())]
+    reasons = {span.reason.rstrip(".") if span.state is State.NOT_JUDGED else "" for span in spans}
+    return reasons.pop() if len(reasons) == 1 and reasons != {NOTHING_PREDICTS} else ""
 
 
 def _partly(verdict: LogVerdict, names: Sequence[str]) -> str:
@@ -217,6 +231,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
     """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
         ("Why", _why(watched)),
+        ("Not watched", _not_watched(watched)),
         ("How sure", _certainty(watched)),
         ("Read as", _read_as(watched)),
         ("Learnt from", _learnt(watched)),
@@ -311,6 +326,17 @@ def _why(watched: WatchedLog) -> list[str]:
     return lines + [
         f"Alarm at {alarm.time_s:.2f} s by {slow_text(alarm)}{_by_witness(alarm)}."
         for alarm in watched.slow_alarms[: _MOST - len(lines)]
+    ]
+
+
+def _not_watched(watched: WatchedLog) -> list[str]:
+    """Say which gyros of the log nobody watches, and why, where the verdict doesn't: nobody asked about them."""
+    asked = watched.verdict.scope.sensors
+    return [
+        f"{reason.rstrip('.')}."  # it begins with a name, which stays small
+        for reason in watched.reasons
+        for name in GYROS
+        if name not in asked and reason.startswith(f"{name} isn't watched")
     ]
 
 
