@@ -44,7 +44,8 @@ _LONGEST = 5  # lines of the first sentence on a screen; all of it stands in the
 _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
-_GIVES_WAY = (
+# where lines are short, the first of these first
+_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Not watched", "Next")
     "How sure",
     "Learnt from",
     "Why",
