@@ -46,13 +46,6 @@ _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
 # where lines are short, the first of these first
 _GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Not watched", "Next")
-    "How sure",
-    "Learnt from",
-    "Why",
-    "Read as",
-    "Not watched",
-    "Next",
-)  # where lines are short, the first of these first
 
 
 class _Accusation(NamedTuple):
