@@ -88,12 +88,12 @@ def watch_fleet(
     >>> import tempfile
     >>> import numpy as np
     >>> import gtmbench as gb
-    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
+    >>> noise = np.random.default_rng(1).standard_normal((3000, 2))
     >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     gb.write_log(record, f"{folder}/flight.csv")
     ...     rows = gb.watch_fleet(
-    ...         [f"{folder}/flight.csv"], gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)], out=f"{folder}/out"
+    ...         [f"{folder}/flight.csv"], gb.bank_between(["p"], ["q"]), healthy=[(0.0, 60.0)], out=f"{folder}/out"
     ...     )
     >>> rows["outcome"].tolist()
     ['healthy']

@@ -258,7 +258,10 @@ class WatchedLog:
 def concluded(said: Said) -> WatchedLog:
     """Conclude what was said of a log."""
     first = _concluded(said)
-    later = second_faults(first.monitor, first.watches, said.learnt.before) if first.moving else ()
+    bends = said.learnt.opened.bends or (first.evidence.is_driven and first.evidence.is_sure)
+    if bends or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
+        return first
+    later = second_faults(first.monitor, first.watches, said.learnt.before)
     if not later:
         return first
     shifted = shifted_gyros(first.evidence)  # by the attitude over the whole log, whatever a bank was learnt on

@@ -316,7 +316,7 @@ def _of_gyro(
         span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
         gain = float(gains[part].max())
         if not np.isfinite(level):
-            yield _unjudged(*span, _AT_EDGE if known[first] else _MASKED)
+            yield _unjudged(*span, _AT_EDGE if known[first] else _why_masked(relation, axis, first, stop))
         elif not repeats and gain > 1.0:
             yield _unjudged(*span, f"{GYROS[axis]} might stand still, and that would not show")
         else:
@@ -359,7 +359,7 @@ def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Cha
             reason = jumped if seen.any() and span[1] > since_s else ""
             yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, reason=reason, sizes=sizes)
         else:
-            yield _unjudged(*span, _MASKED)
+            yield _unjudged(*span, _why_masked(relation, axis, first, stop))
 
 
 def _standing(relation: Relation, held_s: FloatArray, sensor: str) -> tuple[list[SensorSpan], float]:
@@ -399,6 +399,14 @@ def _as_good(bounds: FloatArray, known: BoolArray) -> Iterator[tuple[int, int, f
     for first, stop in pairwise(edges):
         own = bounds[first:stop]
         yield first, stop, float(np.quantile(own, _OFTEN, method="higher")) if steps[first] >= 0 else np.inf
+
+
+def _why_masked(relation: Relation, axis: int, first: int, stop: int) -> str:
+    """Say why nothing is asked of an axis in some chunks: what is there, and isn't asked, is of one that failed."""
+    rows = slice(first * relation.per_chunk, stop * relation.per_chunk)
+    there = np.isfinite(relation.error[rows, axis])
+    is_failed = len(there) and float(there.mean()) > 0.5 > float(relation.known[rows, axis].mean())
+    return f"{' or '.join(_AXES[axis])} failed, and nothing else tells" if is_failed else _MASKED
 
 
 def _chunks_known(relation: Relation, known: BoolArray) -> BoolArray:
