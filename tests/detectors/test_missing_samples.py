@@ -313,7 +313,7 @@ def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli
     assert (code, err) == (1, "")
     assert "\n60.50 s  p failed; dropout\n" in out
     assert "alarm of the missing samples of p; since about 60.00 s; named at 60.50 s; gone since 70.00 s" in out
-    assert out.startswith("The roll gyro (p) failed at 60.0 s: dropout.\n")
+    assert out.startswith("The roll gyro (p) failed from 60.0 to 70.0 s: dropout. q, r, phi, theta, psi are clear")
     told = [row for row in gb.read_recording(tmp_path / "l.rrd").itertuples() if "missing samples of p" in str(row)]
     assert told
     code, out, _ = cli(*watch, "--json")
