@@ -52,7 +52,7 @@ def test_a_receiver_that_loses_all_satellites_at_once_in_flight_is_named(tmp_pat
     assert gps.failed.ended_s == pytest.approx(LOST_S[1], abs=0.3)
     assert watched.outcome.name == "FAILED"
     assert [sensor for sensor, _ in watched.verdict.failed] == ["gps"]
-    assert "lost its fix" in verdict_text(watched)
+    assert "it lost its 11 satellites at once" in verdict_text(watched)
     assert any("it lost its 11 satellites at once" in line for line in sensor_lines(watched.sensors))
 
 

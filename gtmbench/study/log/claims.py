@@ -74,7 +74,8 @@ def of_alarm(
     elif last.sensor is not None:
         named = (last.sensor, last.partner) if last.swapped else (last.sensor,)
         for sensor in filter(None, named):
-            yield _of_imu(sensor, last.imu, watched_imu), about(state=State.FAILED, judgement=last)
+            how = "" if last.kind else last.reason  # of a kind that no fit has: a GPS that lost its fix
+            yield _of_imu(sensor, last.imu, watched_imu), about(state=State.FAILED, reason=how, judgement=last)
     else:
         for sensor in last.candidates:
             claim = about(state=State.SUSPECTED, reason=last.reason, suspects=last.candidates, judgement=last)
