@@ -26,6 +26,29 @@ _ROUNDS, _SAME_DEG = 60, 1e-11
 _RAD = math.pi / 180.0
 
 
+def to_earth(angles: FloatArray) -> FloatArray:
+    """Return the matrices that turn body axes into the earth's, shape (3, 3, rows).
+
+    Parameters
+    ----------
+    angles : shape (3, rows)
+        phi, theta and psi, in rad.
+
+    Examples
+    --------
+    >>> to_earth(np.array([[0.0], [0.0], [0.5 * math.pi]]))[:, 0, 0].round(9).tolist()  # flying east, forward is east
+    [0.0, 1.0, 0.0]
+    """
+    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
+    return np.array(
+        [
+            [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
+            [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
+            [-sp, sr * cp, cr * cp],
+        ]
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class AttitudeEstimator:
     """How an estimator weighs gyros against the references that correct it.

@@ -99,6 +99,11 @@ class SensorSpan:
         return self.start_s <= time_s < self.end_s
 
 
+def unjudged(span_s: Span, reason: str) -> SensorSpan:
+    """Return a span in which a sensor isn't judged, and why."""
+    return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Timeline:
     """The timeline of a log.

@@ -23,6 +23,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.values.attitude import to_earth
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record
 
@@ -132,7 +133,7 @@ class Motion:
         rows = max(round(BLOCK_S / record.sample_period_s), 1)
         attitude = _rows_last(record, ATTITUDE)
         known = np.isfinite(attitude).all(axis=0)
-        turned = _rotation(np.deg2rad(_held(attitude)))
+        turned = to_earth(np.deg2rad(_held(attitude)))
         return cls(record=record, blocks=len(record) // rows, rows=rows, turned=turned, known=known.astype(float))
 
     def mean(self, values: FloatArray, read: FloatArray | None = None) -> FloatArray:
@@ -485,18 +486,6 @@ def _means(sums: FloatArray, counts: FloatArray) -> FloatArray:
     means = sums / np.maximum(counts, 1.0)
     means[..., counts < _PART * usual] = np.nan
     return np.moveaxis(means, -1, 0)
-
-
-def _rotation(angles: FloatArray) -> FloatArray:
-    """Return C of roll, pitch and yaw in rad, shape (3, 3, rows)."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
-    return np.array(
-        [
-            [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
-            [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
-            [-sp, sr * cp, cr * cp],
-        ]
-    )
 
 
 def _turned(rotation: FloatArray, vector: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, Record, Span, runs
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
 
 Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
 _PASSED = "its residual rose, and no fault explains it"
@@ -93,10 +93,10 @@ def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str]) -> Iterator
     stops = [" or ".join(causes)] if causes else [stop.text for stop in check.stops[:1]]
     for reason in stops:
         for sensor in sensors:
-            yield sensor, _unjudged(span_s, reason)
+            yield sensor, unjudged(span_s, reason)
     for doubt in check.doubts:
         for sensor in doubt.sensors or sensors:
-            yield sensor, _unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
+            yield sensor, unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
 
 
 def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> Iterator[Claim]:
@@ -104,7 +104,7 @@ def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> It
     for each in excursions:
         if excuses(each):
             for sensor in sensors:
-                yield sensor, _unjudged((each.start_s, each.end_s), each.reason)
+                yield sensor, unjudged((each.start_s, each.end_s), each.reason)
 
 
 def excuses(excursion: Excursion) -> bool:
@@ -116,7 +116,7 @@ def of_unread(unread: Iterable[Unread], sensors: Sequence[str]) -> Iterator[Clai
     """Give the spans that weren't read."""
     for each in unread:
         for sensor in sensors:
-            yield sensor, _unjudged((each.start_s, each.end_s), each.reason)
+            yield sensor, unjudged((each.start_s, each.end_s), each.reason)
 
 
 def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span) -> Iterator[Claim]:
@@ -126,12 +126,12 @@ def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span)
             if score.is_stuck_above:
                 reason = f"the score of {name} never came down: a fault from the beginning, or other noise"
                 for sensor in axis_of(name):
-                    yield sensor, _unjudged((watch.record.start_s, watch.record.end_s), reason)
+                    yield sensor, unjudged((watch.record.start_s, watch.record.end_s), reason)
     for each in louder:
         span = f"{each.start_s:.0f} to {each.end_s:.0f} s"
         reason = f"the residual of {each.sensor} stood {each.times:.1f} times as high as usual, {span}"
         for sensor in axis_of(each.sensor):
-            yield sensor, _unjudged(span_s, reason)
+            yield sensor, unjudged(span_s, reason)
 
 
 def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterator[Claim]:
@@ -143,7 +143,7 @@ def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterat
             continue
         if bias.size is None:
             for watch in watches:
-                yield sensor, _unjudged((watch.record.start_s, watch.record.end_s), "no error of it would show here")
+                yield sensor, unjudged((watch.record.start_s, watch.record.end_s), "no error of it would show here")
             continue
         factor = None if scale is None else scale.size
         sizes = Sizes(
@@ -156,9 +156,9 @@ def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterat
             since_s = watch.record.start_s
             for start_s, end_s in _armed_s(watch, sensor, bias.within_s):
                 yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=sizes)
-                yield sensor, _unjudged((since_s, start_s), _BESIDE)
+                yield sensor, unjudged((since_s, start_s), _BESIDE)
                 since_s = end_s
-            yield sensor, _unjudged((since_s, watch.record.end_s), _BESIDE)
+            yield sensor, unjudged((since_s, watch.record.end_s), _BESIDE)
 
 
 def _armed_s(watch: Watch, sensor: str, within_s: float) -> Iterator[Span]:
@@ -179,10 +179,6 @@ def _closed(armed: BoolArray, record: Record) -> BoolArray:
     for start, end in zip(starts[short].tolist(), ends[short].tolist(), strict=True):
         closed[start:end] = start > 0 and end < len(armed)
     return closed
-
-
-def _unjudged(span_s: Span, reason: str) -> SensorSpan:
-    return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
 
 
 def motion_spans(lively_s: Sequence[float], span_s: Span, unread: Iterable[Unread] = ()) -> tuple[Span, ...]:

@@ -32,7 +32,7 @@ from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
-from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
+from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out, unjudged
 
 _COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
 
@@ -63,7 +63,6 @@ class Evidence:
         Whether the gyros drive the attitude, and whether that is known.
     alarms : tuple of Alarm
     watches : tuple of Watch
-    learnt_s : tuple of (start, end)
     check : SelfCheck
     excursions : tuple of Excursion
     louder : tuple of Louder
@@ -86,7 +85,6 @@ class Evidence:
     is_sure: bool = False
     alarms: tuple[Alarm, ...]
     watches: tuple[Watch, ...] = field(repr=False)
-    learnt_s: tuple[Span, ...]
     check: SelfCheck
     excursions: tuple[Excursion, ...] = field(repr=False)
     louder: tuple[Louder, ...]
@@ -103,9 +101,9 @@ def timeline_of(evidence: Evidence) -> Timeline:
     blocks = blocks_of(evidence.moving) if evidence.moving else None
     claims = _accused(evidence, blocks, span_s)
     claims += of_check(evidence.check, span_s, evidence.sensors)
-    claims += [(sensor, _unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
+    claims += [(sensor, unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
     if not evidence.has_heading and not evidence.unwatched:
-        claims += [(sensor, _unjudged(span_s, "the log is read without a heading")) for sensor in axis_of("psi")]
+        claims += [(sensor, unjudged(span_s, "the log is read without a heading")) for sensor in axis_of("psi")]
     claims += of_excursions(evidence.excursions, evidence.sensors)
     claims += of_watches(evidence.watches, evidence.louder, span_s)
     if not evidence.check.stops:
@@ -145,6 +143,8 @@ def _unless_blind(span: SensorSpan, why: str) -> SensorSpan:
 
 def _but_at_odds(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> list[Claim]:
     """Return claims that don't fail a gyro which agrees with the attitude while another one parts from it, unnamed."""
+    if not any(sensor in GYROS and span.state is State.FAILED for sensor, span in claims):
+        return list(claims)
     changes = _hindsight(evidence, blocks, claims).changes
     others = {GYROS[change.axis] for change in changes}
     kept = []
@@ -216,7 +216,7 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
         reason = (
             silent if any(watch.armed_hours for watch in evidence.watches) else next(iter(evidence.reasons), silent)
         )
-        yield from ((sensor, _unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
+        yield from ((sensor, unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
 
 
 def _hindsight(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> Hindsight:
@@ -272,7 +272,3 @@ def _told(evidence: Evidence, claims: Sequence[Claim]) -> list[str]:
     compared = [name for name in silent if name in _COMPARABLE]
     hint = f"; --detector cross-check compares {', '.join(compared)}" if compared else ""
     return [f"No verdict on {', '.join(silent)}{hint}."]
-
-
-def _unjudged(span_s: Span, reason: str) -> SensorSpan:
-    return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)

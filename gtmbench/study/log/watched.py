@@ -229,7 +229,6 @@ class WatchedLog:
             is_sure=self.attitude is not None and not self.attitude.is_assumed,
             alarms=(*self.alarms, *others, *(() if self.swap is None else self.swap.alarms)),
             watches=self.watches,
-            learnt_s=self.identified_s,
             check=self.check,
             excursions=self.excursions,
             louder=self.louder,
@@ -257,9 +256,9 @@ class WatchedLog:
 
 def concluded(said: Said) -> WatchedLog:
     """Conclude what was said of a log."""
-    first = _concluded(said)
-    bends = said.learnt.opened.bends or (first.evidence.is_driven and first.evidence.is_sure)
-    if bends or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
+    first, opened = _concluded(said), said.learnt.opened
+    is_bent = opened.bends or (opened.attitude is not None and opened.is_driven and not opened.attitude.is_assumed)
+    if is_bent or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
         return first
     later = second_faults(first.monitor, first.watches, said.learnt.before)
     if not later:

@@ -37,7 +37,6 @@ def evidence(*records, alarms=(), moves=True, **more):
         "has_heading": True,
         "is_driven": False,
         "watches": (),
-        "learnt_s": (),
         "check": SelfCheck(),
         "excursions": (),
         "louder": (),

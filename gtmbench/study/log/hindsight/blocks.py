@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.values.attitude import STEEPEST_DEG, to_earth
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record, Span
 
 BLOCK_S = 0.2  # as short as telemetry's samples are apart; with half or twice of it nothing changes
 _SAME = 1e-6  # of a channel's spread: interpolation rounds
-_STEEPEST_DEG = 85.0  # of pitch: beyond, noise of an angle is taken for turns
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +100,7 @@ def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArr
     gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)
     edges = angles[::rows]
     turn = _turn_deg(edges)
-    turn[(np.abs(edges[:, 1]) > _STEEPEST_DEG)[:-1]] = np.nan
+    turn[(np.abs(edges[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
     second = np.full(gyros.shape, np.nan)
     second[1:-1] = np.square(gyros[2:] - 2.0 * gyros[1:-1] + gyros[:-2])
     second[0], second[-1] = second[1], second[-2]
@@ -122,7 +122,7 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
 
 def _turn_deg(angles: FloatArray) -> FloatArray:
     """Return the rotation vectors, in body axes, from each attitude to the next, shape (rows - 1, 3)."""
-    matrices = _to_earth(angles)
+    matrices = np.moveaxis(to_earth(np.radians(angles).T), -1, 0)
     step = np.einsum("kji,kjl->kil", matrices[:-1], matrices[1:])
     vector = 0.5 * np.column_stack(
         [step[:, 2, 1] - step[:, 1, 2], step[:, 0, 2] - step[:, 2, 0], step[:, 1, 0] - step[:, 0, 1]]
@@ -132,17 +132,6 @@ def _turn_deg(angles: FloatArray) -> FloatArray:
     angle = np.arctan2(sine, cosine)
     scale = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-9), 1.0)
     return np.asarray(np.degrees(vector * scale[:, np.newaxis]))
-
-
-def _to_earth(angles: FloatArray) -> FloatArray:
-    """Return the matrices that turn body axes into the earth's, shape (rows, 3, 3)."""
-    (sx, sy, sz), (cx, cy, cz) = np.sin(np.radians(angles)).T, np.cos(np.radians(angles)).T
-    matrix = [
-        [cy * cz, sx * sy * cz - cx * sz, cx * sy * cz + sx * sz],
-        [cy * sz, sx * sy * sz + cx * cz, cx * sy * sz - sx * cz],
-        [-sy, sx * cy, cx * cy],
-    ]
-    return np.asarray(matrix).transpose(2, 0, 1)
 
 
 def _held_rows(values: FloatArray) -> FloatArray:

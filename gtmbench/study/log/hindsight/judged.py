@@ -38,7 +38,7 @@ from gtmbench.study.log.hindsight.relation import (
 from gtmbench.values.attitude import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
 
 _STANDS_S, _OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
 _MOVES_DEG_S = 1.5  # the attitude meanwhile, or one who stands still is right
@@ -151,7 +151,7 @@ def hindsight_of(
     failed_s = [(each.start_s, each.end_s) for spans in named.values() for each in spans]
     share, error = of_euler_rates(blocks, [*excused_s, *failed_s])
     if abs(share - 1.0) < _EULER and share > _CERTAIN * error:
-        misread = _unjudged(*_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
+        misread = unjudged(_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
     relation, gentle = _relation(blocks, excused_s, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
@@ -304,7 +304,7 @@ def _of_gyro(
     yield from stands
     start_s, end_s = _span(relation.blocks)
     if changes:
-        yield _unjudged(start_s, end_s, changes[0].text)
+        yield unjudged((start_s, end_s), changes[0].text)
         return
     errors = shifts["error"].bounds
     gains = shifts["gain"].bounds if "gain" in shifts else np.full(len(errors), np.inf)
@@ -316,9 +316,9 @@ def _of_gyro(
         span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
         gain = float(gains[part].max())
         if not np.isfinite(level):
-            yield _unjudged(*span, _AT_EDGE if known[first] else _why_masked(relation, axis, first, stop))
+            yield unjudged(span, _AT_EDGE if known[first] else _why_masked(relation, axis, first, stop))
         elif not repeats and gain > 1.0:
-            yield _unjudged(*span, f"{GYROS[axis]} might stand still, and that would not show")
+            yield unjudged(span, f"{GYROS[axis]} might stand still, and that would not show")
         else:
             noise = float(noises[part].max())
             sizes = Sizes(
@@ -341,7 +341,7 @@ def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Cha
     start_s, end_s = _span(relation.blocks)
     shifted = [change for change in changes if change.of != "noise"]
     if shifted:
-        yield _unjudged(start_s, end_s, shifted[0].text)
+        yield unjudged((start_s, end_s), shifted[0].text)
         return
     jump, usual, stay = jumps
     bounds = np.where(np.isfinite(jump), jump + SPARE * np.maximum(usual, _JUMP_FLOOR_DEG), np.inf)
@@ -359,7 +359,7 @@ def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Cha
             reason = jumped if seen.any() and span[1] > since_s else ""
             yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, reason=reason, sizes=sizes)
         else:
-            yield _unjudged(*span, _why_masked(relation, axis, first, stop))
+            yield unjudged(span, _why_masked(relation, axis, first, stop))
 
 
 def _standing(relation: Relation, held_s: FloatArray, sensor: str) -> tuple[list[SensorSpan], float]:
@@ -373,7 +373,7 @@ def _standing(relation: Relation, held_s: FloatArray, sensor: str) -> tuple[list
         if length > max(_STANDS_S, _OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
             end_s = blocks.start_s + stop * blocks.period_s
             since_s = end_s - length - blocks.period_s
-            spans.append(_unjudged(since_s, end_s, f"{sensor} reads one value from {since_s:.1f} to {end_s:.1f} s"))
+            spans.append(unjudged((since_s, end_s), f"{sensor} reads one value from {since_s:.1f} to {end_s:.1f} s"))
         else:
             usual_s = max(usual_s, length)
     return spans, usual_s
@@ -416,7 +416,3 @@ def _chunks_known(relation: Relation, known: BoolArray) -> BoolArray:
 
 def _span(blocks: Blocks) -> Span:
     return blocks.start_s, blocks.start_s + blocks.period_s * len(blocks)
-
-
-def _unjudged(start_s: float, end_s: float, reason: str) -> SensorSpan:
-    return SensorSpan(start_s=start_s, end_s=end_s, state=State.NOT_JUDGED, reason=reason)
