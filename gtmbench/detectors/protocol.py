@@ -179,6 +179,11 @@ def is_ready(given: Detector | Monitor) -> TypeGuard[Monitor]:
     return not hasattr(given, "calibrate")
 
 
+def suspects_of(given: Detector | Monitor) -> tuple[str, ...]:
+    """Return the sensors that it may name; none before it is calibrated."""
+    return given.suspects if is_ready(given) else ()
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Score:
     """A test statistic over time, and its threshold.

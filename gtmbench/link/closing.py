@@ -10,7 +10,7 @@ from gtmbench.detectors.protocol import Monitor
 from gtmbench.study.log.claims import of_alarm
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
-from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
+from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out, unjudged
 from gtmbench.verdict.verdict import LogVerdict, verdict_of
 
 _UNARMED = "a test could not have alarmed here"
@@ -62,6 +62,6 @@ def _of_silence(monitor: Monitor, span_s: Span, armed_s: Sequence[Span], why_not
     silent = f"{monitor.name} states no size that it would find, so its silence says nothing"
     why = why_not or ("" if predicts(monitor) else silent)
     if why:
-        yield SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=why)
+        yield unjudged(span_s, why)
     for start_s, end_s in armed_s:
         yield SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR)

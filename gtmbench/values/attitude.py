@@ -36,8 +36,8 @@ def to_earth(angles: FloatArray) -> FloatArray:
 
     Examples
     --------
-    >>> to_earth(np.array([[0.0], [0.0], [0.5 * math.pi]]))[:, 0, 0].round(9).tolist()  # flying east, forward is east
-    [0.0, 1.0, 0.0]
+    >>> to_earth(np.array([[0.0], [0.0], [0.5 * math.pi]]))[:, 0, 0].round(9) + 0.0  # flying east, forward is east
+    array([0., 1., 0.])
     """
     (sr, sp, sy), (cr, cp, cy) = np.sin(angles), np.cos(angles)
     return np.array(

@@ -162,7 +162,17 @@ class Timeline:
 
     def motion_in(self, sensor: str, *states: State) -> float:
         """Return for how long of its motion a sensor is in some states."""
-        return sum(overlap_s(span, motion) for span in self.of(sensor, *states) for motion in self.motion_s)
+        return sum(map(self.moving_s, self.of(sensor, *states)))
+
+    def moving_s(self, span: SensorSpan) -> float:
+        """Return for how long the aircraft moves in a span."""
+        return sum(overlap_s(span, motion) for motion in self.motion_s)
+
+    def judged_share(self, sensor: str) -> float:
+        """Return in which share of the time in motion a sensor is judged; 0 where nothing moves."""
+        if self.motion_total_s <= 0.0 or sensor not in self.sensors:
+            return 0.0
+        return 1.0 - self.motion_in(sensor, State.NOT_JUDGED) / self.motion_total_s
 
 
 def overlap_s(span: SensorSpan, other: Span) -> float:

@@ -74,9 +74,9 @@ class LogVerdict:
         """The asked sensors that aren't judged for too much of the time in motion."""
         return tuple(sensor for sensor in self.scope.sensors if self.judged_share(sensor) < self.scope.judged)
 
-    def judged_share(self, sensor: str) -> float:
-        """Return in which share of the time in motion a sensor is judged; 0 where nothing moves."""
-        return _judged_share(self.timeline, sensor)
+    def judged_share(self, *sensors: str) -> float:
+        """Return in which share of the time in motion that one of some sensors is judged which is judged least."""
+        return min(map(self.timeline.judged_share, sensors), default=0.0)
 
     def sizes_of(self, sensor: str) -> Sizes | None:
         """Return the worst sizes of all spans in which a sensor is clear; None where it is in none."""
@@ -100,14 +100,9 @@ class LogVerdict:
         """Return why a sensor isn't judged, the reason that costs most of the time in motion first."""
         lost_s: dict[str, float] = {}
         for span in self.timeline.of(sensor, State.NOT_JUDGED):
-            moving_s = sum(max(0.0, min(span.end_s, end) - max(span.start_s, start)) for start, end in self.motion_s)
-            lost_s[span.reason] = lost_s.get(span.reason, 0.0) + moving_s + 1e-6 * span.duration_s
+            cost_s = self.timeline.moving_s(span) + 1e-6 * span.duration_s
+            lost_s[span.reason] = lost_s.get(span.reason, 0.0) + cost_s
         return tuple(sorted(lost_s, key=lambda reason: -lost_s[reason]))
-
-    @property
-    def motion_s(self) -> tuple[tuple[float, float], ...]:
-        """Where the aircraft moves."""
-        return self.timeline.motion_s
 
 
 def verdict_of(timeline: Timeline, scope: Scope) -> LogVerdict:
@@ -120,16 +115,9 @@ def _outcome(timeline: Timeline, scope: Scope) -> Outcome:
     accused = any(timeline.of(sensor, State.FAILED, State.SUSPECTED) for sensor in scope.sensors)
     if accused or any(timeline.of(sensor, State.FAILED) for sensor in timeline.sensors):
         return Outcome.FAILED
-    if any(_judged_share(timeline, sensor) < scope.judged for sensor in scope.sensors) or not scope.sensors:
+    if any(timeline.judged_share(sensor) < scope.judged for sensor in scope.sensors) or not scope.sensors:
         return Outcome.UNKNOWN
     return Outcome.HEALTHY
-
-
-def _judged_share(timeline: Timeline, sensor: str) -> float:
-    moving_s = timeline.motion_total_s
-    if moving_s <= 0.0 or sensor not in timeline.sensors:
-        return 0.0
-    return 1.0 - timeline.motion_in(sensor, State.NOT_JUDGED) / moving_s
 
 
 def within(timeline: Timeline, scope: Scope) -> Timeline:

@@ -10,7 +10,7 @@ from typing import Literal
 import rerun as rr
 import rerun.blueprint as rrb
 
-from gtmbench.detectors.protocol import Score, Watch, is_ready
+from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
 from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, whole_of
@@ -326,11 +326,7 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
     """
     above = ["/threshold", "/levels/**"] if scores_of(watched) or not watched.watches else []
     scores = plot("levels" if above else "alarms", [*above, "/began", "/alarm", "/named"], span, top=SHOWN_LEVELS)
-    what = (
-        "measured and virtual"
-        if residuals_of(watched) or (is_ready(watched.monitor) and watched.monitor.suspects)
-        else "measured"
-    )
+    what = "measured and virtual" if residuals_of(watched) or suspects_of(watched.monitor) else "measured"
     states = rrb.StateTimelineView(
         name="sensors: clear, failed, suspected, not judged",
         origin="/",

@@ -12,7 +12,6 @@ from gtmbench.files.plain import plain
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.tables.envelope import envelope
-from gtmbench.report.tables.timeline import least_judged
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
@@ -66,7 +65,7 @@ def fleet_row(watched: WatchedLog) -> Row:
     row = {
         "outcome": verdict.outcome.name.lower(),
         "verdict": verdict_text(watched),
-        "judged_share": least_judged(verdict),
+        "judged_share": verdict.judged_share(*verdict.scope.sensors),
         "failed_sensors": ", ".join(dict.fromkeys(sensor for sensor, _ in verdict.failed)),
         "suspected_sensors": ", ".join(dict.fromkeys(sensor for sensor, _ in verdict.suspected)),
         "certificate": certificate_text(watched.certificate),

@@ -18,7 +18,7 @@ def timeline_table(verdict: LogVerdict) -> Mapping[str, Any]:
         "span_s": timeline.span_s,
         "motion_s": timeline.motion_s,
         "motion_total_s": timeline.motion_total_s,
-        "judged_s": least_judged(verdict) * timeline.motion_total_s,
+        "judged_s": verdict.judged_share(*scope.sensors) * timeline.motion_total_s,
         "asked": scope.sensors,
         "limits": {
             "error_deg_s": scope.error_deg_s,
@@ -29,11 +29,6 @@ def timeline_table(verdict: LogVerdict) -> Mapping[str, Any]:
         "told": timeline.told,
         "sensors": {name: [_span(name, span) for span in spans] for name, spans in timeline.sensors.items()},
     }
-
-
-def least_judged(verdict: LogVerdict) -> float:
-    """Return in which share of the time in motion the asked sensor is judged that is judged least; 0 without any."""
-    return min(map(verdict.judged_share, verdict.scope.sensors), default=0.0)
 
 
 def _span(sensor: str, span: SensorSpan) -> Mapping[str, Any]:

@@ -12,7 +12,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
 from gtmbench.detectors.predicting import predicts
-from gtmbench.detectors.protocol import Watch, is_ready
+from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
@@ -313,7 +313,7 @@ def _worth_lines(watched: WatchedLog) -> list[str]:
         return [silence if watched.armed_hours else "no false alarm rate is bounded: at no time was an alarm possible"]
     if watched.verdict.outcome is Outcome.FAILED:
         return [f"nothing else{_alarms_text(watched)}"]
-    suspects = watched.monitor.suspects if is_ready(watched.monitor) else ()
+    suspects = suspects_of(watched.monitor)
     bound = f"nothing found{_alarms_text(watched)}"
     if not suspects:
         return [

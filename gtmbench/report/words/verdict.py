@@ -15,6 +15,7 @@ from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.spans import union
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.words.judgement import slow_text, source_text, witness_text
 from gtmbench.report.words.monitor import title_text
@@ -72,7 +73,7 @@ def first_line(verdict: LogVerdict) -> str:
     if verdict.outcome is Outcome.HEALTHY:
         asked = verdict.scope.sensors
         total_s = verdict.timeline.motion_total_s
-        judged_s = total_s * min(map(verdict.judged_share, asked))
+        judged_s = total_s * verdict.judged_share(*asked)
         return f"No fault found in {', '.join(asked)}: {of_text(judged_s, total_s)} judged{_sizes_text(verdict)}."
     sentences = [_accusations_text(verdict), _unjudged_text(verdict), _clear_text(verdict)]
     return " ".join(sentence for sentence in sentences if sentence)
@@ -100,7 +101,7 @@ def _accusations(verdict: LogVerdict) -> list[_Accusation]:
     for sensor, span in verdict.suspected:
         if sensor in verdict.scope.sensors:
             _add(found, _suspicion(span.suspects or (sensor,), span), span)
-    made = [_Accusation(who, verb, _united(spans), how) for (who, verb, how), spans in found.items()]
+    made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
 
 
@@ -126,17 +127,6 @@ def _suspicion(suspects: Sequence[str], span: SensorSpan) -> tuple[str, str, str
     names = [sensor_text(name) for name in suspects] if len(suspects) == 2 else list(suspects)
     article = "the " if len(suspects) == 2 else ""
     return f"one of {article}{listed(names)}", "failed", ": cannot tell which"
-
-
-def _united(spans: Iterable[Span]) -> tuple[Span, ...]:
-    """Return spans in order of time, those that meet as one."""
-    united: list[Span] = []
-    for start_s, end_s in sorted(spans):
-        if united and start_s <= united[-1][1]:
-            united[-1] = united[-1][0], max(end_s, united[-1][1])
-        else:
-            united.append((start_s, end_s))
-    return tuple(united)
 
 
 def _accused(verdict: LogVerdict) -> set[str]:
@@ -180,7 +170,7 @@ def _only_reason(verdict: LogVerdict) -> str:
 def _partly(verdict: LogVerdict, names: Sequence[str]) -> str:
     """Say how much of sensors is judged, where some of it is."""
     total_s = verdict.timeline.motion_total_s
-    judged_s = total_s * min(map(verdict.judged_share, names))
+    judged_s = total_s * verdict.judged_share(*names)
     return f" ({of_text(judged_s, total_s)} judged)" if judged_s >= 0.5 else ""
 
 
@@ -190,7 +180,7 @@ def _clear_text(verdict: LogVerdict) -> str:
     clear = [sensor for sensor in verdict.scope.sensors if sensor not in others]
     if not clear:
         return ""
-    share, total_s = min(map(verdict.judged_share, clear)), verdict.timeline.motion_total_s
+    share, total_s = verdict.judged_share(*clear), verdict.timeline.motion_total_s
     partly = f" in the {of_text(share * total_s, total_s)} that are judged" if share < _NEARLY_ALL else ""
     return f"{', '.join(clear)} {'is' if len(clear) == 1 else 'are'} clear{partly}."
 

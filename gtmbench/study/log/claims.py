@@ -18,6 +18,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.additive import Bias, Noise
 from gtmbench.faults.shaping import ScaleFactor
 from gtmbench.intake.flight_log import Unread
+from gtmbench.intake.spans import union
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -196,14 +197,9 @@ def motion_spans(lively_s: Sequence[float], span_s: Span, unread: Iterable[Unrea
         is_first, is_last = each.start_s <= span_s[0] + 1e-6, each.end_s >= span_s[1] - 1e-6
         if (before or is_first) and (behind or is_last) and (before or behind) and each.reason not in _CLOCK:
             own.append((each.start_s, each.end_s))
-    joined: list[Span] = []
-    for start_s, end_s in sorted(own):
-        if joined and start_s <= joined[-1][1] + 1e-3:
-            joined[-1] = joined[-1][0], max(joined[-1][1], end_s)
-        else:
-            joined.append((start_s, end_s))
-    return tuple(joined)
+    return tuple(union(own, join_s=_APART_S))
 
 
 _BESIDE_S = 5.0  # of what wasn't read: motion on that side
+_APART_S = 1e-3  # no pause: seconds are rounded
 _CLOCK = ("clock jump", "clock set back")  # no time that was flown

@@ -53,10 +53,8 @@ def _beside(monitor: PredictingMonitor, watch: Watch, before: Record | None) -> 
 
 def _first_named(watch: Watch, told: Sequence[Alarm]) -> Alarm | None:
     """Return the first alarm that names a gyro that isn't told yet, later than those that are."""
-    sensors, since_s = (
-        {alarm.sensor for alarm in told},
-        max([began_s(each) + _LATER_S for each in told], default=-np.inf),
-    )
+    sensors = {alarm.sensor for alarm in told}
+    since_s = max([began_s(each) + _LATER_S for each in told], default=-np.inf)
     for alarm in watch.faults:
         is_new = alarm.sensor in GYROS and alarm.sensor not in sensors and began_s(alarm) >= since_s
         if is_new and alarm.accuses and alarm.test != MISSING:

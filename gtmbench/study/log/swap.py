@@ -7,7 +7,6 @@ the last part doesn't know, unless it lasts to the end; then the two parts diffe
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.alarm import Alarm
@@ -15,11 +14,11 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
+from gtmbench.intake.spans import overlaps, union
 from gtmbench.jobs.progress import silent
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.records import whole_s, within
-from gtmbench.values.record import Span
 
 _LAST_SHARE = 0.4  # of a log that is learnt from instead: as much as is by default
 
@@ -61,11 +60,7 @@ def swapped(first: Learnt) -> Swap | None:
     with contextlib.suppress(InputError):  # too little is left to learn from
         other = learnt(chosen(replace(again, others=())), silent)
         if not other.check.stops and predicts(other.monitor):
-            records = within(first.opened.log, _before(first.identified_s, begins_s))
+            records = within(first.opened.log, overlaps(union(first.identified_s), (start_s, begins_s)))
             watches = tuple(other.monitor.watch(record) for record in records)
             return Swap(monitor=other.monitor, watches=watches)
     return None
-
-
-def _before(spans: Sequence[Span], until_s: float) -> list[Span]:
-    return [(start_s, min(end_s, until_s)) for start_s, end_s in spans if start_s < until_s]

@@ -9,7 +9,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
-from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
@@ -251,8 +251,7 @@ def _times(evidence: Evidence, period_s: float | None) -> float:
 
 def _spoken_for(evidence: Evidence) -> tuple[str, ...]:
     monitor = evidence.monitor
-    suspects = monitor.suspects if is_ready(monitor) else ()
-    return suspects or basis_of(monitor).predicts or monitor.channels or evidence.log.channels
+    return suspects_of(monitor) or basis_of(monitor).predicts or monitor.channels or evidence.log.channels
 
 
 def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
-from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
+from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
@@ -312,19 +312,15 @@ def moving_of(said: Said) -> tuple[Record, ...]:
 
 def there_of(said: Said) -> tuple[str, ...]:
     """Return the sensors that a log has, and what else its monitor may name, such as surfaces."""
-    monitor = said.learnt.monitor
-    suspects = monitor.suspects if is_ready(monitor) else ()
-    return tuple(dict.fromkeys([*said.learnt.opened.there, *suspects]))
+    return tuple(dict.fromkeys([*said.learnt.opened.there, *suspects_of(said.learnt.monitor)]))
 
 
 def usual_of(said: Said) -> tuple[str, ...]:
     """Return the sensors that are asked where nobody says which: those that the monitor speaks for."""
     monitor = said.learnt.monitor
-    basis = basis_of(monitor)
     if moving_of(said):
         return JUDGED
-    suspects = monitor.suspects if is_ready(monitor) else ()
-    return basis.predicts or suspects or monitor.channels or said.learnt.opened.log.channels
+    return basis_of(monitor).predicts or suspects_of(monitor) or monitor.channels or said.learnt.opened.log.channels
 
 
 def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:

@@ -22,7 +22,7 @@ PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
 _ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
-_SETTLED = 20  # chunks, by whose scatter a change in the last ones is judged
+_SETTLED = 10  # chunks, by whose scatter a change in the last ones is judged
 _FEWEST = 3  # chunks: a median of fewer is none
 _DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
 _OF_SPREAD = 5.0  # times what chunks scatter by: a smaller change is no other constant, and counts in what is promised
@@ -141,12 +141,21 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     return Shift(bounds=bounds, rises=rises, falls=falls, onset=onset if stays else largest, stays=stays)
 
 
+def deviation_of(errors: FloatArray) -> float:
+    """Return the standard deviation of normal errors by the median of their sizes: 1.4826 times it.
+
+    >>> round(deviation_of(np.random.default_rng(1).standard_normal(10_000)), 2)
+    1.0
+    """
+    return 1.4826 * float(np.median(np.abs(errors)))
+
+
 def _by_own_scatter(values: FloatArray, count: int) -> float:
     """Return what is significant of a median of so many, by how these values scatter themselves."""
     own = values[np.isfinite(values)]
     if not len(own):
         return np.inf
-    scatter = 1.4826 * float(np.median(np.abs(own - np.median(own))))
+    scatter = deviation_of(own - np.median(own))
     return float(_DEVIATIONS * scatter * np.sqrt(_MEDIAN / count))
 
 

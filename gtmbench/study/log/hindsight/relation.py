@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.study.log.hindsight.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import CHUNK_S, Level
+from gtmbench.study.log.hindsight.levels import CHUNK_S, Level, deviation_of
 from gtmbench.study.log.records import LIVELY_DEG_S
 from gtmbench.study.log.seconds import IntArray
+from gtmbench.values.attitude import to_earth
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
@@ -182,7 +183,7 @@ def _euler_share(blocks: Blocks, rows: IntArray) -> tuple[float, float]:
         power = float(np.square(apart).sum()) + 1e-12
         shares[axis] = float(own @ apart) / power
         left = own - shares[axis] * apart
-        precisions[axis] = power / ((1.4826 * float(np.median(np.abs(left)))) ** 2 + 1e-12)
+        precisions[axis] = power / (deviation_of(left) ** 2 + 1e-12)
     if not precisions.sum() > 0.0:
         return 0.0, np.inf
     return float(shares @ precisions / precisions.sum()), float(1.0 / np.sqrt(precisions.sum()))
@@ -192,10 +193,10 @@ def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     """Return parameters by Huber's weights, gains near 0 a priori."""
     weight: FloatArray = np.ones(len(values))
     theta, least = np.asarray(np.linalg.lstsq(regressors, values, rcond=None)[0]), np.inf
-    chance = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / np.sqrt(_SECOND) if len(values) > 2 else 0.0
+    chance = deviation_of(np.diff(values, 2)) / np.sqrt(_SECOND) if len(values) > 2 else 0.0
     for _ in range(_ROUNDS):
         left = values - regressors @ theta
-        spread = max(1.4826 * float(np.median(np.abs(left - np.median(left)))), 1e-9)
+        spread = max(deviation_of(left - np.median(left)), 1e-9)
         theta_before = theta
         least = min(least, spread)  # what the prior itself leaves is no noise: a turned sign would pass for it
         prior = np.diag([0.0, *[(max(least, chance) / _GAIN) ** 2] * 3, 1e-9][: len(theta)])
@@ -239,7 +240,7 @@ def noise_levels(relation: Relation, axis: int, known: BoolArray) -> tuple[Level
     powers = np.stack([_means(rough[..., each]) for each in range(3)])
     logs = np.log(np.maximum(powers, 1e-9))
     usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
-    others = _mean_of_known(np.delete(logs - usual[:, np.newaxis], axis, axis=0))  # one that is missing makes no step
+    others = _means(np.delete(logs - usual[:, np.newaxis], axis, axis=0).T)  # one that is missing makes no step
     alike = np.ones(len(others))
     own = Level(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
     beside = Level(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
@@ -298,10 +299,10 @@ def jumps_deg(relation: Relation, known: BoolArray) -> Jumps:
 
 def _angle_axes(angles: FloatArray) -> FloatArray:
     """Return the body axes about which phi, theta and psi turn, shape (blocks, 3, 3)."""
-    phi, theta, _ = np.radians(angles).T
+    phi = np.radians(angles[:, 0])
     zero, one = np.zeros(len(angles)), np.ones(len(angles))
     of_phi, of_theta = np.stack([one, zero, zero], axis=1), np.stack([zero, np.cos(phi), -np.sin(phi)], axis=1)
-    of_psi = np.stack([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)], axis=1)
+    of_psi = to_earth(np.radians(angles).T)[2].T  # down
     return np.stack([of_phi, of_theta, of_psi], axis=1)
 
 
@@ -327,15 +328,8 @@ def _summed(values: FloatArray, window: int) -> FloatArray:
     return found
 
 
-def _mean_of_known(values: FloatArray) -> FloatArray:
-    """Return means along the first axis of what is known; NaN where nothing is."""
-    there = np.isfinite(values)
-    counts = there.sum(axis=0)
-    return np.asarray(np.where(counts > 0, np.where(there, values, 0.0).sum(axis=0) / np.maximum(counts, 1), np.nan))
-
-
 def _means(chunks: FloatArray) -> FloatArray:
-    """Return the mean of each chunk; NaN where too few of its blocks are known."""
+    """Return the mean of each row, such as a chunk; NaN where less than half of it is known."""
     there = np.isfinite(chunks)
     counts = there.sum(axis=1)
     sums = np.where(there, chunks, 0.0).sum(axis=1)
@@ -344,7 +338,7 @@ def _means(chunks: FloatArray) -> FloatArray:
 
 def _lively(relation: Relation) -> FloatArray:
     """Return how fast the attitude turns in each chunk, in deg/s; 0 where that isn't known."""
-    turns = np.linalg.norm(np.minimum(np.abs(relation.blocks.rates), 400.0), axis=1)
+    turns = np.linalg.norm(np.minimum(np.abs(relation.blocks.rates), _MOST_DEG_S), axis=1)
     return np.nan_to_num(np.sqrt(_means(np.square(relation.chunked(turns)))))
 
 
@@ -363,6 +357,6 @@ def _by_liveliness(values: FloatArray, lively: FloatArray, *, differences: bool 
         return np.ones(len(values))
     ordered = there[np.argsort(lively[there], kind="stable")]
     parts = np.array_split(ordered, max(1, min(_BINS, len(ordered) // _FEWEST)))
-    sizes = np.maximum.accumulate([1.4826 * float(np.median(scatter[part])) for part in parts])
+    sizes = np.maximum.accumulate([deviation_of(scatter[part]) for part in parts])
     edges = [float(lively[part[0]]) for part in parts[1:]]
     return np.maximum(sizes, 1e-6)[np.searchsorted(edges, lively, side="right")]
