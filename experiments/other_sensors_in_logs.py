@@ -104,7 +104,7 @@ def cases(path: Path) -> list[Row]:
             "told": each.why_not or _told(each),
             "log_s": whole.cpu_s,
             "sensors_s": sensors_s,
-            "outcome": whole.watched.gyros_outcome.name,
+            "outcome": whole.watched.outcome.name,
         }
         for each in clean
     ]

@@ -80,7 +80,7 @@ def cases(path: Path) -> list[Row]:
 def onset_in(whole: Whole) -> float | None:
     """Return when a fault begins; None where nothing can be put on the log."""
     watched = whole.watched
-    if watched.check.stops or not watched.identified_s or watched.gyros_outcome.name == "FAILED":
+    if watched.check.stops or not watched.identified_s or set(GYROS) & {sensor for sensor, _ in watched.verdict.failed}:
         return None
     start_s, end_s = watched.identified_s[-1][1], watched.log.segments[-1].end_s
     onset_s = start_s + SHARE * (end_s - start_s)
