@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int64]
 Span = tuple[float, float]
 
 

@@ -10,7 +10,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.units import unit
 from gtmbench.study.log.claims import Claim
-from gtmbench.study.log.hindsight.blocks import blocks_of
+from gtmbench.engine.blocks import blocks_of
 from gtmbench.study.log.hindsight.judged import Hindsight, hindsight_of
 from gtmbench.study.log.imu_comparison import channels_of
 from gtmbench.values.channels import ATTITUDE, GYROS

@@ -24,7 +24,7 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.study.log.hindsight.blocks import Blocks, blocks_of
+from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of, shows
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from gtmbench.study.log.hindsight.blocks import Blocks
+from gtmbench.engine.blocks import Blocks
 from gtmbench.study.log.hindsight.levels import (
     PROMISED_S,
     SPARE,
@@ -134,7 +134,7 @@ def hindsight_of(
 
     Examples
     --------
-    >>> from gtmbench.study.log.hindsight.blocks import blocks_of
+    >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.record import Record
     >>> random = np.random.default_rng(1)
     >>> time_s = 0.1 * np.arange(1200)

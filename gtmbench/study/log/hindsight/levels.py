@@ -22,7 +22,7 @@ PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
 _ABOUT = 5  # chunks, whose median tells whether a level is another: one of them tells little
-_SETTLED = 10  # chunks, by whose scatter a change in the last ones is judged
+_TELLING, _SETTLED = 10, 20  # chunks that tell their own scatter; the last ones, that tell it of fewer
 _FEWEST = 3  # chunks: a median of fewer is none
 _DEVIATIONS = 5.0  # of a difference that chance makes in some thousand looks, of noise that is known to a tenth
 _OF_SPREAD = 5.0  # times what chunks scatter by: a smaller change is no other constant, and counts in what is promised
@@ -134,7 +134,8 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     left = float(np.nanmedian(values[onset:]) - np.nanmedian(values[:onset])) if onset else 0.0
     first = min(onset, largest)
     without = np.where(np.arange(len(values)) < first, values, values - most[largest])
-    near, count = without[max(min(first, len(values) - _SETTLED), 0) :], len(values) - first
+    count = len(values) - first
+    near = without[first if count >= _TELLING else max(len(values) - _SETTLED, 0) :]
     if np.abs(most[largest]) < _by_own_scatter(near, count):  # it is restless there
         return Shift(bounds=bounds, rises=0.0, falls=0.0, onset=None)
     stays = bool(np.abs(left - most[largest]) < 0.5 * np.abs(most[largest]))

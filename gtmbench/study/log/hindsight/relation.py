@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.study.log.hindsight.blocks import Blocks
+from gtmbench.engine.blocks import Blocks
 from gtmbench.study.log.hindsight.levels import CHUNK_S, Level, deviation_of
 from gtmbench.study.log.records import LIVELY_DEG_S
 from gtmbench.study.log.seconds import IntArray

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.study.log.hindsight.blocks import blocks_of
+from gtmbench.engine.blocks import blocks_of
 from gtmbench.study.log.hindsight.judged import Failure, agrees_from_s, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State

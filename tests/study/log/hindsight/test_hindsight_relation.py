@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtmbench.study.log.hindsight.blocks import blocks_of
+from gtmbench.engine.blocks import blocks_of
 from gtmbench.study.log.hindsight.relation import (
     ERROR_FLOOR_DEG_S,
     error_level,

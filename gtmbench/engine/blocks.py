@@ -99,7 +99,7 @@ def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArr
     """Return what the blocks of a record hold; it has a row more than they."""
     gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)
     edges = angles[::rows]
-    turn = _turn_deg(edges)
+    turn = turns_deg(edges)
     turn[(np.abs(edges[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
     second = np.full(gyros.shape, np.nan)
     second[1:-1] = np.square(gyros[2:] - 2.0 * gyros[1:-1] + gyros[:-2])
@@ -110,7 +110,7 @@ def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArr
         "euler_rates": np.diff(edges, axis=0) / period_s,
         "angles": edges[:-1],
         "rough": second[:-1].reshape(-1, rows, 3).mean(axis=1),
-        "held_s": _held_rows(np.column_stack([gyros, angles]))[rows::rows] * record.sample_period_s,
+        "held_s": _held_s(np.column_stack([gyros, angles]), record.sample_period_s)[rows::rows],
     }
 
 
@@ -120,7 +120,7 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(between.reshape(-1, rows, values.shape[1]).mean(axis=1))
 
 
-def _turn_deg(angles: FloatArray) -> FloatArray:
+def turns_deg(angles: FloatArray) -> FloatArray:
     """Return the rotation vectors, in body axes, from each attitude to the next, shape (rows - 1, 3)."""
     matrices = np.moveaxis(to_earth(np.radians(angles).T), -1, 0)
     step = np.einsum("kji,kjl->kil", matrices[:-1], matrices[1:])
@@ -134,14 +134,21 @@ def _turn_deg(angles: FloatArray) -> FloatArray:
     return np.asarray(np.degrees(vector * scale[:, np.newaxis]))
 
 
-def _held_rows(values: FloatArray) -> FloatArray:
-    """Return for how many rows each column has read one value, up to each row."""
-    rows = np.arange(len(values))[:, np.newaxis]
+def _held_s(values: FloatArray, period_s: float) -> FloatArray:
+    """Return for how long each column has read one value, up to each row."""
+    time_s = np.asarray(period_s * np.arange(len(values)), dtype=np.float64)
+    return np.column_stack([held_for_s(time_s, column) for column in values.T])
+
+
+def held_for_s(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return for how long a sensor has read one value, up to each sample.
+
+    >>> held_for_s(np.arange(5.0), np.array([1.0, 2.0, 2.0, 2.0, 3.0])).tolist()
+    [0.0, 0.0, 1.0, 2.0, 0.0]
+    """
     there = np.isfinite(values)
-    counts = np.maximum(there.sum(axis=0), 1)
-    means = np.where(there, values, 0.0).sum(axis=0) / counts
-    spread = np.sqrt(np.where(there, np.square(values - means), 0.0).sum(axis=0) / counts)
-    moved = np.ones(values.shape, dtype=bool)
-    moved[1:] = ~(np.abs(np.diff(values, axis=0)) <= _SAME * spread)  # a missing value is none that is held
-    last = np.maximum.accumulate(np.where(moved, rows, 0), axis=0)
-    return np.asarray(rows - last, dtype=np.float64)
+    spread = float(values[there].std()) if there.any() else 0.0
+    moved = np.ones(len(values), dtype=bool)
+    moved[1:] = ~(np.abs(np.diff(values)) <= _SAME * spread)  # a missing value is none that is held
+    last = np.maximum.accumulate(np.where(moved, np.arange(len(values)), 0))
+    return np.asarray(time_s - time_s[last])

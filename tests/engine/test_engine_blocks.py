@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import gtmbench as gb
-from gtmbench.study.log.hindsight.blocks import blocks_of
+from gtmbench.engine.blocks import blocks_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import SENSORS, motion
 

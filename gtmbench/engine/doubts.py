@@ -1,0 +1,186 @@
+"""What an accusation needs beside evidence: rules under which a finding names nobody, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gtmbench.engine.evidence import MIRROR, axis_number
+from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.model import Model
+from gtmbench.engine.sides import constants_of_gyro
+from gtmbench.engine.sums import CELL
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import BoolArray, FloatArray
+
+OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
+_SEEN_S, _OUTSIDE, _AS_LIVELY = 10.0, 0.5, 0.5  # of motion elsewhere; of what lies outside; of the usual there
+_LIVELY_S = 3.0
+_JOINED_S = 40.0  # findings of the same suspects that follow each other are one fault's
+_AT_ONCE_S = 3.0
+_SHORTEST_S = 10.0  # what lasts no longer is a contact's or a gust's, and no gyro's
+_PASSES_S, _LEFT_S = 25.0, 20.0  # what passes so soon may be references'; unless the log ends soon after
+_OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it folds back
+_PASSING = ("bias", "drift", "scale", "deadzone")  # a gyro that fails seldom heals
+_BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
+_BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
+REFERENCES = "references"
+
+
+def doubted(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
+    """Return findings as one each a fault, with what speaks against naming anybody."""
+    one_each = _joined(found)
+    together = _at_once(one_each)
+    return tuple(_with_doubt(model, each, one_each, is_together=each in together) for each in one_each)
+
+
+def _joined(found: Sequence[Finding]) -> list[Finding]:
+    """Return findings of the same suspects that follow each other as one; the strongest says what it is."""
+    joined: list[Finding] = []
+    for each in sorted(found, key=lambda each: each.onset_s):
+        place = next((at for at, other in enumerate(joined) if _goes_on(other, each)), None)
+        if place is None:
+            joined.append(each)
+            continue
+        other = joined[place]
+        strongest = max(other, each, key=lambda one: one.evidence)
+        joined[place] = replace(
+            strongest,
+            first=other.first,
+            last=max(other.last, each.last),
+            onset_s=other.onset_s,
+            onset_range_s=other.onset_range_s,
+            end_s=max(other.end_s, each.end_s),
+            evidence=other.evidence + each.evidence,
+            own_axis=other.own_axis + each.own_axis,
+            shown=other.shown + each.shown,
+        )
+    return joined
+
+
+def _goes_on(first: Finding, then: Finding) -> bool:
+    return set(first.suspects) == set(then.suspects) and then.onset_s - first.end_s < _JOINED_S
+
+
+def _at_once(found: Sequence[Finding]) -> list[Finding]:
+    """Return findings that all gyros share, or noise that several do: the logger's, the attitude's or what shakes."""
+    shared: list[Finding] = []
+    for each in found:
+        near = [other for other in found if other.named and not other.is_frozen]
+        near = [other for other in near if abs(other.onset_s - each.onset_s) < _AT_ONCE_S]
+        noisy = {other.named for other in near if other.best.kind == "noise"}
+        if len({other.named for other in near}) == len(GYROS) or len(noisy) > 1:
+            shared += near
+    return shared
+
+
+def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_together: bool) -> Finding:
+    if finding.is_frozen:
+        return finding
+    others = (REFERENCES,) if is_together or _passes(model, finding) or _is_cancelled(finding, found) else ()
+    if finding.is_healthy:
+        return replace(finding, others=others)
+    reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
+    reasons += [*_regime(model, finding), *_bent(model, finding, found)]
+    return replace(finding, others=others, doubt="; ".join(reasons))
+
+
+def _passes(model: Model, finding: Finding) -> bool:
+    """Tell whether it is over soon, or was."""
+    start_s = model.flight.blocks.start_s
+    end_s = start_s + model.cells * model.cell_s
+    if finding.best.kind not in _PASSING:
+        return False
+    if finding.best.kind == "drift" and finding.end_s < end_s - _LEFT_S:
+        return True  # what grows doesn't end at once
+    if finding.side is Side.BEFORE:
+        return finding.onset_s - start_s < _PASSES_S
+    return finding.end_s - finding.onset_s < _PASSES_S and finding.end_s < end_s - _LEFT_S
+
+
+def _is_cancelled(finding: Finding, found: Sequence[Finding]) -> bool:
+    """Tell whether a healthy cause on its axis is about as strong: two that cancel each other explain anything."""
+    length, axis = finding.last - finding.first, axis_number(finding.best.suspect)
+    healthy = [other for other in found if other is not finding and all(each.is_healthy for each, _ in other.ranked)]
+    healthy = [other for other in healthy if axis in other.best.axes]
+    return any(
+        other.evidence > _AS_STRONG * finding.evidence
+        and min(other.last, finding.last) - max(other.first, finding.first) > _BESIDE * length
+        for other in healthy
+    )
+
+
+def _short(finding: Finding) -> list[str]:
+    if finding.end_s - finding.onset_s >= _SHORTEST_S:
+        return []
+    return [f"it lasts {finding.end_s - finding.onset_s:.0f} s"]
+
+
+def _seldom(model: Model, finding: Finding) -> list[str]:
+    flight = model.flight
+    if not finding.best.is_gain or flight.gyro_step_s * _OFTEN <= flight.blocks.period_s:
+        return []
+    return [f"gyros are sampled every {flight.gyro_step_s:.2g} s, too seldom for a factor"]
+
+
+def _is_own_noise(model: Model, finding: Finding) -> list[str]:
+    """Doubt a gain of one to one before or behind: there a gyro's own noise explains itself."""
+    axis = axis_number(finding.best.suspect)
+    known = constants_of_gyro(model, axis) if finding.best.kind == "scale" and axis >= 0 else None
+    if known is None or min(abs(1.0 - known[1]), abs(1.0 - known[1] - finding.size)) > MIRROR:
+        return []
+    return [f"{finding.best.suspect} and the attitude show no one motion"]
+
+
+def _own_axis(finding: Finding) -> list[str]:
+    """Ask for the own axis: standing, gravity and the others are witnesses."""
+    if finding.best.kind == "noise" or finding.own_axis >= max(OWN, SHARE * finding.shown):
+        return []
+    return [f"{finding.best.suspect}'s own axis hardly shows it"]
+
+
+def _regime(model: Model, finding: Finding) -> list[str]:
+    """Judge nothing in motion that the rest of the log hasn't seen."""
+    axis, flight = axis_number(finding.best.suspect), model.flight
+    rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
+    own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
+    lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
+    inside = np.zeros(len(flight), dtype=bool)
+    inside[finding.first * CELL : finding.last * CELL] = True
+    sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
+    if all(_is_seen(flight, lively, inside=each) for each in sides):
+        return []
+    return ["it moves more there than anywhere else"]
+
+
+def _is_seen(flight: Flight, lively: FloatArray, *, inside: BoolArray) -> bool:
+    """Tell whether an axis turns as much outside of a span as within it, for some seconds at least."""
+    there, rest = inside & flight.judged, ~inside & flight.judged
+    if not there.any():
+        return False
+    alike_s = np.count_nonzero(rest & (lively > _AS_LIVELY * np.median(lively[there]))) * flight.blocks.period_s
+    return bool(alike_s >= min(_SEEN_S, _OUTSIDE * np.count_nonzero(rest) * flight.blocks.period_s))
+
+
+def _over(values: FloatArray, count: int) -> FloatArray:
+    """Return root mean squares about each value."""
+    return np.asarray(np.sqrt(np.convolve(values**2, np.ones(count) / count, "same")))
+
+
+def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]:
+    """Judge no other axis while a gyro bends the attitude far."""
+    for other in found:
+        if other is finding or not other.best.fades_s or not other.meets(finding.first, finding.last):
+            continue
+        if axis_number(other.best.suspect) != axis_number(finding.best.suspect) and _bend_deg(model, other) > _BENT_DEG:
+            return [f"{other.best.suspect} bends the attitude by {_bend_deg(model, other):.0f} deg there"]
+    return []
+
+
+def _bend_deg(model: Model, finding: Finding) -> float:
+    """Return how far an attitude is off at most that follows a finding's gyro."""
+    bent = model.signatures.turned(model.signatures.place_of(finding.best), finding.first, finding.last)
+    return float(abs(finding.size) * np.linalg.norm(bent, axis=1).max(initial=0.0))

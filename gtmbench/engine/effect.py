@@ -1,0 +1,45 @@
+"""What an explanation does to the readings of a flight, relation by relation the same."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.values.record import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Effect:
+    """What readings are off by, of size one; each of shape (blocks, 3), None for nothing.
+
+    Attributes
+    ----------
+    gyros : deg/s
+        Added to what p, q, r read, whatever they read.
+    gains : deg/s
+        Added likewise, but in proportion to what they read: nothing of it is seen at rest.
+    turned : deg
+        How far the attitude is off, as a rotation vector in earth axes.
+    turning : deg/s
+        How fast that grows.
+    rough : -
+        Added to the logarithm of the gyros' roughness.
+    """
+
+    gyros: FloatArray | None = field(default=None, repr=False)
+    gains: FloatArray | None = field(default=None, repr=False)
+    turned: FloatArray | None = field(default=None, repr=False)
+    turning: FloatArray | None = field(default=None, repr=False)
+    rough: FloatArray | None = field(default=None, repr=False)
+
+
+def on_axis(values: FloatArray, axis: int) -> FloatArray:
+    """Return values in one of three columns, zeros in the others, shape (blocks, 3).
+
+    >>> on_axis(np.array([1.0, 2.0]), 1).tolist()
+    [[0.0, 1.0, 0.0], [0.0, 2.0, 0.0]]
+    """
+    columns = np.zeros((len(values), 3))
+    columns[:, axis] = values
+    return columns

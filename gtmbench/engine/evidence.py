@@ -1,0 +1,304 @@
+"""How much each explanation explains, over windows: likelihood ratios against no fault.
+
+Over a window an equation is e = X d + s c + u: d by how much its constants differ from what all outside the window says
+of them, c a fault's size, u white noise whose level is known but for a factor of its own. Two ratios come of that.
+*Existence*, within the window, tells whether something is there:
+
+    L = 1/2 sum_k (25 + N_k) log((25 + Q_k) / (25 + Q_k(c))),
+
+Q_k an equation's misfit with no fault, Q_k(c) with one of size c, N_k its blocks. *Placing*, of the whole log, tells
+which onset, end and explanation fits best, for all of them share one misfit without a fault.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.engine.model import Model, unsure
+from gtmbench.engine.sums import Products, Sums, Window
+from gtmbench.values.channels import GYROS, axis_of
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
+
+PRIOR_BLOCKS = 25.0  # how many blocks the learnt level of the noise is worth in a window
+_HALF = 0.5  # of the evidence: the most that witnesses add
+_MOVES_DEG_S = 1.0  # the least spread of turns in which a gain is judged
+MIRROR = 0.25  # e = y but for a quarter: a gyro's own noise explains itself
+_PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
+_WEAK = 6.0  # nats: what shows less isn't looked at by parts
+_ROUNDS = 3
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """Evidence over windows of cells, each of shape (windows, explanations) but for the first two.
+
+    Attributes
+    ----------
+    onset, last : shape (windows,)
+        A fault begins at `onset` and ends before `last`.
+    ratio : nats
+        Existence, less the price; -inf where an explanation isn't possible.
+    odd : nats
+        The same of what a gyro's own noise may explain, too.
+    total : nats
+        Placing, less the price.
+    size, deviation :
+        In the explanation's unit.
+    by_equation : shape (equations, windows, explanations)
+        Existence, equation by equation.
+    """
+
+    onset: IntArray
+    last: IntArray
+    ratio: FloatArray = field(repr=False)
+    odd: FloatArray = field(repr=False)
+    total: FloatArray = field(repr=False)
+    size: FloatArray = field(repr=False)
+    deviation: FloatArray = field(repr=False)
+    by_equation: FloatArray = field(repr=False)
+
+    def __len__(self) -> int:
+        """Return how many windows there are."""
+        return len(self.onset)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Seen:
+    """An equation over windows, its constants known from outside; signatures of all explanations."""
+
+    misfit: FloatArray  # (windows,)
+    cross: FloatArray  # (windows, explanations)
+    power: FloatArray
+    counts: FloatArray  # (windows,)
+    constants: FloatArray  # (windows, regressors): without a fault
+    absorbed: FloatArray  # (windows, own signatures, regressors): what constants take of each signature
+    whole: _Whole
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Whole:
+    """The same equation over the whole log, with one set of constants."""
+
+    misfit: float  # with no fault
+    blocks: float
+    cross: FloatArray  # (windows, explanations)
+    power: FloatArray
+
+
+def evidence(
+    model: Model, onset: IntArray, last: IntArray, sums: tuple[Sums, ...] | None = None, *, by_parts: bool = False
+) -> Evidence:
+    """Return the evidence of windows that begin at cells `onset` and end before `last`.
+
+    Parameters
+    ----------
+    model : Model
+    onset, last : shape (windows,)
+    sums : tuple of Sums, optional
+        One an equation, where means are taken to wander otherwise than was learnt.
+    by_parts : bool
+        Whether only that evidence counts which remains without the part of a window that shows most. Without it the
+        ratio is an upper bound, at a third of the cost.
+    """
+    count = len(model.explanations)
+    if not len(onset) or model.is_witness.all():
+        return _nothing(model, onset, last)
+    seen = [_seen(model, each, onset, last) for each in (sums or model.sums)]
+    misfit, counts = (
+        np.array([getattr(each, name) for each in seen])[:, :, np.newaxis] for name in ("misfit", "counts")
+    )
+    cross, power = (np.array([getattr(each, name) for each in seen]) for name in ("cross", "power"))
+    main: BoolArray = ~model.is_witness
+    duration_s = (last - onset)[:, np.newaxis] * model.cell_s
+    reach = model.of_explanations("reach") / duration_s
+    low, high = np.maximum(model.of_explanations("low"), -reach), np.minimum(model.of_explanations("high"), reach)
+    scale = np.maximum((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + counts), 1.0) * np.ones((1, 1, count))
+    for _ in range(_ROUNDS):
+        information = (power / scale)[main].sum(axis=0)
+        size = np.clip((cross / scale)[main].sum(axis=0) / (information + 1e-12), low, high)
+        left = np.maximum(misfit - 2.0 * size * cross + size**2 * power, 1e-9)
+        scale = np.maximum((PRIOR_BLOCKS + left) / (PRIOR_BLOCKS + counts), 1.0)
+    each = 0.5 * (PRIOR_BLOCKS + counts) * np.log((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + left))
+    told = each[main].sum(axis=0)
+    if by_parts:
+        told = told * _lasting_share(model, onset, last, seen, scale, size, told)
+    witnesses = np.clip(each[~main].sum(axis=0), -_HALF * np.abs(told), _HALF * np.maximum(told, 0.0))
+    price = model.of_explanations("price")
+    possible = (information > 1e-9) & (np.abs(size) >= model.of_explanations("least")) & np.isfinite(price)
+    possible = possible & (model.of_explanations("shortest_s") <= duration_s) & _moves(model, onset, last)
+    ratio = np.where(possible, told + witnesses - price, -np.inf)
+    own_noise = np.array([each.is_gain and each.kind == "scale" for each in model.explanations]) & (
+        np.abs(1.0 - size) < MIRROR
+    )
+    total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
+    return Evidence(
+        onset=onset,
+        last=last,
+        ratio=np.where(own_noise, -np.inf, ratio),
+        odd=np.where(~model.of_explanations("is_healthy").astype(bool), ratio, -np.inf),
+        total=np.where(possible & ~own_noise, total, -np.inf),
+        size=size,
+        deviation=np.sqrt(1.0 / (information + 1e-12)),
+        by_equation=each,
+    )
+
+
+def _nothing(model: Model, onset: IntArray, last: IntArray) -> Evidence:
+    """Return evidence where no equation has a say."""
+    shape = (len(onset), len(model.explanations))
+    impossible, zero = np.full(shape, -np.inf), np.zeros(shape)
+    return Evidence(
+        onset=onset,
+        last=last,
+        ratio=impossible,
+        odd=impossible,
+        total=impossible,
+        size=zero,
+        deviation=np.full(shape, np.inf),
+        by_equation=np.zeros((len(model.products), *shape)),
+    )
+
+
+def _placing(model: Model, seen: list[_Seen], low: FloatArray, high: FloatArray) -> FloatArray:
+    """Return likelihood ratios of the whole log, with one set of constants: all windows share one misfit without."""
+    wholes = [each.whole for each, is_witness in zip(seen, model.is_witness, strict=True) if not is_witness]
+    misfit = np.array([each.misfit for each in wholes])[:, np.newaxis, np.newaxis]
+    blocks = np.array([each.blocks for each in wholes])[:, np.newaxis, np.newaxis]
+    cross, power = np.array([each.cross for each in wholes]), np.array([each.power for each in wholes])
+    scale = np.maximum((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + blocks), 1.0)
+    size = np.clip((cross / scale).sum(axis=0) / ((power / scale).sum(axis=0) + 1e-12), low, high)
+    left = np.maximum(misfit - 2.0 * size * cross + size**2 * power, 1e-9)
+    told = 0.5 * (PRIOR_BLOCKS + blocks) * np.log((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + left))
+    return np.asarray(told.sum(axis=0))
+
+
+def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
+    """Tell which explanations may be judged in windows: no gain of what hardly turns."""
+    turns = model.turns_deg_s(onset, last)
+    found = np.ones((len(onset), len(model.explanations)), dtype=bool)
+    for place, each in enumerate(model.explanations):
+        if each.is_gain and each.suspect in GYROS:
+            found[:, place] = turns[:, GYROS.index(each.suspect)] > _MOVES_DEG_S
+    return found
+
+
+def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
+    """Return an equation over windows, its constants by what is outside."""
+    own = sums.products
+    prior, floor, centre = beliefs(model, sums)
+    begin = np.minimum(onset + 1, last)  # a cell is what a filter forgets: an onset within it would cost thousands
+    inside = sums.window(onset, begin, last)
+    zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
+    outside = sums.known(zero, onset) + sums.known(last, end)
+    aim = outside[:, 1:, 0] - prior * centre
+    spread = np.linalg.inv(outside[:, 1:, 1:] + np.diag(prior))
+    shift = np.einsum("wij,wj->wi", spread, aim)
+    without = sums.known(zero[:1], end[:1])
+    precision = np.linalg.inv(spread + np.diag(floor**2))
+    errors, products, cross = _shifted(inside, shift)
+    gain = np.linalg.inv(inside.squares + precision)
+    mixed_gain = np.einsum("wsi,wij->wsj", inside.mixed, gain)
+    power = inside.power - np.einsum("wsj,wsj->ws", mixed_gain, inside.mixed)
+    return _Seen(
+        misfit=np.maximum(errors - np.einsum("wi,wij,wj->w", products, gain, products), 0.0),
+        cross=_spread_out(cross - np.einsum("wsj,wj->ws", mixed_gain, products), own, model),
+        power=_spread_out(np.maximum(power, 0.0), own, model),
+        counts=inside.counts,
+        constants=shift + np.einsum("wij,wj->wi", gain, products),
+        absorbed=mixed_gain,
+        whole=_whole(model, own, inside, without[0], prior, centre),
+    )
+
+
+def _whole(
+    model: Model, own: Products, inside: Window, sums: FloatArray, prior: FloatArray, centre: FloatArray
+) -> _Whole:
+    aim = sums[1:, 0] - prior * centre
+    spread = np.linalg.inv(sums[1:, 1:] + np.diag(prior))
+    absorbed = inside.mixed @ spread
+    power = inside.power - np.einsum("wsi,wsi->ws", absorbed, inside.mixed)
+    return _Whole(
+        misfit=max(float(sums[0, 0] + prior @ centre**2 - aim @ spread @ aim), 0.0),
+        blocks=float(own.counts.sum()),
+        cross=_spread_out(inside.cross - absorbed @ aim, own, model),
+        power=_spread_out(np.maximum(power, 0.0), own, model),
+    )
+
+
+def beliefs(model: Model, sums: Sums) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the precisions of constants a priori, by how much they may differ within a log, and what was learnt."""
+    equation = sums.products.equation
+    more = unsure(model.explained, equation)
+    relation = equation.relation
+    return (
+        np.concatenate([relation.prior, more]) ** -2.0,
+        np.concatenate([relation.floor, more]),
+        np.concatenate([equation.constants, np.zeros(len(more))]),
+    )
+
+
+def _shifted(inside: Window, shift: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return e'e, X'e and s'e with X shift taken off e."""
+    turned = np.einsum("wij,wj->wi", inside.squares, shift)
+    power = inside.errors - 2.0 * np.einsum("wi,wi->w", shift, inside.products) + np.einsum("wi,wi->w", shift, turned)
+    return power, inside.products - turned, inside.cross - np.einsum("wsj,wj->ws", inside.mixed, shift)
+
+
+def _spread_out(values: FloatArray, own: Products, model: Model) -> FloatArray:
+    """Return values of an equation's signatures in the order of all explanations."""
+    found = np.zeros((len(values), len(model.explanations)))
+    found[:, own.columns.own] = values
+    return found
+
+
+def _lasting_share(
+    model: Model,
+    onset: IntArray,
+    last: IntArray,
+    seen: list[_Seen],
+    scale: FloatArray,
+    size: FloatArray,
+    told: FloatArray,
+) -> FloatArray:
+    """Return which share of the evidence remains without the part of a window that shows most: one gust is no fault."""
+    found = np.ones(told.shape)
+    lasts = model.of_explanations("lasts").astype(bool)
+    strong = np.flatnonzero((np.where(lasts, told, 0.0).max(axis=1) > _WEAK) & (last - onset - 1 >= _FEWEST_PARTS))
+    if not len(strong):
+        return found
+    edges = np.linspace(onset[strong] + 1, last[strong], _PARTS + 1).astype(np.int64)
+    first, behind = edges[:-1].ravel(), edges[1:].ravel()
+    begin = np.tile(onset[strong], _PARTS)
+    shares = np.zeros((_PARTS, len(strong), told.shape[1]))
+    for place, sums in enumerate(model.sums):
+        if not model.is_witness[place]:
+            own = size[np.ix_(strong, sums.products.columns.own)]
+            cross, power = _beside_constants(sums.window(begin, first, behind), seen[place], strong, own)
+            cross = _spread_out(cross, sums.products, model).reshape(shares.shape)
+            power = _spread_out(power, sums.products, model).reshape(shares.shape)
+            shares += (2.0 * size[strong] * cross - size[strong] ** 2 * power) / scale[place, strong]
+    whole = shares.sum(axis=0)
+    rest = whole - shares.max(axis=0)
+    found[strong] = np.where(lasts, np.clip(rest / np.maximum(whole, 1e-9), 0.0, 1.0), 1.0)
+    return found
+
+
+def _beside_constants(part: Window, seen: _Seen, strong: IntArray, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return s'e and s's of parts, e less what constants make of it that are fitted beside the fault."""
+    constants = np.tile(seen.constants[strong], (_PARTS, 1))
+    absorbed = np.tile(size[:, :, np.newaxis] * seen.absorbed[strong], (_PARTS, 1, 1))
+    cross = part.cross - np.einsum("wsj,wj->ws", part.mixed, constants)
+    return cross + np.einsum("wsj,wsj->ws", part.mixed, absorbed), part.power
+
+
+def axes_of(model: Model) -> IntArray:
+    """Return the axis of each explanation's suspect, 0 to 2; -1 of what is no gyro's and no angle's."""
+    return np.array([axis_number(each.suspect) for each in model.explanations])
+
+
+def axis_number(suspect: str) -> int:
+    """Return the axis of a gyro or an angle, 0 to 2; -1 of anything else."""
+    own = [GYROS.index(name) for name in axis_of(suspect) if name in GYROS]
+    return own[0] if own else -1

@@ -1,0 +1,1 @@
+"""The kinds of explanations, a file each."""

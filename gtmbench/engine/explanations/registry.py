@@ -1,0 +1,14 @@
+"""All explanations of a flight's errors that compete."""
+
+from __future__ import annotations
+
+from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanations import angle, bias, deadzone, drift, installation, noise, references, scale
+from gtmbench.engine.flight import Flight
+
+KINDS = (bias, drift, scale, deadzone, angle, references, installation, noise)
+
+
+def explanations_of(flight: Flight) -> tuple[Explanation, ...]:
+    """Return the explanations of a flight; those of an infinite price are only what others grow from."""
+    return tuple(each for kind in KINDS for each in kind.explanations(flight))

@@ -1,0 +1,97 @@
+"""A finding: a span in which something is off, the explanations that are left, its size, its onset and its end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from gtmbench.engine.explanation import Explanation
+from gtmbench.values.record import Span
+
+FROZEN = "stuck"
+
+
+class Side(StrEnum):
+    """Which side of a change is the broken one.
+
+    >>> [side.value for side in Side]
+    ['after', 'before', 'open']
+    """
+
+    AFTER = "after"
+    BEFORE = "before"
+    OPEN = "open"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Finding:
+    """Something that no healthy constant explains.
+
+    Attributes
+    ----------
+    first, last : int
+        Cells: it begins at `first` and ends before `last`.
+    onset_s, end_s : float
+        On the log's clock.
+    onset_range_s : (float, float)
+        Between which onset lies, at odds of 100 to 1.
+    ranked : tuple of (Explanation, nats)
+        Those within the odds, by how much less likely each is than the first.
+    size : float
+        Of the first, in its unit.
+    interval : (float, float)
+        About twice its deviation, over all onsets that are left.
+    evidence : float
+        Nats, tempered.
+    own_axis, shown : float
+        What the suspect's own axis of gyro and attitude shows, and what all equations but witnesses show, in nats.
+    side : Side
+    doubt : str
+        Why it names nobody all the same; "" for none.
+    others : tuple of str
+        Further suspects that other findings bring in.
+    """
+
+    first: int
+    last: int
+    onset_s: float
+    end_s: float
+    onset_range_s: Span
+    ranked: tuple[tuple[Explanation, float], ...] = field(repr=False)
+    size: float
+    interval: Span
+    evidence: float
+    own_axis: float = 0.0
+    shown: float = 0.0
+    side: Side = Side.AFTER
+    doubt: str = ""
+    others: tuple[str, ...] = ()
+
+    @property
+    def best(self) -> Explanation:
+        """The most likely explanation."""
+        return self.ranked[0][0]
+
+    @property
+    def suspects(self) -> tuple[str, ...]:
+        """Whoever may be behind it, the most likely first."""
+        return tuple(dict.fromkeys([*(each.suspect for each, _ in self.ranked), *self.others]))
+
+    @property
+    def is_healthy(self) -> bool:
+        """Whether a cause that is no failure is among those that are left."""
+        return any(each.is_healthy for each, _ in self.ranked) or "references" in self.others
+
+    @property
+    def named(self) -> str | None:
+        """The sensor that failed, where nobody else is left."""
+        return self.suspects[0] if len(self.suspects) == 1 and not self.is_healthy and not self.doubt else None
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether a gyro stands still: that needs no model of its noise."""
+        return self.best.kind == FROZEN
+
+    def meets(self, first: int, last: int) -> bool:
+        """Tell whether it shares cells with [first, last)."""
+        return min(self.last, last) > max(self.first, first)

@@ -1,0 +1,156 @@
+"""All findings of a flight: the strongest is explained, taken out, the rest learnt anew; then each is judged again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.evidence import Evidence, evidence
+from gtmbench.engine.explanations.registry import explanations_of
+from gtmbench.engine.finding import Finding
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.frozen import frozen_gyros
+from gtmbench.engine.model import Explained, Key, Model, learnt
+from gtmbench.engine.relation import Relation
+from gtmbench.engine.relations.registry import relations_of
+from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Search
+from gtmbench.engine.sides import side_of
+from gtmbench.engine.sums import CELL, Signatures
+from gtmbench.values.record import FloatArray, IntArray
+
+_MOST = 3  # findings that are searched for
+_FIRST = 1.25  # times the bound, while nothing is known of what chance makes
+_ROUNDS = 2  # what was dropped in one is what is left in the next
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Findings:
+    """What was found on a flight.
+
+    Attributes
+    ----------
+    model : Model
+        With everything that was found taken away.
+    found : tuple of Finding
+        In order of time.
+    tempers : shape (explanations,)
+        By how much evidence is divided: the most that is left anywhere over what chance makes.
+    windows : (shape (windows,), shape (windows,))
+        Cells at which those begin that were looked at, and end.
+    odd : shape (windows, explanations)
+        What is left in them, untempered, with everything taken away, in nats.
+    """
+
+    model: Model
+    found: tuple[Finding, ...]
+    tempers: FloatArray = field(repr=False)
+    windows: tuple[IntArray, IntArray] = field(repr=False)
+    odd: FloatArray = field(repr=False)
+
+    def to_end(self, onset: IntArray) -> Evidence:
+        """Return the evidence of windows from cells to the log's end, with everything taken away."""
+        return evidence(self.model, onset, np.full_like(onset, self.model.cells))
+
+
+class _Bench:
+    """A flight's relations and signatures, from which models are learnt."""
+
+    def __init__(self, flight: Flight, *, is_weighted: bool) -> None:
+        self.flight, self.is_weighted = flight, is_weighted
+        self.relations: tuple[Relation, ...] = relations_of(flight)
+        self.signatures = Signatures(flight, explanations_of(flight))
+
+    def without(self, found: Sequence[Finding]) -> Model:
+        """Return the model with some findings taken away."""
+        if not found and "whole" in self.__dict__:
+            return self.whole
+        frozen = [(each.best.suspect, each.first * CELL, each.last * CELL) for each in found if each.is_frozen]
+        return learnt(
+            self.flight,
+            self.relations,
+            self.signatures,
+            explained=[self._explained(each) for each in found if not each.is_frozen],
+            frozen=frozen,
+            is_weighted=self.is_weighted,
+        )
+
+    def _explained(self, finding: Finding) -> Explained:
+        """Return the signature of a finding in every equation, over its span."""
+        place = self.signatures.place_of(finding.best)
+        answers = {
+            (relation.name, channel): self.signatures.over(
+                relation, channel, constants, place, finding.first, finding.last
+            )
+            for relation in self.relations
+            for channel in range(len(relation.channels))
+            if (constants := self._constants.get((relation.name, channel))) is not None
+        }
+        return Explained(
+            size=finding.size, signatures={key: answer for key, answer in answers.items() if answer is not None}
+        )
+
+    @cached_property
+    def _constants(self) -> dict[Key, FloatArray]:
+        """Constants of the whole log, nothing taken away."""
+        equations = [each.equation for each in self.whole.products]
+        return {(each.relation.name, each.channel): each.constants for each in equations}
+
+    @cached_property
+    def whole(self) -> Model:
+        """The model with nothing taken away."""
+        return self.without([])
+
+
+def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
+    """Return everything that explanations find on a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    is_weighted : bool
+        Whether single blocks that are far off count less, by Student's law.
+    """
+    bench = _Bench(flight, is_weighted=is_weighted)
+    one = np.ones(len(bench.signatures.explanations))
+    found, _ = list(frozen_gyros(flight)), bench.whole
+    for _ in range(_MOST):
+        strongest = Search(model=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
+        if strongest is None:
+            break
+        found.append(strongest)
+    tempers = one
+    for _ in range(_ROUNDS):
+        tempers = _tempers(Search(model=bench.without(found), tempers=one), found)
+        kept = [again for each in found if (again := _again(bench, each, found, tempers)) is not None]
+        is_settled = len(kept) == len(found)
+        found = kept
+        if is_settled:
+            break
+    search = Search(model=bench.without(found), tempers=tempers)
+    sided = [replace(each, side=side_of(search.model, each)) for each in found]
+    in_time = sorted(sided, key=lambda each: each.onset_s)
+    return Findings(
+        model=search.model, found=tuple(in_time), tempers=tempers, windows=search.windows, odd=search.left[1]
+    )
+
+
+def _again(bench: _Bench, finding: Finding, found: Sequence[Finding], tempers: FloatArray) -> Finding | None:
+    """Return a finding as it is with all others taken away."""
+    if finding.is_frozen:
+        return finding
+    others = tuple(each for each in found if each is not finding)
+    return Search(model=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+
+
+def _tempers(search: Search, found: Sequence[Finding]) -> FloatArray:
+    """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
+    seen = search.seen
+    left = search.left[0].copy()
+    for each in found:
+        if not each.is_frozen:
+            meets = np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset)
+            left -= 2.0 * MISFIT * each.evidence * meets[:, np.newaxis]
+    return np.asarray(np.maximum(1.0, left.max(axis=0, initial=0.0) / EXPECTED))

@@ -1,0 +1,160 @@
+"""A flight as the engine reads it: blocks of gyros and attitude, accelerometers beside them, and how it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.blocks import Blocks
+from gtmbench.values.attitude import to_earth
+from gtmbench.values.record import BoolArray, FloatArray
+
+_LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
+_MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
+_LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
+_STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
+_FORCE_G = 0.3  # so far from 1 g the specific force points nowhere near the vertical
+_LEAN_BLOCKS = 5  # over which the specific force is averaged
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Flight:
+    """A flight in blocks of a fifth of a second.
+
+    Attributes
+    ----------
+    blocks : Blocks
+        What gyros and attitude read.
+    forces : shape (blocks, 3), or None
+        Means of nx, ny, nz, in g; NaN where they are missing.
+    shaking : shape (blocks,), or None
+        The standard deviation of nz within a block, in g.
+    gyro_step_s : float
+        The longest usual time between two samples of a gyro.
+    is_driven, is_assumed : bool
+        Whether the gyros drive the attitude, and whether that is only assumed.
+
+    Examples
+    --------
+    >>> from gtmbench.engine.blocks import blocks_of
+    >>> from gtmbench.values.record import Record
+    >>> level = Record(np.zeros((100, 6)), channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.1)
+    >>> flight = Flight(blocks=blocks_of([level]), is_driven=False)
+    >>> flight.matrices.shape, flight.lively[7].item()
+    ((49, 3, 3), 0.5)
+    """
+
+    blocks: Blocks
+    forces: FloatArray | None = field(default=None, repr=False)
+    shaking: FloatArray | None = field(default=None, repr=False)
+    gyro_step_s: float = 0.0
+    is_driven: bool = True
+    is_assumed: bool = False
+
+    def __len__(self) -> int:
+        """Return how many blocks there are."""
+        return len(self.blocks)
+
+    @cached_property
+    def angles(self) -> FloatArray:
+        """phi, theta and psi amid each block, in deg, without turns, shape (blocks, 3); 0 where they are missing."""
+        amid = self.blocks.angles + 0.5 * self.blocks.period_s * self.blocks.euler_rates
+        for angle in amid.T:
+            there = np.isfinite(angle)
+            angle[there] = np.unwrap(angle[there], period=360.0)
+        return np.asarray(np.nan_to_num(amid))
+
+    @cached_property
+    def matrices(self) -> FloatArray:
+        """Those that turn body axes into the earth's, amid each block, shape (blocks, 3, 3)."""
+        of_axes: FloatArray = to_earth(np.radians(self.angles).T)
+        return np.ascontiguousarray(of_axes.transpose(2, 0, 1))
+
+    @cached_property
+    def angle_axes(self) -> FloatArray:
+        """The earth axes about which phi, theta and psi turn the aircraft, shape (blocks, 3, 3): the last is whose."""
+        phi = np.radians(self.angles[:, 0])
+        zero, one = np.zeros(len(self)), np.ones(len(self))
+        of_phi = np.column_stack([one, zero, zero])
+        of_theta = np.column_stack([zero, np.cos(phi), -np.sin(phi)])
+        in_body = np.stack([of_phi, of_theta, self.matrices[:, 2, :]], axis=2)
+        return np.asarray(np.einsum("nij,njk->nik", self.matrices, in_body))
+
+    @cached_property
+    def gyros(self) -> FloatArray:
+        """What the gyros read, in deg/s, shape (blocks, 3); 0 where they are missing."""
+        return np.nan_to_num(self.blocks.gyros)
+
+    @cached_property
+    def spread(self) -> FloatArray:
+        """The standard deviation of what each gyro reads, in deg/s, shape (3,)."""
+        own = self.gyros[self.judged] if self.judged.any() else np.zeros((1, 3))
+        return np.asarray(own.std(axis=0), dtype=np.float64)
+
+    @cached_property
+    def time_s(self) -> FloatArray:
+        """Amid each block, since the log's first sample, shape (blocks,)."""
+        return np.asarray(self.blocks.period_s * (np.arange(len(self)) + 0.5), dtype=np.float64)
+
+    @cached_property
+    def judged(self) -> BoolArray:
+        """Blocks in which gyros and attitude are both there, shape (blocks,)."""
+        gyros = np.isfinite(self.blocks.gyros).any(axis=1)
+        return np.asarray(gyros & np.isfinite(self.blocks.rates).all(axis=1))
+
+    @cached_property
+    def lively(self) -> FloatArray:
+        """The root mean square of the attitude's rate over the last seconds, in deg/s, shape (blocks,)."""
+        rates = np.clip(np.nan_to_num(self.blocks.rates), -_MOST_DEG_S, _MOST_DEG_S)
+        return np.asarray(np.sqrt(self._trailing(np.square(rates).sum(axis=1))) + _LEAST_DEG_S)
+
+    @cached_property
+    def stands(self) -> BoolArray:
+        """Blocks in which the aircraft stands, by attitude and accelerometers, shape (blocks,)."""
+        if self.shaking is None:
+            return np.zeros(len(self), dtype=bool)
+        moves = ~(np.linalg.norm(self.blocks.rates, axis=1) < _STILL_DEG_S) | ~(self.shaking < _STILL_G)
+        return np.asarray(self._trailing(moves.astype(float)) < 0.5 / self._lively_blocks)
+
+    @cached_property
+    def lean(self) -> FloatArray:
+        """The attitude's tilt less that of the specific force, about forward and right, in deg, shape (blocks, 2)."""
+        if self.forces is None:
+            return np.full((len(self), 2), np.nan)
+        felt = np.column_stack([-self.forces[:, 0], -self.forces[:, 1], self.forces[:, 2]])
+        size = np.linalg.norm(felt, axis=1, keepdims=True)
+        near = np.abs(size - 1.0) < _FORCE_G
+        felt = np.where(near, felt / np.maximum(size, 0.1), np.nan)
+        mean = np.full(felt.shape, np.nan)
+        if len(felt) >= _LEAN_BLOCKS:
+            windows = np.lib.stride_tricks.sliding_window_view(felt, _LEAN_BLOCKS, axis=0)
+            counts = np.isfinite(windows).sum(axis=2)
+            mean[_LEAN_BLOCKS - 1 :] = np.where(counts > 0, np.nansum(windows, axis=2) / np.maximum(counts, 1), np.nan)
+        tilt = np.degrees(np.cross(self.matrices[:, 2, :], mean))
+        return self.levelled(np.einsum("nij,nj->ni", self.matrices, tilt))
+
+    def levelled(self, turned: FloatArray) -> FloatArray:
+        """Return rotations in earth axes about the horizontal axes of the aircraft: forward and right.
+
+        Parameters
+        ----------
+        turned : shape (blocks, 3) or (blocks, 3, ...)
+        """
+        psi = np.radians(self.angles[:, 2]).reshape(-1, *[1] * (turned.ndim - 2))
+        cosine, sine = np.cos(psi), np.sin(psi)
+        forward = cosine * turned[:, 0] + sine * turned[:, 1]
+        right = -sine * turned[:, 0] + cosine * turned[:, 1]
+        return np.stack([forward, right], axis=1)
+
+    @property
+    def _lively_blocks(self) -> int:
+        return max(round(_LIVELY_S / self.blocks.period_s), 1)
+
+    def _trailing(self, values: FloatArray) -> FloatArray:
+        """Return trailing means over some seconds."""
+        sums = np.concatenate([[0.0], np.cumsum(values)])
+        ends = np.arange(1, len(values) + 1)
+        starts = np.maximum(ends - self._lively_blocks, 0)
+        return np.asarray(np.maximum(sums[ends] - sums[starts], 0.0) / (ends - starts))

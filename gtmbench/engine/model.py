@@ -1,0 +1,175 @@
+"""All equations of a flight, learnt from the whole log with what was found so far taken away."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.equation import Equation, learn
+from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Relation
+from gtmbench.engine.sums import CELL, Products, Signatures, Sums, products_of
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
+
+Key = tuple[str, int]  # a relation's name and its channel
+_UNSURE = 0.2  # of what was found before: it may be so much larger or smaller
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Explained:
+    """What a finding accounts for: its size and its signature of size one, by equation, shape (blocks,)."""
+
+    size: float
+    signatures: Mapping[Key, FloatArray] = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """The equations of a flight.
+
+    Attributes
+    ----------
+    flight : Flight
+    relations : tuple of Relation
+    signatures : Signatures
+        Of all explanations that compete.
+    products : tuple of Products
+        One an equation that is known.
+    explained : tuple of Explained
+        What was taken away.
+    """
+
+    flight: Flight
+    relations: tuple[Relation, ...] = field(repr=False)
+    signatures: Signatures = field(repr=False)
+    products: tuple[Products, ...] = field(repr=False)
+    explained: tuple[Explained, ...] = ()
+
+    @property
+    def explanations(self) -> tuple[Explanation, ...]:
+        """Those that compete."""
+        return self.signatures.explanations
+
+    @property
+    def cells(self) -> int:
+        """How many the log has."""
+        return self.signatures.cells
+
+    @property
+    def cell_s(self) -> float:
+        """How long a cell is."""
+        return CELL * self.flight.blocks.period_s
+
+    @cached_property
+    def sums(self) -> tuple[Sums, ...]:
+        """Of each equation."""
+        return tuple(map(Sums, self.products))
+
+    @cached_property
+    def is_witness(self) -> BoolArray:
+        """Which equations have no say in a size, shape (equations,)."""
+        return np.array([each.equation.relation.is_witness for each in self.products], dtype=bool)
+
+    def of_explanations(self, name: str) -> FloatArray:
+        """Return an attribute of all explanations, shape (explanations,)."""
+        return np.array([float(getattr(each, name)) for each in self.explanations])
+
+    @cached_property
+    def _moved(self) -> FloatArray:
+        """Running sums over cells of the attitude's rates, their squares and their number, shape (cells + 1, 3, 3)."""
+        rates = self.flight.blocks.rates
+        there = np.asarray(np.isfinite(rates).all(axis=1))
+        rates = np.where(there[:, np.newaxis], rates, 0.0)
+        each = np.stack([rates, rates**2, np.repeat(there[:, np.newaxis].astype(float), 3, axis=1)], axis=1)
+        padded = np.concatenate([each, np.zeros((self.cells * CELL - len(each), 3, 3))])
+        sums = padded.reshape(self.cells, CELL, 3, 3).sum(axis=1)
+        return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(sums, axis=0)])
+
+    def turns_deg_s(self, first: IntArray, last: IntArray) -> FloatArray:
+        """Return the standard deviation of the attitude's rate about each axis, over cells, shape (windows, 3)."""
+        sums, squares, counts = np.moveaxis(self._moved[last] - self._moved[first], 1, 0)
+        counts = np.maximum(counts, 1.0)
+        return np.asarray(np.sqrt(np.maximum(squares / counts - (sums / counts) ** 2, 0.0)))
+
+    def known_share(self, first: IntArray, last: IntArray) -> FloatArray:
+        """Return which share of cells is judged, shape (windows,)."""
+        counts = self._moved[last, 2, 0] - self._moved[first, 2, 0]
+        return np.asarray(counts / np.maximum((last - first) * CELL, 1))
+
+
+def learnt(
+    flight: Flight,
+    relations: Sequence[Relation],
+    signatures: Signatures,
+    *,
+    explained: Sequence[Explained] = (),
+    frozen: Sequence[tuple[str, int, int]] = (),
+    is_weighted: bool = False,
+) -> Model:
+    """Return the model of a flight.
+
+    Parameters
+    ----------
+    flight : Flight
+    relations : sequence of Relation
+    signatures : Signatures
+    explained : sequence of Explained
+        What is taken away before anything is learnt.
+    frozen : sequence of (gyro, first, last)
+        Blocks in which a gyro stands still: no equation that it enters is asked there.
+    is_weighted : bool
+        Whether relations with heavy tails are weighted by Student's law.
+    """
+    products = []
+    for relation in relations:
+        for channel in range(len(relation.channels)):
+            key = (relation.name, channel)
+            taken = [each.size * each.signatures[key] for each in explained if key in each.signatures]
+            equation = learn(
+                flight,
+                relation,
+                channel,
+                explained=sum(taken[1:], taken[0]) if taken else None,
+                left_out=_left_out(flight, relation, channel, frozen),
+                is_weighted=is_weighted and relation.is_heavy_tailed,
+            )
+            if equation is not None:
+                beside = _beside(explained, key, flight)
+                products.append(products_of(signatures, equation, signatures.answers(equation), beside))
+    return Model(
+        flight=flight,
+        relations=tuple(relations),
+        signatures=signatures,
+        products=tuple(products),
+        explained=tuple(explained),
+    )
+
+
+def unsure(explained: Sequence[Explained], equation: Equation) -> FloatArray:
+    """Return the standard deviations of how much larger or smaller what was found may be."""
+    key = (equation.relation.name, equation.channel)
+    return np.array([max(_UNSURE * abs(each.size), 1e-3) for each in explained if key in each.signatures])
+
+
+def _beside(explained: Sequence[Explained], key: Key, flight: Flight) -> FloatArray:
+    """Return the signatures of what was found, shape (blocks, findings that this equation feels)."""
+    felt = [each.signatures[key] for each in explained if key in each.signatures]
+    return np.column_stack(felt) if felt else np.zeros((len(flight), 0))
+
+
+def _left_out(
+    flight: Flight, relation: Relation, channel: int, frozen: Sequence[tuple[str, int, int]]
+) -> BoolArray | None:
+    if not frozen:
+        return None
+    found = np.zeros(len(flight), dtype=bool)
+    for gyro, first, last in frozen:
+        enters = relation.name in ("attitude", "roughness") or relation.channels[channel] == gyro
+        if enters and relation.channels[channel] in GYROS:
+            found[first:last] = True
+    return found

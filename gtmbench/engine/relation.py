@@ -1,0 +1,69 @@
+"""A relation between sensors: what it is off by, what it may be off by in health, and how it answers to an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from gtmbench.engine.effect import Effect
+from gtmbench.engine.flight import Flight
+from gtmbench.values.record import BoolArray, FloatArray
+
+Response = Callable[[Flight, Effect], FloatArray | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relation:
+    """y = X theta + e over blocks, of each of its channels.
+
+    Attributes
+    ----------
+    name : str
+    channels : tuple of str
+        Whose equation each is.
+    values : shape (blocks, channels)
+        y; NaN where it isn't known.
+    regressors : shape (blocks, channels, constants)
+        X.
+    prior : shape (constants,)
+        How large constants are in health: standard deviations about zero.
+    floor : shape (constants,)
+        By how much they may differ from one part of a log to another.
+    wander : float
+        By how much means over some seconds wander at least, in y's unit.
+    asked : shape (blocks,)
+        Blocks in which it is judged.
+    response : callable
+        From a flight and an effect to what y is off by, shape (blocks, channels); None for nothing.
+    shift : callable, or None
+        From a flight and an effect to what the regressors are off by, shape (blocks, channels, constants), where they
+        are made of the attitude; None for nothing.
+    regime : shape (blocks, channels), or None
+        What its noise depends on beside the liveliness of the motion.
+    is_witness : bool
+        Whether it has no say in a fault's size, and at most half of the evidence.
+    is_heavy_tailed : bool
+        Whether single blocks may be far off in health.
+    """
+
+    name: str
+    channels: tuple[str, ...]
+    values: FloatArray = field(repr=False)
+    regressors: FloatArray = field(repr=False)
+    prior: FloatArray = field(repr=False)
+    floor: FloatArray = field(repr=False)
+    wander: float
+    asked: BoolArray = field(repr=False)
+    response: Response = field(repr=False)
+    shift: Response | None = field(default=None, repr=False)
+    regime: FloatArray | None = field(default=None, repr=False)
+    is_witness: bool = False
+    is_heavy_tailed: bool = False
+
+    def answer(self, flight: Flight, effect: Effect, channel: int, constants: FloatArray) -> FloatArray | None:
+        """Return what an effect adds to y - X theta of a channel, shape (blocks,); None for nothing."""
+        response = self.response(flight, effect)
+        shifted = None if self.shift is None else self.shift(flight, effect)
+        if response is None:
+            return None
+        return response[:, channel] - (0.0 if shifted is None else shifted[:, channel] @ constants)

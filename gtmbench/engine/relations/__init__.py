@@ -1,0 +1,1 @@
+"""The relations between gyros, attitude and accelerometers, a file each."""

@@ -1,0 +1,145 @@
+"""Sensors of a flight sample by sample, each on its own stamps, brought to blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from gtmbench.engine.blocks import BLOCK_S, Blocks, held_for_s, turns_deg
+from gtmbench.engine.flight import Flight
+from gtmbench.values.attitude import STEEPEST_DEG
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
+
+FORCES = ("nx", "ny", "nz")
+_GAP, _FEWEST = 2.5, 3  # times the usual step; samples of a block by which it is told whether something shakes
+
+
+class Samples(NamedTuple):
+    """A sensor's samples: their times, increasing, and their values."""
+
+    time_s: FloatArray
+    values: FloatArray
+
+    @property
+    def step_s(self) -> float:
+        """The usual time between two."""
+        return float(np.median(np.diff(self.time_s))) if len(self.time_s) > 1 else np.inf
+
+
+def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bool = False) -> Flight:
+    """Return a flight of p, q, r, phi, theta and psi, and of nx, ny and nz where they are there.
+
+    Blocks are a fifth of a second, or as long as the slowest of gyros and attitude takes for a sample.
+
+    Examples
+    --------
+    >>> slow, fast = np.arange(0.0, 20.0, 0.1), np.arange(0.0, 20.0, 0.004)
+    >>> turning = {"r": Samples(fast, np.full(5000, 3.0)), "psi": Samples(slow, 3.0 * slow)}
+    >>> rest = {name: Samples(slow, 0.0 * slow) for name in ("p", "q", "phi", "theta")}
+    >>> flight = flight_of({**rest, **turning}, is_driven=False)
+    >>> flight.blocks.rates[7].round(6).tolist(), flight.blocks.gyros[7].round(6).tolist()
+    ([0.0, 0.0, 3.0], [0.0, 0.0, 3.0])
+    """
+    own = [sensors[name] for name in (*GYROS, *ATTITUDE)]
+    period_s = float(max([BLOCK_S, *(each.step_s for each in own)]))
+    start_s = max(float(each.time_s[0]) for each in own)
+    end_s = min(float(each.time_s[-1]) for each in own)
+    count = max(int((end_s - start_s) / period_s + 1e-6), 1)
+    edges = np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
+    angles = np.column_stack([_at(sensors[name], edges) for name in ATTITUDE])
+    turned = turns_deg(angles)
+    turned[(np.abs(angles[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
+    blocks = Blocks(
+        start_s=start_s,
+        period_s=period_s,
+        gyros=np.column_stack([_means(sensors[name], edges) for name in GYROS]),
+        rates=turned / period_s,
+        euler_rates=np.diff(angles, axis=0) / period_s,
+        angles=angles[:-1],
+        rough=np.column_stack([_rough(sensors[name], edges) for name in GYROS]),
+        held_s=np.column_stack([_held_s(sensors[name], edges) for name in (*GYROS, *ATTITUDE)]),
+    )
+    step_s = max(sensors[name].step_s for name in GYROS)
+    if not set(FORCES) <= sensors.keys():
+        return Flight(blocks=blocks, gyro_step_s=step_s, is_driven=is_driven, is_assumed=is_assumed)
+    forces = [_moments(sensors[name], edges) for name in FORCES]
+    return Flight(
+        blocks=blocks,
+        forces=np.column_stack([mean for mean, _ in forces]),
+        shaking=forces[2][1],
+        gyro_step_s=step_s,
+        is_driven=is_driven,
+        is_assumed=is_assumed,
+    )
+
+
+def _in_gap(samples: Samples, edges: FloatArray) -> BoolArray:
+    """Tell between which edges samples are missing, shape (blocks,)."""
+    steps = np.diff(samples.time_s)
+    late = np.flatnonzero(steps > max(_GAP * samples.step_s, edges[1] - edges[0]))
+    found = np.zeros(len(edges) - 1, dtype=bool)
+    for first_s, last_s in zip(samples.time_s[late], samples.time_s[late + 1], strict=True):
+        found[max(np.searchsorted(edges, first_s, side="right") - 1, 0) : np.searchsorted(edges, last_s)] = True
+    return found
+
+
+def _at(samples: Samples, edges: FloatArray) -> FloatArray:
+    """Return an angle at edges, without turns, NaN beside a gap."""
+    there = np.isfinite(samples.values)
+    time_s, values = samples.time_s[there], np.unwrap(samples.values[there], period=360.0)
+    found = np.interp(edges, time_s, values)
+    gap = _in_gap(Samples(time_s, values), edges)
+    found[:-1][gap] = np.nan
+    found[1:][gap] = np.nan
+    return np.asarray(found)
+
+
+def _means(samples: Samples, edges: FloatArray) -> FloatArray:
+    """Return means between edges of what goes straight from sample to sample."""
+    there = np.isfinite(samples.values)
+    time_s, values = samples.time_s[there], samples.values[there]
+    areas = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
+    before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, len(time_s) - 1)
+    at = np.interp(edges, time_s, values)
+    area = areas[before] + 0.5 * (values[before] + at) * (edges - time_s[before])
+    found = np.diff(area) / np.diff(edges)
+    found[_in_gap(Samples(time_s, values), edges)] = np.nan
+    return np.asarray(found)
+
+
+def _block_of(time_s: FloatArray, edges: FloatArray) -> tuple[IntArray, BoolArray]:
+    at = np.searchsorted(edges, time_s, side="right").astype(np.int64) - 1
+    return at, (at >= 0) & (at < len(edges) - 1)
+
+
+def _rough(samples: Samples, edges: FloatArray) -> FloatArray:
+    """Return mean squares of second differences between edges; NaN where there is none."""
+    steps = np.diff(samples.time_s)
+    even = np.maximum(steps[1:], steps[:-1]) < _GAP * samples.step_s
+    square = np.square(np.diff(samples.values, n=2))[even]
+    at, inside = _block_of(samples.time_s[1:-1][even], edges)
+    inside &= np.isfinite(square)
+    counts = np.bincount(at[inside], minlength=len(edges) - 1)
+    sums = np.bincount(at[inside], square[inside], minlength=len(edges) - 1)
+    return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def _held_s(samples: Samples, edges: FloatArray) -> FloatArray:
+    """Return for how long a sensor has read one value, at the end of each block; 0 where samples are missing."""
+    held = held_for_s(samples.time_s, samples.values)
+    before = np.clip(np.searchsorted(samples.time_s, edges[1:] + 1e-9, side="right") - 1, 0, len(held) - 1)
+    return np.where(_in_gap(samples, edges), 0.0, held[before])
+
+
+def _moments(samples: Samples, edges: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return means and standard deviations of samples between edges; NaN where there are none, or too few."""
+    there = np.isfinite(samples.values)
+    at, inside = _block_of(samples.time_s[there], edges)
+    values, at = samples.values[there][inside], at[inside]
+    counts = np.bincount(at, minlength=len(edges) - 1)
+    mean = np.bincount(at, values, minlength=len(edges) - 1) / np.maximum(counts, 1)
+    power = np.bincount(at, np.square(values - mean[at]), minlength=len(edges) - 1) / np.maximum(counts, 1)
+    return np.where(counts > 0, mean, np.nan), np.where(counts >= _FEWEST, np.sqrt(power), np.nan)

@@ -1,0 +1,245 @@
+"""The search for the strongest explanation: which window, which onset, which end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.evidence import Evidence, axes_of, axis_number, evidence
+from gtmbench.engine.finding import Finding
+from gtmbench.engine.model import Model
+from gtmbench.engine.restless import Place, restless_sums
+from gtmbench.engine.sums import Sums
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
+
+EXPECTED = 6.0  # nats: the most that chance makes of evidence on a log as the model has it
+BOUND = 16.0  # nats, tempered: the least of a finding
+DECISIVE = 4.6  # nats: odds of 100 to 1
+MISFIT = 0.05  # of the evidence: what a slightly wrong shape makes
+FIRST_S = 4.0  # of a log before an onset
+WINDOWS_S = (5.0, 10.0, 20.0, 60.0)
+_SHORTEST_S = 5.0  # to the end of the log
+_KNOWN = 0.4  # of a window's blocks
+_ONSETS = 150  # at most, of windows to the log's end
+_TRIES = 12  # windows
+_CALM, _STILL_CALM = 0.5, 0.7  # of the bound, where means are as restless as they are there
+_ENDS = 6.0  # nats: a fault that ends is rarer than one that stays
+_NEAR_S = 12.0  # about an onset that is dated again
+_MORE = 0.5  # of the bound, for each earlier finding
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Search:
+    """A search in a model.
+
+    Attributes
+    ----------
+    model : Model
+    tempers : shape (explanations,)
+        What evidence is divided by: chance makes more of some explanations on this log than noise would.
+    found : tuple of Finding
+        What is known of already, and taken away in the model.
+    """
+
+    model: Model
+    tempers: FloatArray
+    found: tuple[Finding, ...] = field(default=())
+
+    @cached_property
+    def windows(self) -> tuple[IntArray, IntArray]:
+        """Onsets and ends of all windows that are looked at, in cells."""
+        cell_s, cells = self.model.cell_s, self.model.cells
+        first = max(round(FIRST_S / cell_s), 1)
+        pairs = set()
+        for width in (max(round(width_s / cell_s), 3) for width_s in WINDOWS_S):
+            pairs |= {(a, a + width) for a in range(first, cells - width + 1, max(round(width / 3), 1))}
+        latest = cells - max(round(_SHORTEST_S / cell_s), 3)
+        if latest >= first:
+            step = max((latest - first) // _ONSETS, 1)
+            pairs |= {
+                (a, cells) for a in {*range(first, latest + 1, step), *range(max(latest - 20, first), latest + 1)}
+            }
+        onset, last = np.array(sorted(pairs), dtype=np.int64).reshape(-1, 2).T
+        known = self.model.known_share(onset, last) >= _KNOWN
+        return onset[known], last[known]
+
+    @cached_property
+    def seen(self) -> Evidence:
+        """The evidence of all windows."""
+        return evidence(self.model, *self.windows)
+
+    def strongest(self, bound: float) -> Finding | None:
+        """Return the strongest finding that withstands its own restlessness; None where none exceeds a bound."""
+        seen = self.seen
+        above = seen.ratio / self.tempers > self._bounds(seen.onset, seen.last, bound)
+        totals = np.where(above, seen.total / self.tempers, -np.inf)
+        for _ in range(_TRIES):
+            if not np.isfinite(totals.max(initial=-np.inf)):
+                return None
+            window, place = (int(each) for each in np.unravel_index(int(np.argmax(totals)), totals.shape))
+            onset, last = int(seen.onset[window]), int(seen.last[window])
+            at = Place(onset=onset, last=last, explanation=place, size=float(seen.size[window, place]))
+            found = self._withstands(at, bound)
+            if found is not None:
+                return found
+            shared = np.minimum(seen.last, last) - np.maximum(seen.onset, onset)
+            whole = np.maximum(seen.last, last) - np.minimum(seen.onset, onset)
+            alike = (shared > 0.5 * whole) & (np.argmax(totals, axis=1) == place)
+            alike[window] = True
+            totals[alike] = -np.inf
+        return None
+
+    @cached_property
+    def left(self) -> tuple[FloatArray, FloatArray]:
+        """The ratio of all windows, and the odd one, by parts where either is more than chance makes."""
+        seen = self.seen
+        ratio, odd = seen.ratio.copy(), seen.odd.copy()
+        loud = np.flatnonzero(np.maximum(ratio, odd).max(axis=1, initial=-np.inf) > EXPECTED)
+        if len(loud):
+            again = evidence(self.model, seen.onset[loud], seen.last[loud], by_parts=True)
+            ratio[loud], odd[loud] = again.ratio, again.odd
+        return ratio, odd
+
+    def again(self, finding: Finding, bound: float) -> Finding | None:
+        """Return a finding as it is with all others taken away; None where it no longer stands."""
+        place = self.model.signatures.place_of(finding.best)
+        return self._described(finding.first, finding.last, place, bound, near_s=_NEAR_S)
+
+    def _withstands(self, at: Place, bound: float) -> Finding | None:
+        calm = self._one(at.onset, at.last, restless_sums(self.model, at))
+        if calm.ratio[0, at.explanation] / self.tempers[at.explanation] <= _CALM * bound:
+            return None
+        first, last, place = self._placed(at)
+        return self._described(first, last, place, bound, near_s=_NEAR_S)
+
+    def _one(self, onset: int, last: int, sums: tuple[Sums, ...] | None = None) -> Evidence:
+        return evidence(self.model, np.array([onset]), np.array([last]), sums, by_parts=True)
+
+    def _bounds(self, onset: IntArray, last: IntArray, bound: float) -> FloatArray:
+        """Return what evidence has to exceed in windows: more where an earlier finding may be a bit wrong."""
+        found = np.full((len(onset), len(self.model.explanations)), bound * (1.0 + _MORE * len(self.found)))
+        axes = axes_of(self.model)
+        for each in self.found:
+            meets = (np.minimum(each.last, last) > np.maximum(each.first, onset))[:, np.newaxis]
+            if each.is_frozen:
+                own = axes == axis_number(each.best.suspect)
+                found = np.where(meets & own, np.inf, found)
+            elif each.best.fades_s:  # behind an estimator it bends the other axes
+                found = found + meets * 2.0 * MISFIT * each.evidence
+        return found
+
+    def _allowed(self, onset: int, last: int) -> BoolArray:
+        return np.asarray(np.isfinite(self._bounds(np.array([onset]), np.array([last]), 1.0)[0]))
+
+    def _placed(self, at: Place) -> tuple[int, int, int]:
+        """Return onset, end and explanation that fit the whole log best; one temper for all, or the least would win."""
+        cells, temper = self.model.cells, float(self.tempers[at.explanation])
+        allowed, best = self._allowed(at.onset, at.last), None
+        for end in dict.fromkeys((cells, at.last)):
+            onsets = self._onsets(end)
+            if not len(onsets):
+                continue
+            seen = evidence(self.model, onsets, np.full_like(onsets, end))
+            totals = np.where(allowed, seen.total / temper, -np.inf)
+            row, own = np.unravel_index(int(np.argmax(totals)), totals.shape)
+            worth = float(totals[row, own]) - (_ENDS if end < cells else 0.0)
+            if best is None or worth > best[0]:
+                best = (worth, int(onsets[row]), end, int(own))
+        if best is None:
+            return at.onset, at.last, at.explanation
+        _, first, last, place = best
+        if last < cells:
+            last = self._end(first, last, place, temper)
+        return first, last, place
+
+    def _onsets(self, last: int) -> IntArray:
+        first = max(round(FIRST_S / self.model.cell_s), 1)
+        latest = last - 2
+        return np.arange(first, latest + 1, max((latest - first) // (2 * _ONSETS), 1), dtype=np.int64)
+
+    def _end(self, first: int, last: int, place: int, temper: float) -> int:
+        """Return the end that fits best."""
+        cells = self.model.cells
+        near = np.arange(first + 3, min(last + 30, cells) + 1)
+        ends = np.unique(np.concatenate([near, np.linspace(last, cells, 40).astype(np.int64)]))
+        totals = evidence(self.model, np.full_like(ends, first), ends).total[:, place] / temper
+        totals = totals + np.where(ends >= cells, _ENDS, 0.0)
+        return int(ends[int(np.argmax(totals))]) if np.isfinite(totals).any() else last
+
+    def _described(self, first: int, last: int, place: int, bound: float, near_s: float) -> Finding | None:
+        """Return a finding, dated and ranked with means as restless as they are there."""
+        model, temper = self.model, float(self.tempers[place])
+        allowed = self._allowed(first, last)
+        known = self._one(first, last)
+        is_around = (model.cells - last) * model.cell_s > 5.0
+        sums = restless_sums(
+            model,
+            Place(onset=first, last=last, explanation=place, size=float(known.size[0, place])),
+            is_around=is_around,
+        )
+        calm = self._one(first, last, sums).ratio[0] / self.tempers
+        if np.max(np.where(allowed, calm, -np.inf)) < _STILL_CALM * bound:
+            return None
+        near = max(round(near_s / model.cell_s), 2)
+        earliest = max(round(FIRST_S / model.cell_s), 1)
+        onsets = np.arange(max(first - near, earliest), min(first + near, last - 2) + 1)
+        if not len(onsets):
+            return None
+        seen = evidence(model, onsets, np.full_like(onsets, last), sums)
+        totals = np.where(allowed, seen.total / temper, -np.inf)
+        best = totals.max(axis=0)
+        place = int(np.argmax(best))
+        row = int(np.argmax(totals[:, place]))
+        own = self._one(int(onsets[row]), last, sums)
+        if not own.ratio[0, place] / self.tempers[place] >= bound:
+            return None
+        margin = DECISIVE + MISFIT * float(best[place])
+        order = [int(each) for each in np.argsort(-best) if best[each] > best[place] - margin]
+        return self._finding(own, seen, onsets, totals, order, margin, last)
+
+    def _finding(
+        self,
+        one: Evidence,
+        seen: Evidence,
+        onsets: IntArray,
+        totals: FloatArray,
+        order: list[int],
+        margin: float,
+        last: int,
+    ) -> Finding:
+        model, place = self.model, order[0]
+        row = int(np.argmax(totals[:, place]))
+        best, cell_s = float(totals[row, place]), model.cell_s
+        start_s, explanations = model.flight.blocks.start_s, model.explanations
+        near = onsets[totals[:, place] > best - margin]
+        own = explanations[place]
+        alike = [
+            each for each in order if (explanations[each].suspect, explanations[each].kind) == (own.suspect, own.kind)
+        ]
+        sizes = [float(size) for each in alike for size in seen.size[totals[:, each] > best - margin, each]]
+        deviation = float(seen.deviation[row, place] * np.sqrt(self.tempers[place]))
+        first = int(onsets[row])
+        return Finding(
+            first=first,
+            last=last,
+            onset_s=start_s + (first + 1) * cell_s,  # a cell is left out behind it
+            end_s=start_s + min(last * cell_s, len(model.flight) * model.flight.blocks.period_s),
+            onset_range_s=(start_s + float(near.min()) * cell_s, start_s + float(near.max() + 2) * cell_s),
+            ranked=tuple((explanations[each], float(best - totals[:, each].max())) for each in order),
+            size=float(seen.size[row, place]),
+            interval=(min(sizes) - 2.0 * deviation, max(sizes) + 2.0 * deviation),
+            evidence=float(one.ratio[0, place] / self.tempers[place]),
+            own_axis=self._own_axis(one, place),
+            shown=float(np.maximum(one.by_equation[~model.is_witness, 0, place], 0.0).sum()),
+        )
+
+    def _own_axis(self, one: Evidence, place: int) -> float:
+        """Return what the suspect's own axis of gyro and attitude shows, in nats; all of them of what has no axis."""
+        axis = int(axes_of(self.model)[place])
+        shown = 0.0
+        for equation, each in zip(self.model.products, one.by_equation[:, 0, place], strict=True):
+            if equation.equation.relation.name == "attitude" and axis in (-1, equation.equation.channel):
+                shown += float(each)
+        return shown

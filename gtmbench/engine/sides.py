@@ -1,0 +1,63 @@
+"""Which side of a change is the broken one, by what constants a healthy gyro has."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.model import Model
+from gtmbench.values.channels import GYROS
+
+_DECISIVE = 4.6  # nats
+_FAILS = 3.0  # nats: sensors fail in flight more often than they heal
+_OFFSET_DEG_S, _GAIN = 0.3, 0.05  # of a healthy gyro: standard deviations
+_DEGREES = 3.0  # of Student's law
+
+
+def side_of(model: Model, finding: Finding) -> Side:
+    """Return which side of a finding is broken; after it, but of a bias or a scale whose other side is less usual."""
+    best = finding.best
+    if best.suspect not in GYROS or best.kind not in ("bias", "scale"):
+        return Side.AFTER
+    axis = GYROS.index(best.suspect)
+    offsets = _constants(model, 0)
+    own = _constants(model, 0 if best.kind == "bias" else 1 + axis).get(axis)
+    if own is None:
+        return Side.AFTER
+    if best.kind == "bias":
+        others = [value for other, value in offsets.items() if other != axis]
+        variance = (_OFFSET_DEG_S**2 + sum(value**2 for value in others)) / (1.0 + len(others))
+    else:
+        variance = _GAIN**2
+    odds = _log_odds(own, variance) - _log_odds(own + finding.size, variance) + _FAILS
+    if odds > _DECISIVE:
+        return Side.AFTER
+    return Side.BEFORE if odds < -_DECISIVE else Side.OPEN
+
+
+def constants_of_gyro(model: Model, axis: int) -> tuple[float, float, float, float] | None:
+    """Return a gyro's offset and gain against the attitude over the whole log, and how far each may be off.
+
+    The gain is k of y - w = k y; the errors are standard deviations. None where the attitude tells nothing of it.
+    """
+    for sums in model.sums:
+        equation = sums.products.equation
+        if equation.relation.name == "attitude" and equation.channel == axis:
+            first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)
+            known = 1 + len(equation.constants)
+            squares = sums.known(first, last)[0, 1:known, 1:known]
+            spread = np.linalg.inv(squares + np.diag(equation.relation.prior**-2.0))
+            offset, gain = equation.constants[0], equation.constants[1 + axis]
+            return float(offset), float(gain), float(spread[0, 0] ** 0.5), float(spread[1 + axis, 1 + axis] ** 0.5)
+    return None
+
+
+def _constants(model: Model, place: int) -> dict[int, float]:
+    """Return a constant of gyros and attitude, by axis."""
+    equations = [each.equation for each in model.products]
+    return {each.channel: float(each.constants[place]) for each in equations if each.relation.name == "attitude"}
+
+
+def _log_odds(value: float, variance: float) -> float:
+    """Return the log of Student's law, up to a constant."""
+    return float(-0.5 * (_DEGREES + 1.0) * np.log1p(value**2 / (_DEGREES * variance)))

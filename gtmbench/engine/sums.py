@@ -1,0 +1,500 @@
+"""Sums of products over any window of a log, at a cost that doesn't depend on its length.
+
+All that a likelihood ratio needs of an equation are sums over the window of products of two columns: what is left, the
+regressors, each explanation's signature. They are kept as running sums over cells of a second. Two things make that
+more than a cumulative sum. The mean of each chunk of four seconds wanders by itself: it is marginalised, so a window's
+sum is one over its whole chunks and over what it cuts of the first and the last. And a signature that an estimator
+makes depends on its onset a, by what the attitude forgets from then on: it is
+
+    s(t; a) = b(t) - sum_j k_j(a) d_j(t) exp(-(t - a) / tau),
+
+whose d_j, the answers to an attitude that was off about earth axis j, are columns that fade from chunk to chunk.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.effect import Effect
+from gtmbench.engine.equation import Equation, rows_per_chunk
+from gtmbench.engine.explanation import TIMES_S, Explanation
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.noise import ORDER
+from gtmbench.engine.relation import Relation
+from gtmbench.values.record import FloatArray, IntArray
+
+CELL = ORDER  # blocks: what a filter forgets
+_AT_ONCE = 400  # cells whose products are worked out together, for memory
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Columns:
+    """An equation's columns, whitened, and the signatures of explanations in it before they were.
+
+    Attributes
+    ----------
+    own : shape (signatures,)
+        Which explanations it feels.
+    fading : shape (signatures,)
+        Which of `TIMES_S` each fades by; -1 for none.
+    bases : shape (signatures,)
+        Which signature each grows from; -1 for none.
+    states : shape (cells + 1, signatures, 3)
+        By how much the attitude would be off at each cell's beginning, in earth axes, deg.
+    since : shape (cells + 1, signatures)
+        The base's multiplier.
+    """
+
+    own: IntArray
+    fading: IntArray
+    bases: IntArray
+    states: FloatArray = field(repr=False)
+    since: FloatArray = field(repr=False)
+
+
+class Signatures:
+    """What each explanation is off by in a relation's equations, from the log's beginning on; worked out once."""
+
+    def __init__(self, flight: Flight, explanations: Sequence[Explanation]) -> None:
+        self.flight, self.explanations = flight, tuple(explanations)
+        self.cells = -(-len(flight) // CELL)
+        self.effects = [each.effect(flight) for each in explanations]
+        names = {each.name: place for place, each in enumerate(explanations)}
+        self.bases = np.array([names[each.base] if each.base else -1 for each in explanations])
+        times = {fades_s: place for place, fades_s in enumerate(TIMES_S)}
+        self.fading = np.array([times[each.fades_s] if each.fades_s else -1 for each in explanations])
+        rows = np.minimum(np.arange(self.cells + 1) * CELL, len(flight) - 1)
+        self._before = np.maximum(rows - 1, 0)
+        self._rows = rows
+
+    def place_of(self, explanation: Explanation) -> int:
+        """Return which of all explanations one is, by its name."""
+        return next(place for place, each in enumerate(self.explanations) if each.name == explanation.name)
+
+    def over(
+        self, relation: Relation, channel: int, constants: FloatArray, place: int, first: int, last: int
+    ) -> FloatArray | None:
+        """Return an explanation's signature over cells [first, last), zero elsewhere, shape (blocks,); None if nil."""
+        explanation, flight = self.explanations[place], self.flight
+        begin, end = first * CELL, min(last * CELL, len(flight))
+        answer = relation.answer(flight, self.effects[place], channel, constants)
+        if answer is None or not np.any(answer[begin:end]):
+            return None
+        own, state = answer.copy(), self._state(place, first)
+        if explanation.since is not None:
+            base = int(self.bases[place])
+            since = float(explanation.since(flight)[self._rows[first]])
+            of_base = relation.answer(flight, self.effects[base], channel, constants)
+            own = own - since * (0.0 if of_base is None else of_base)
+            state = state - since * self._state(base, first)
+        if explanation.fades_s:
+            forgotten = self._forgotten(relation, channel, constants)[:, self.fading[place]]
+            own = own - forgotten @ state * self._faded(place, begin)
+        found = np.zeros(len(flight))
+        found[begin:end] = own[begin:end]
+        return found
+
+    def turned(self, place: int, first: int, last: int) -> FloatArray:
+        """Return how far an attitude is off that follows an explanation from a cell on, in deg, shape (blocks, 3)."""
+        begin, end = first * CELL, min(last * CELL, len(self.flight))
+        turned, explanation = self.effects[place].turned, self.explanations[place]
+        if turned is None or not explanation.fades_s:
+            return np.zeros((0, 3))
+        state = self._state(place, first)
+        if explanation.since is not None:
+            base, since = int(self.bases[place]), float(explanation.since(self.flight)[self._rows[first]])
+            of_base = self.effects[base].turned
+            turned = turned - since * (0.0 if of_base is None else of_base)
+            state = state - since * self._state(base, first)
+        return np.asarray((turned - np.multiply.outer(self._faded(place, begin), state))[begin:end])
+
+    def _state(self, place: int, cell: int) -> FloatArray:
+        return np.asarray(self._states(np.array([place]))[cell, 0])
+
+    def _faded(self, place: int, begin: int) -> FloatArray:
+        """Return how much is left of what was before a block, from it on."""
+        factor = 1.0 - self.flight.blocks.period_s / self.explanations[place].fades_s
+        return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
+
+    def answers(self, equation: Equation) -> tuple[Columns, FloatArray, FloatArray]:
+        """Return an equation's columns, the signatures in it and those of an attitude that is off by one degree.
+
+        Shapes (blocks, signatures) and (blocks, times, 3).
+        """
+        relation, channel, flight = equation.relation, equation.channel, self.flight
+        found = []
+        for place, effect in enumerate(self.effects):
+            answer = relation.answer(flight, effect, channel, equation.constants)
+            if answer is not None and np.any(answer):
+                found.append((place, answer))
+        own = np.array([place for place, _ in found], dtype=np.int64)
+        answers = np.column_stack([answer for _, answer in found]) if found else np.zeros((len(flight), 0))
+        places = {int(place): at for at, place in enumerate(own)}
+        bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
+        columns = Columns(
+            own=own,
+            fading=self.fading[own],
+            bases=bases,
+            states=self._states(own),
+            since=self._since(own),
+        )
+        return columns, answers, self._forgotten(relation, channel, equation.constants)
+
+    def _states(self, own: IntArray) -> FloatArray:
+        """Return by how much the attitude was off at the end of the block before each cell."""
+        found = np.zeros((self.cells + 1, len(own), 3))
+        for at, place in enumerate(own):
+            turned = self.effects[place].turned
+            if self.fading[place] >= 0 and turned is not None:
+                found[1:, at] = turned[self._before[1:]]
+        return found
+
+    def _since(self, own: IntArray) -> FloatArray:
+        found = np.zeros((self.cells + 1, len(own)))
+        for at, place in enumerate(own):
+            since = self.explanations[place].since
+            if since is not None:
+                found[:, at] = since(self.flight)[self._rows]
+        return found
+
+    def _forgotten(self, relation: Relation, channel: int, constants: FloatArray) -> FloatArray:
+        """Return the answer to an attitude that was off by one degree about each earth axis, and forgets it."""
+        flight = self.flight
+        found = np.zeros((len(flight), len(TIMES_S), 3))
+        for axis in range(3):
+            off = np.zeros((len(flight), 3))
+            off[:, axis] = 1.0
+            for place, fades_s in enumerate(TIMES_S):
+                kept = 1.0 - flight.blocks.period_s / fades_s
+                effect = Effect(turned=kept * off, turning=-off / fades_s)
+                answer = relation.answer(flight, effect, channel, constants)
+                if answer is not None:
+                    found[:, place, axis] = answer
+        return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Products:
+    """Products of an equation's columns, cell by cell.
+
+    The columns are, in order: what is left, the regressors, the signatures, and what fades (times by earth axes).
+    `first` and `second` say which two each product is of, `rates` by how much a block's fades, in 1 / blocks.
+    """
+
+    equation: Equation
+    columns: Columns
+    first: IntArray = field(repr=False)
+    second: IntArray = field(repr=False)
+    rates: FloatArray = field(repr=False)
+    cells: FloatArray = field(repr=False)
+    means: FloatArray = field(repr=False)
+    mean_rates: FloatArray = field(repr=False)
+    powers: FloatArray = field(repr=False)
+    counts: FloatArray = field(repr=False)
+    per_chunk: int  # cells
+    regressors: int
+
+
+def products_of(
+    signatures: Signatures, equation: Equation, answers: tuple[Columns, FloatArray, FloatArray], beside: FloatArray
+) -> Products:
+    """Return the products of an equation; `beside` are further regressors, shape (blocks, ...), not yet whitened."""
+    flight = signatures.flight
+    columns, own, forgotten = answers
+    regressors = np.column_stack([equation.regressors, equation.whitened(beside)])
+    per_chunk = rows_per_chunk(flight)
+    fading = [_fading(equation, forgotten[:, at], flight, fades_s, per_chunk) for at, fades_s in enumerate(TIMES_S)]
+    every = np.column_stack([equation.errors, regressors, equation.whitened(own), *fading])
+    known, count = 1 + regressors.shape[1], len(columns.own)
+    first, second = _pairs(columns, known, count)
+    rates = np.zeros(every.shape[1])
+    rates[known + count :] = np.repeat(flight.blocks.period_s / np.array(TIMES_S), 3)
+    rates[known + count :] = -np.log1p(-rates[known + count :])
+    mean = equation.mean
+    padded = signatures.cells * CELL
+    every, mean, counted = (
+        np.concatenate([each, np.zeros((padded - len(flight), *each.shape[1:]))])
+        for each in (every, mean, equation.known.astype(float))
+    )
+    return Products(
+        equation=equation,
+        columns=columns,
+        first=first,
+        second=second,
+        rates=rates[first] + rates[second],
+        cells=_of_cells(every, first, second),
+        means=np.einsum("ckj,ck->cj", every.reshape(-1, CELL, every.shape[1]), mean.reshape(-1, CELL)),
+        mean_rates=rates,
+        powers=np.square(mean).reshape(-1, CELL).sum(axis=1),
+        counts=counted.reshape(-1, CELL).sum(axis=1),
+        per_chunk=per_chunk // CELL,
+        regressors=regressors.shape[1],
+    )
+
+
+def _fading(equation: Equation, answers: FloatArray, flight: Flight, fades_s: float, per_chunk: int) -> FloatArray:
+    """Return what fades, whitened, relative to the beginning of each block's chunk, shape (blocks, 3)."""
+    factor = 1.0 - flight.blocks.period_s / fades_s
+    since = np.arange(len(flight)) % per_chunk
+    return equation.whitened_decay(answers, factor) * (factor**since)[:, np.newaxis]
+
+
+def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray]:
+    """Return which columns are multiplied: see `Sums.window` for the order."""
+    signature = known + np.arange(count)
+    fades = known + count + np.arange(3)
+    pairs: list[tuple[int, int]] = [(i, j) for i in range(known) for j in range(i, known)]
+    pairs += [(int(s), j) for s in signature for j in range(known)]
+    pairs += [(int(s), int(s)) for s in signature]
+    pairs += [(int(s), known + max(int(b), 0)) for s, b in zip(signature, columns.bases, strict=True)]
+    pairs += [(int(s), int(f + 3 * max(t, 0))) for s, t in zip(signature, columns.fading, strict=True) for f in fades]
+    for time in range(len(TIMES_S)):
+        pairs += [(int(f + 3 * time), j) for f in fades for j in range(known)]
+    for time in range(len(TIMES_S)):
+        pairs += [(int(fades[i] + 3 * time), int(fades[j] + 3 * time)) for i in range(3) for j in range(3)]
+    first, second = np.array(pairs, dtype=np.int64).T
+    return first, second
+
+
+def _of_cells(every: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+    """Return sums of products over cells."""
+    cells = every.reshape(-1, CELL, every.shape[1])
+    found = np.empty((len(cells), len(first)))
+    for begin in range(0, len(cells), _AT_ONCE):
+        part = cells[begin : begin + _AT_ONCE]
+        found[begin : begin + _AT_ONCE] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
+    return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Window:
+    """An equation's sums over windows, for signatures that begin at an onset; the first axis is that of windows.
+
+    Attributes
+    ----------
+    errors : shape (windows,)
+        e'e.
+    products : shape (windows, regressors)
+        X'e.
+    squares : shape (windows, regressors, regressors)
+        X'X.
+    cross : shape (windows, signatures)
+        s'e.
+    mixed : shape (windows, signatures, regressors)
+        s'X.
+    power : shape (windows, signatures)
+        s's.
+    counts : shape (windows,)
+        Known blocks.
+    """
+
+    errors: FloatArray
+    products: FloatArray
+    squares: FloatArray
+    cross: FloatArray
+    mixed: FloatArray
+    power: FloatArray
+    counts: FloatArray
+
+
+class Sums:
+    """Running sums of an equation's products, the mean of each chunk marginalised.
+
+    Parameters
+    ----------
+    products : Products
+    wander : float, optional
+        By how much means of chunks wander; the equation's own by default, 0 for not at all.
+    """
+
+    def __init__(self, products: Products, wander: float | None = None) -> None:
+        self.products = products
+        wander = products.equation.wander if wander is None else wander
+        self._precision = np.inf if wander <= 0.0 else wander**-2.0
+        self._raw = _running(products.cells)
+        self._mean = _running(products.means)
+        self._power = _running(products.powers)
+        self._count = _running(products.counts)
+        self.cells = len(products.cells)
+
+    @cached_property
+    def _rates(self) -> tuple[FloatArray, IntArray]:
+        """The few rates by which products fade, and which is each one's."""
+        rates, each = np.unique(self.products.rates, return_inverse=True)
+        return rates, each
+
+    @cached_property
+    def _whole(self) -> FloatArray:
+        """Sums of whole chunks from each on, what fades relative to its beginning; shape (chunks + 1, products)."""
+        own = self.products
+        edges = np.arange(0, self.cells + own.per_chunk, own.per_chunk)
+        edges = np.minimum(edges, self.cells)
+        chunks = self._piece(edges[:-1], edges[1:])
+        kept = np.exp(-own.rates * own.per_chunk * CELL)
+        found = np.zeros((len(chunks) + 1, len(own.rates)))
+        for at in range(len(chunks) - 1, -1, -1):
+            found[at] = chunks[at] + kept * found[at + 1]
+        return found
+
+    def _piece(self, first: IntArray, last: IntArray) -> FloatArray:
+        """Return sums over cells within one chunk each, what fades relative to the chunk's beginning."""
+        raw = self._raw[last] - self._raw[first]
+        if np.isinf(self._precision):
+            return raw
+        mean = self._mean[last] - self._mean[first]
+        power = self._power[last] - self._power[first] + self._precision
+        own = self.products
+        return np.asarray(raw - mean[:, own.first] * mean[:, own.second] / power[:, np.newaxis])
+
+    @cached_property
+    def _heads(self) -> FloatArray:
+        """Sums from each cell to its chunk's end, what fades relative to the cell, shape (cells + 1, products)."""
+        cells, width = np.arange(self.cells + 1), self.products.per_chunk
+        chunk = (cells // width) * width
+        return self._piece(cells, np.minimum(chunk + width, self.cells)) * self._kept(chunk - cells)
+
+    @cached_property
+    def _tails(self) -> FloatArray:
+        """Sums from its chunk's beginning to each cell, what fades relative to the beginning."""
+        cells = np.arange(self.cells + 1)
+        return self._piece((cells // self.products.per_chunk) * self.products.per_chunk, cells)
+
+    def between(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
+        """Return sums over cells [first, last), what fades relative to the first; shape (windows, products).
+
+        `count` asks for the first products alone.
+        """
+        own, width = slice(count), self.products.per_chunk
+        chunk, behind = (first // width) * width, (last // width) * width
+        begin = np.minimum(chunk + width, self.cells)
+        found = self._heads[first, own] + self._tails[last, own] * self._kept(behind - first, count)
+        between = behind > begin
+        if between.any():
+            at, to = (begin // width)[between], (behind // width)[between]
+            since = first[between]
+            found[between] += self._whole[at, own] * self._kept(begin[between] - since, count)
+            found[between] -= self._whole[to, own] * self._kept(behind[between] - since, count)
+        inside = behind == chunk
+        if inside.any():
+            piece = self._piece(first[inside], last[inside])
+            found[inside] = (piece * self._kept(chunk[inside] - first[inside]))[:, own]
+        return found
+
+    def _kept(self, cells: IntArray, count: int | None = None) -> FloatArray:
+        """Return how much is left of what fades after some cells, shape (windows, products)."""
+        rates, each = self._rates
+        return np.asarray(np.exp(-np.multiply.outer(cells * CELL, rates)).take(each[:count], axis=1))
+
+    def window(self, onset: IntArray, first: IntArray, last: IntArray) -> Window:
+        """Return the sums over cells [first, last) for signatures that begin at `onset`, at or before `first`."""
+        own, columns = self.products, self.products.columns
+        sums = _split(self.between(first, last), own.regressors, len(columns.own))
+        faded = np.exp(-np.multiply.outer((first - onset) * CELL, _fading_rates(own, columns)))
+        states, since = columns.states[onset] * faded[:, :, np.newaxis], columns.since[onset]
+        base = np.maximum(columns.bases, 0)
+        states = states - since[:, :, np.newaxis] * (states[:, base] * (columns.bases >= 0)[np.newaxis, :, np.newaxis])
+        time = np.maximum(columns.fading, 0)
+        with_known = sums.with_known - since[:, :, np.newaxis] * sums.with_known[:, base]
+        with_known = with_known - np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
+        grown = sums.power - 2.0 * since * sums.with_base + since**2 * sums.power[:, base]
+        with_fading = sums.with_fading - since[:, :, np.newaxis] * sums.with_fading[:, base]
+        grown = grown - 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
+        grown = grown + np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
+        return Window(
+            errors=sums.known[:, 0, 0],
+            products=sums.known[:, 0, 1:],
+            squares=sums.known[:, 1:, 1:],
+            cross=with_known[:, :, 0],
+            mixed=with_known[:, :, 1:],
+            power=np.maximum(grown, 0.0),
+            counts=self._count[last] - self._count[first],
+        )
+
+    def known(self, first: IntArray, last: IntArray) -> FloatArray:
+        """Return the sums over cells [first, last) of what is left and the regressors; they don't fade."""
+        count = 1 + self.products.regressors
+        return _symmetric(self.between(first, last, count * (count + 1) // 2), count)
+
+    def chunk_means(self, first: IntArray, last: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return sums of columns times the mean's, and the mean's squares, over cells that lie in one chunk each."""
+        return self._mean[last] - self._mean[first], self._power[last] - self._power[first]
+
+    def signature_means(self, onset: int, edges: IntArray, signature: int) -> FloatArray:
+        """Return the same of a signature that begins at `onset`, over cells from each edge to the next.
+
+        Parameters
+        ----------
+        onset : int
+        edges : shape (pieces + 1,)
+            Each piece lies in one chunk.
+        signature : int
+            Which of the equation's.
+        """
+        own, columns = self.products, self.products.columns
+        known = 1 + own.regressors
+        means = self._mean[edges[1:]] - self._mean[edges[:-1]]
+        base, since = int(columns.bases[signature]), columns.since[onset, signature]
+        found = means[:, known + signature] - (since * means[:, known + base] if base >= 0 else 0.0)
+        time = int(columns.fading[signature])
+        if time >= 0:
+            state = columns.states[onset, signature] - (since * columns.states[onset, base] if base >= 0 else 0.0)
+            first = known + len(columns.own) + 3 * time
+            chunk = (edges[:-1] // own.per_chunk) * own.per_chunk
+            faded = np.exp(-(chunk - onset) * CELL * own.mean_rates[first])
+            found = found - faded * (means[:, first : first + 3] @ state)
+        return np.asarray(found)
+
+    def known_blocks(self, first: IntArray, last: IntArray) -> FloatArray:
+        """Return how many blocks of cells [first, last) are known."""
+        return np.asarray(self._count[last] - self._count[first])
+
+
+def _running(values: FloatArray) -> FloatArray:
+    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+
+
+def _fading_rates(products: Products, columns: Columns) -> FloatArray:
+    """Return by how much each signature's forgotten part fades a block."""
+    known = 1 + products.regressors + len(columns.own)
+    return np.where(columns.fading >= 0, products.mean_rates[known + 3 * np.maximum(columns.fading, 0)], 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Split:
+    """Sums by what they are of."""
+
+    known: FloatArray
+    with_known: FloatArray
+    power: FloatArray
+    with_base: FloatArray
+    with_fading: FloatArray
+    fading_known: FloatArray
+    fading: FloatArray
+
+
+def _split(sums: FloatArray, regressors: int, count: int) -> _Split:
+    """Return sums of products by what they are of, in the order of `_pairs`."""
+    known, times, windows = 1 + regressors, len(TIMES_S), len(sums)
+    lengths = [known * (known + 1) // 2, count * known, count, count, 3 * count, times * 3 * known, times * 9]
+    parts = np.split(sums, np.cumsum(lengths)[:-1], axis=1)
+    return _Split(
+        known=_symmetric(parts[0], known),
+        with_known=parts[1].reshape(windows, count, known),
+        power=parts[2],
+        with_base=parts[3],
+        with_fading=parts[4].reshape(windows, count, 3),
+        fading_known=parts[5].reshape(windows, times, 3, known),
+        fading=parts[6].reshape(windows, times, 3, 3),
+    )
+
+
+def _symmetric(sums: FloatArray, count: int) -> FloatArray:
+    found = np.empty((len(sums), count, count))
+    rows, columns = np.triu_indices(count)
+    found[:, rows, columns] = sums
+    found[:, columns, rows] = sums
+    return found
