@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from gtmbench.engine.blocks import blocks_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.units import unit
 from gtmbench.study.log.claims import Claim
-from gtmbench.engine.blocks import blocks_of
 from gtmbench.study.log.hindsight.judged import Hindsight, hindsight_of
 from gtmbench.study.log.imu_comparison import channels_of
 from gtmbench.values.channels import ATTITUDE, GYROS

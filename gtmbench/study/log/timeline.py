@@ -10,6 +10,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
+from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.faults.additive import Bias, Drift
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
@@ -24,7 +25,6 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.engine.blocks import Blocks, blocks_of
 from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of, shows
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
