@@ -24,10 +24,12 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 PRIOR_BLOCKS = 25.0  # how many blocks the learnt level of the noise is worth in a window
 _HALF = 0.5  # of the evidence: the most that witnesses add
 _MOVES_DEG_S = 1.0  # the least spread of turns in which a gain is judged
-MIRROR = 0.25  # e = y but for a quarter: a gyro's own noise explains itself
+MIRROR = 1.0 / 3.0  # about a gain of one to one, a factor above 3: a gyro's own noise explains itself
 _PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
 _WEAK = 6.0  # nats: what shows less isn't looked at by parts
+_MOST_DEVIATIONS = 3.0  # of a constant's prior
 _ROUNDS = 3
+_NOTHING = 1e-9  # of information: less is rounding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +43,7 @@ class Evidence:
     ratio : nats
         Existence, less the price; -inf where an explanation isn't possible.
     odd : nats
-        The same of what a gyro's own noise may explain, too.
+        The same of failures alone, whatever a gyro's own noise, or constants beyond all bounds, may explain of it.
     total : nats
         Placing, less the price.
     size, deviation :
@@ -126,21 +128,20 @@ def evidence(
         told = told * _lasting_share(model, onset, last, seen, scale, size, told)
     witnesses = np.clip(each[~main].sum(axis=0), -_HALF * np.abs(told), _HALF * np.maximum(told, 0.0))
     price = model.of_explanations("price")
-    possible = (information > 1e-9) & (np.abs(size) >= model.of_explanations("least")) & np.isfinite(price)
+    possible = (information > _NOTHING) & (np.abs(size) >= model.of_explanations("least")) & np.isfinite(price)
     possible = possible & (model.of_explanations("shortest_s") <= duration_s) & _moves(model, onset, last)
-    ratio = np.where(possible, told + witnesses - price, -np.inf)
-    own_noise = np.array([each.is_gain and each.kind == "scale" for each in model.explanations]) & (
-        np.abs(1.0 - size) < MIRROR
-    )
+    odd = np.where(possible, told + witnesses - price, -np.inf)
+    possible = possible & _has_healthy_constants(model, seen, size)
+    possible &= ~(np.abs(size - model.of_explanations("mirror")) < MIRROR)
     total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
     return Evidence(
         onset=onset,
         last=last,
-        ratio=np.where(own_noise, -np.inf, ratio),
-        odd=np.where(~model.of_explanations("is_healthy").astype(bool), ratio, -np.inf),
-        total=np.where(possible & ~own_noise, total, -np.inf),
+        ratio=np.where(possible, odd, -np.inf),
+        odd=np.where(model.of_explanations("is_healthy") > 0.0, -np.inf, odd),
+        total=np.where(possible, total, -np.inf),
         size=size,
-        deviation=np.sqrt(1.0 / (information + 1e-12)),
+        deviation=np.where(information > _NOTHING, np.sqrt(1.0 / np.maximum(information, _NOTHING)), np.inf),
         by_equation=each,
     )
 
@@ -172,6 +173,25 @@ def _placing(model: Model, seen: list[_Seen], low: FloatArray, high: FloatArray)
     left = np.maximum(misfit - 2.0 * size * cross + size**2 * power, 1e-9)
     told = 0.5 * (PRIOR_BLOCKS + blocks) * np.log((PRIOR_BLOCKS + misfit) / (PRIOR_BLOCKS + left))
     return np.asarray(told.sum(axis=0))
+
+
+def _has_healthy_constants(model: Model, seen: list[_Seen], size: FloatArray) -> BoolArray:
+    """Tell beside which explanations no constant leaves what a healthy installation may have.
+
+    A gain of one to one makes a gyro's noise explain itself, and another explanation take back the turns: two that
+    cancel each other out explain anything.
+    """
+    found = np.ones(size.shape, dtype=bool)
+    for each, products, is_witness in zip(seen, model.products, model.is_witness, strict=True):
+        if not is_witness:
+            own, relation = products.columns.own, products.equation.relation
+            count, most = len(relation.prior), _MOST_DEVIATIONS * relation.prior
+            fitted = each.constants + np.concatenate(
+                [products.equation.constants, np.zeros(each.constants.shape[1] - count)]
+            )
+            beside = fitted[:, np.newaxis] - size[:, own, np.newaxis] * each.absorbed
+            found[:, own] &= (np.abs(beside[:, :, :count]) <= most).all(axis=2)
+    return found
 
 
 def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:

@@ -46,6 +46,8 @@ class Explanation:
         Of what is no sensor's: which gyros and angles aren't judged where it holds.
     is_gain : bool
         Whether it needs motion to show.
+    mirror : float
+        The size at which a gyro's own noise explains itself; NaN for none.
     lasts : bool
         Whether every part of a window has to show it: a gust is in one part alone.
     since : callable, or None
@@ -68,6 +70,7 @@ class Explanation:
     is_healthy: bool = False
     axes: tuple[int, ...] = ()
     is_gain: bool = False
+    mirror: float = np.nan
     lasts: bool = True
     since: Callable[[Flight], FloatArray] | None = field(default=None, repr=False)
     base: str = ""
@@ -124,7 +127,7 @@ def _of_gyro(
 
 
 def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return by how much an estimator's attitude is off that wrong rates drive, and how fast that grows.
+    """Return how far an estimator's attitude is off that wrong rates drive, behind each block, and how fast it turns.
 
     Parameters
     ----------
@@ -139,4 +142,4 @@ def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatAr
     before = np.zeros_like(driven)
     turned = lfilter([step], [1.0, -(1.0 - step / fades_s)], driven, axis=0)
     before[1:] = turned[:-1]
-    return turned, driven - before / fades_s
+    return turned, driven - 0.5 * (before + turned) / fades_s  # amid each block

@@ -124,7 +124,7 @@ def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
     tempers = one
     for _ in range(_ROUNDS):
         tempers = _tempers(Search(model=bench.without(found), tempers=one), found)
-        kept = [again for each in found if (again := _again(bench, each, found, tempers)) is not None]
+        kept = _each_again(bench, found, tempers)
         is_settled = len(kept) == len(found)
         found = kept
         if is_settled:
@@ -137,12 +137,21 @@ def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
     )
 
 
-def _again(bench: _Bench, finding: Finding, found: Sequence[Finding], tempers: FloatArray) -> Finding | None:
-    """Return a finding as it is with all others taken away."""
-    if finding.is_frozen:
-        return finding
-    others = tuple(each for each in found if each is not finding)
-    return Search(model=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:
+    """Return findings as they are with all others taken away, one after another.
+
+    What no longer stands is put back at once, before the next is judged: two that explain one change would else both
+    fall by each other.
+    """
+    kept = list(found)
+    for finding in found:
+        if finding.is_frozen:
+            continue
+        place = kept.index(finding)
+        others = (*kept[:place], *kept[place + 1 :])
+        again = Search(model=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+        kept[place : place + 1] = [] if again is None else [again]
+    return kept
 
 
 def _tempers(search: Search, found: Sequence[Finding]) -> FloatArray:

@@ -15,6 +15,7 @@ _LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 n
 _MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
 _LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
 _STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
+_STEEP_DEG = 80.0  # beyond, the heading turns faster than blocks follow
 _FORCE_G = 0.3  # so far from 1 g the specific force points nowhere near the vertical
 _LEAN_BLOCKS = 5  # over which the specific force is averaged
 
@@ -86,6 +87,14 @@ class Flight:
     def gyros(self) -> FloatArray:
         """What the gyros read, in deg/s, shape (blocks, 3); 0 where they are missing."""
         return np.nan_to_num(self.blocks.gyros)
+
+    @cached_property
+    def turning(self) -> FloatArray:
+        """How fast phi, theta and psi turn by the gyros, in deg/s, shape (blocks, 3)."""
+        phi, theta = np.radians(self.angles[:, 0]), np.radians(np.clip(self.angles[:, 1], -_STEEP_DEG, _STEEP_DEG))
+        p, q, r = self.gyros.T
+        yaw = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
+        return np.column_stack([p + yaw * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), yaw])
 
     @cached_property
     def spread(self) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
-from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.finding import FROZEN, Finding, Side
 from gtmbench.engine.findings import Findings, findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.sides import constants_of_gyro
@@ -25,6 +25,7 @@ _KNOWN = 0.5  # of a cell's blocks
 _MOST_OFFSET_DEG_S, _MOST_GAIN, _SURE = 5.0, 0.2, 3.0  # of a healthy gyro; deviations
 _LEFT = "something is left there that no explanation accounts for"
 _NEAR_S = (10.0, 30.0)  # before a change that is dated: its onset may lie there; of what grows, or needs motion
+_STILL_S, _OF_USUAL, _STILL = 3.0, 3.0, "it reads one value"  # times the longest that the others do
 _MASKED, _AT_END = "gyros or attitude are missing", "too little follows"
 
 
@@ -58,14 +59,13 @@ def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
     >>> from gtmbench.values.record import Record
     >>> random = np.random.default_rng(1)
     >>> time_s = 0.1 * np.arange(1200)
-    >>> turns = np.cumsum(random.standard_normal((1200, 3)), axis=0)
-    >>> angles = 0.02 * (turns - np.linspace(0.0, 1.0, 1200)[:, np.newaxis] * turns[-1])
+    >>> angles = np.column_stack([np.sin(0.5 * time_s), np.sin(0.31 * time_s), 2.0 * np.sin(0.2 * time_s)])
     >>> gyros = np.gradient(angles, 0.1, axis=0) + 0.1 * random.standard_normal((1200, 3))
-    >>> gyros[600:, 1] += 3.0
+    >>> gyros[800:, 1] += 3.0
     >>> flown = Record(np.column_stack([gyros, angles]), channels=[*GYROS, *ATTITUDE], sample_period_s=0.1)
     >>> said = judged(Flight(blocks=blocks_of([flown]), is_driven=False))
     >>> [(each.named, each.best.kind, round(each.onset_s), round(each.size)) for each in said.found]
-    [('q', 'bias', 60, 3)]
+    [('q', 'bias', 81, 2)]
     """
     findings = findings_of(flight, is_weighted=is_weighted)
     found = doubted(findings.model, findings.found)
@@ -85,12 +85,12 @@ def _of_finding(flight: Flight, finding: Finding) -> Iterator[tuple[str, SensorS
     start_s, end_s = _span(flight, finding)
     sensors = [name for name in finding.suspects if axis_number(name) >= 0]
     axes = sorted({axis for each, _ in finding.ranked if each.is_healthy for axis in each.axes})
-    if axes:  # an excuse never clears
-        why = f"{finding.best.suspect}, {finding.best.kind}: from {finding.onset_s:.0f} to {finding.end_s:.0f} s"
-        for sensor in (*(GYROS[axis] for axis in axes), *(ATTITUDE[axis] for axis in axes)):
-            yield sensor, unjudged((start_s, end_s), why)
-    near_s = _NEAR_S[finding.best.kind in ("drift", "scale", "deadzone")]
-    for sensor in sensors:
+    excused = [*(GYROS[axis] for axis in axes), *(ATTITUDE[axis] for axis in axes)]
+    why = f"{finding.best.suspect}, {finding.best.kind}: from {finding.onset_s:.0f} to {finding.end_s:.0f} s"
+    for sensor in excused:  # an excuse never clears
+        yield sensor, unjudged((start_s, end_s), why)
+    near_s = _NEAR_S[finding.best.kind not in ("bias", "step", FROZEN, "noise")]
+    for sensor in dict.fromkeys([*sensors, *excused]):
         yield sensor, unjudged((start_s - near_s, start_s), f"something changed at about {finding.onset_s:.0f} s")
     judgement = Judgement(
         time_s=finding.end_s,
@@ -162,7 +162,8 @@ def _reasons(flight: Flight, findings: Findings, axis: int) -> list[str]:
     throughout = _beyond(findings, axis)
     if throughout:
         return [throughout] * cells
-    for mask, text in ((_unexplained(findings, axis), _LEFT), (missing, _MASKED)):
+    still = _stands_still(flight, axis)
+    for mask, text in ((_unexplained(findings, axis), _LEFT), (still, _STILL), (missing, _MASKED)):
         starts, ends = runs(mask)
         for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
             found[first:last] = [text] * (last - first)
@@ -180,6 +181,18 @@ def _beyond(findings: Findings, axis: int) -> str:
     if abs(gain) - _SURE * gain_error > _MOST_GAIN:
         return f"{GYROS[axis]} and the attitude don't turn alike throughout"
     return ""
+
+
+def _stands_still(flight: Flight, axis: int) -> BoolArray:
+    """Tell in which cells a gyro reads one value for longer than the others do."""
+    held_s = flight.blocks.held_s
+    usual_s = float(np.delete(held_s[:, : len(GYROS)], axis, axis=1).max(initial=0.0))
+    ends = np.flatnonzero(held_s[:, axis] > max(_STILL_S, _OF_USUAL * usual_s))
+    found = np.zeros(-(-len(flight) // CELL), dtype=bool)
+    for end in ends.tolist():
+        begin = max(end - int(held_s[end, axis] / flight.blocks.period_s), 0)
+        found[begin // CELL : end // CELL + 1] = True
+    return found
 
 
 def _unexplained(findings: Findings, axis: int) -> BoolArray:

@@ -14,6 +14,10 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 FORCES = ("nx", "ny", "nz")
+_LAGS_S = np.linspace(-0.4, 0.4, 17)  # of the attitude's stamps behind the gyros'; a longer lag is a wrong reading
+_BETTER = 0.02  # of the misfit without a lag: less is chance
+_LOUDEST = 0.9  # of squared differences: larger ones tell of jumps, and count as much
+_EDGE_S = 1e-6  # by which rounding puts a stamp beyond an edge
 _GAP, _FEWEST = 2.5, 3  # times the usual step; samples of a block by which it is told whether something shakes
 
 
@@ -32,7 +36,8 @@ class Samples(NamedTuple):
 def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bool = False) -> Flight:
     """Return a flight of p, q, r, phi, theta and psi, and of nx, ny and nz where they are there.
 
-    Blocks are a fifth of a second, or as long as the slowest of gyros and attitude takes for a sample.
+    Blocks are a fifth of a second, or as long as the slowest of gyros and attitude takes for a sample. An attitude that
+    is logged late is taken so much earlier.
 
     Examples
     --------
@@ -43,20 +48,17 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     >>> flight.blocks.rates[7].round(6).tolist(), flight.blocks.gyros[7].round(6).tolist()
     ([0.0, 0.0, 3.0], [0.0, 0.0, 3.0])
     """
-    own = [sensors[name] for name in (*GYROS, *ATTITUDE)]
-    period_s = float(max([BLOCK_S, *(each.step_s for each in own)]))
-    start_s = max(float(each.time_s[0]) for each in own)
-    end_s = min(float(each.time_s[-1]) for each in own)
-    count = max(int((end_s - start_s) / period_s + 1e-6), 1)
-    edges = np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
+    lag_s = attitude_lag_s(sensors)
+    late = {name: Samples(sensors[name].time_s - lag_s, sensors[name].values) for name in ATTITUDE}
+    sensors = {**sensors, **late}
+    edges = _edges(sensors)
     angles = np.column_stack([_at(sensors[name], edges) for name in ATTITUDE])
-    turned = turns_deg(angles)
-    turned[(np.abs(angles[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
+    period_s = float(edges[1] - edges[0])
     blocks = Blocks(
-        start_s=start_s,
+        start_s=float(edges[0]),
         period_s=period_s,
         gyros=np.column_stack([_means(sensors[name], edges) for name in GYROS]),
-        rates=turned / period_s,
+        rates=_rates(angles, period_s),
         euler_rates=np.diff(angles, axis=0) / period_s,
         angles=angles[:-1],
         rough=np.column_stack([_rough(sensors[name], edges) for name in GYROS]),
@@ -76,6 +78,58 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     )
 
 
+def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
+    """Return by how much the attitude's stamps are late behind the gyros': where both turn most alike.
+
+    The least of the mean squared difference over lags, its largest tenth clipped, by a parabola through three.
+
+    Examples
+    --------
+    >>> time_s = np.arange(0.0, 60.0, 0.05)
+    >>> level = {name: Samples(time_s, 0.0 * time_s) for name in (*GYROS, *ATTITUDE)}
+    >>> rolls = {"p": Samples(time_s, 5.0 * np.cos(time_s)), "phi": Samples(time_s + 0.12, 5.0 * np.sin(time_s))}
+    >>> round(attitude_lag_s({**level, **rolls}), 2)
+    0.12
+    """
+    edges = _edges(sensors)
+    gyros = np.column_stack([_means(sensors[name], edges) for name in GYROS])
+    misfits = np.array([_misfit(sensors, gyros, edges, lag_s) for lag_s in _LAGS_S])
+    if not np.isfinite(misfits).all() or not np.ptp(misfits) > 0.0:
+        return 0.0
+    best, none = int(np.argmin(misfits)), len(misfits) // 2
+    if best in (0, len(misfits) - 1) or misfits[none] - misfits[best] < _BETTER * misfits[none]:
+        return 0.0
+    before, least, behind = misfits[best - 1 : best + 2]
+    bend = before - 2.0 * least + behind
+    return float(_LAGS_S[best] + 0.5 * (before - behind) / bend * (_LAGS_S[1] - _LAGS_S[0]))
+
+
+def _misfit(sensors: Mapping[str, Samples], gyros: FloatArray, edges: FloatArray, lag_s: float) -> float:
+    angles = np.column_stack([_at(sensors[name], edges + lag_s) for name in ATTITUDE])
+    square = np.square(gyros - _rates(angles, float(edges[1] - edges[0])))
+    square = square[np.isfinite(square).all(axis=1)]
+    if not len(square):
+        return float("nan")
+    return float(np.minimum(square, np.quantile(square, _LOUDEST, axis=0)).mean(axis=0).sum())
+
+
+def _edges(sensors: Mapping[str, Samples]) -> FloatArray:
+    """Return where blocks begin and end, shape (blocks + 1,)."""
+    own = [sensors[name] for name in (*GYROS, *ATTITUDE)]
+    period_s = float(max([BLOCK_S, *(each.step_s for each in own)]))
+    start_s = max(float(each.time_s[0]) for each in own)
+    end_s = min(float(each.time_s[-1]) for each in own)
+    count = max(int((end_s - start_s) / period_s + 1e-6), 1)
+    return np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
+
+
+def _rates(angles: FloatArray, period_s: float) -> FloatArray:
+    """Return the attitude's rates between edges; NaN where it is too steep."""
+    turned = turns_deg(angles)
+    turned[(np.abs(angles[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
+    return turned / period_s
+
+
 def _in_gap(samples: Samples, edges: FloatArray) -> BoolArray:
     """Tell between which edges samples are missing, shape (blocks,)."""
     steps = np.diff(samples.time_s)
@@ -89,17 +143,22 @@ def _in_gap(samples: Samples, edges: FloatArray) -> BoolArray:
 def _at(samples: Samples, edges: FloatArray) -> FloatArray:
     """Return an angle at edges, without turns, NaN beside a gap."""
     there = np.isfinite(samples.values)
+    if np.count_nonzero(there) < 2:
+        return np.full(len(edges), np.nan)
     time_s, values = samples.time_s[there], np.unwrap(samples.values[there], period=360.0)
     found = np.interp(edges, time_s, values)
     gap = _in_gap(Samples(time_s, values), edges)
     found[:-1][gap] = np.nan
     found[1:][gap] = np.nan
+    found[(edges < time_s[0] - _EDGE_S) | (edges > time_s[-1] + _EDGE_S)] = np.nan
     return np.asarray(found)
 
 
 def _means(samples: Samples, edges: FloatArray) -> FloatArray:
     """Return means between edges of what goes straight from sample to sample."""
     there = np.isfinite(samples.values)
+    if np.count_nonzero(there) < 2:
+        return np.full(len(edges) - 1, np.nan)
     time_s, values = samples.time_s[there], samples.values[there]
     areas = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time_s))])
     before = np.clip(np.searchsorted(time_s, edges, side="right") - 1, 0, len(time_s) - 1)
@@ -107,6 +166,7 @@ def _means(samples: Samples, edges: FloatArray) -> FloatArray:
     area = areas[before] + 0.5 * (values[before] + at) * (edges - time_s[before])
     found = np.diff(area) / np.diff(edges)
     found[_in_gap(Samples(time_s, values), edges)] = np.nan
+    found[(edges[:-1] < time_s[0] - _EDGE_S) | (edges[1:] > time_s[-1] + _EDGE_S)] = np.nan
     return np.asarray(found)
 
 

@@ -27,6 +27,7 @@ _TRIES = 12  # windows
 _CALM, _STILL_CALM = 0.5, 0.7  # of the bound, where means are as restless as they are there
 _ENDS = 6.0  # nats: a fault that ends is rarer than one that stays
 _NEAR_S = 12.0  # about an onset that is dated again
+_SHAPE = 0.1  # of a size behind an estimator: it is none of three of the first order
 _MORE = 0.5  # of the bound, for each earlier finding
 
 
@@ -220,6 +221,7 @@ class Search:
         ]
         sizes = [float(size) for each in alike for size in seen.size[totals[:, each] > best - margin, each]]
         deviation = float(seen.deviation[row, place] * np.sqrt(self.tempers[place]))
+        deviation += _SHAPE * abs(float(seen.size[row, place])) * bool(own.fades_s)
         first = int(onsets[row])
         return Finding(
             first=first,

@@ -110,7 +110,8 @@ class Signatures:
             of_base = self.effects[base].turned
             turned = turned - since * (0.0 if of_base is None else of_base)
             state = state - since * self._state(base, first)
-        return np.asarray((turned - np.multiply.outer(self._faded(place, begin), state))[begin:end])
+        kept = 1.0 - self.flight.blocks.period_s / explanation.fades_s
+        return np.asarray((turned - np.multiply.outer(kept * self._faded(place, begin), state))[begin:end])
 
     def _state(self, place: int, cell: int) -> FloatArray:
         return np.asarray(self._states(np.array([place]))[cell, 0])
@@ -170,7 +171,7 @@ class Signatures:
             off[:, axis] = 1.0
             for place, fades_s in enumerate(TIMES_S):
                 kept = 1.0 - flight.blocks.period_s / fades_s
-                effect = Effect(turned=kept * off, turning=-off / fades_s)
+                effect = Effect(turned=kept * off, turning=-0.5 * (1.0 + kept) / fades_s * off)
                 answer = relation.answer(flight, effect, channel, constants)
                 if answer is not None:
                     found[:, place, axis] = answer

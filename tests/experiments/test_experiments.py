@@ -130,6 +130,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "other_sensors_in_logs",
         "slow_faults_in_logs",
         "verdict_promises",
+        "engine_on_logs",
         "odd_readings",
         "wrong_scales_in_logs",
         "lost_samples",

@@ -56,7 +56,7 @@ def explanations(flight: Flight) -> list[Explanation]:
             Explanation(
                 suspect="references" if flight.is_driven else name,
                 kind=f"scale of {name}" if flight.is_driven else "scale",
-                effect=partial(_off, angle=angle, wrong=_angle),
+                effect=partial(_scaled, angle=angle),
                 price=3.0 if flight.is_driven else 1.0,
                 low=_LOWEST,
                 high=_HIGHEST,
@@ -64,6 +64,7 @@ def explanations(flight: Flight) -> list[Explanation]:
                 shortest_s=_SHORTEST_S,
                 is_healthy=flight.is_driven,
                 axes=(angle,),
+                mirror=-1.0,
                 since=_psi if angle == _PSI else None,
                 base=f"{name} step" if angle == _PSI else "",
             ),
@@ -73,8 +74,16 @@ def explanations(flight: Flight) -> list[Explanation]:
 
 def _off(flight: Flight, *, angle: int, wrong: Callable[[Flight, int], FloatArray]) -> Effect:
     turned = flight.angle_axes[:, :, angle] * wrong(flight, angle)[:, np.newaxis]
-    turning = np.diff(turned, axis=0, prepend=turned[:1]) / flight.blocks.period_s
+    turning = np.gradient(turned, flight.blocks.period_s, axis=0)
     return Effect(turned=turned, turning=turning)
+
+
+def _scaled(flight: Flight, *, angle: int) -> Effect:
+    """Return an angle that is off by itself; it grows by the gyros' turns, or its own noise would explain itself."""
+    axis, own = flight.angle_axes[:, :, angle], flight.angles[:, angle]
+    turned = axis * own[:, np.newaxis]
+    rotating = np.gradient(axis, flight.blocks.period_s, axis=0)
+    return Effect(turned=turned, turning=rotating * own[:, np.newaxis] + axis * flight.turning[:, [angle]])
 
 
 def _one(flight: Flight, _: int) -> FloatArray:
@@ -83,10 +92,6 @@ def _one(flight: Flight, _: int) -> FloatArray:
 
 def _time(flight: Flight, _: int) -> FloatArray:
     return flight.time_s
-
-
-def _angle(flight: Flight, angle: int) -> FloatArray:
-    return flight.angles[:, angle]
 
 
 def _psi(flight: Flight) -> FloatArray:

@@ -11,7 +11,9 @@ _LOWEST, _HIGHEST, _LEAST, _SHORTEST_S = -4.0, 3.0, 0.12, 7.0  # beyond, it is a
 
 def explanations(_: Flight) -> list[Explanation]:
     """Return them for each gyro."""
-    return of_gyros("scale", wrong, low=_LOWEST, high=_HIGHEST, least=_LEAST, shortest_s=_SHORTEST_S, is_gain=True)
+    return of_gyros(
+        "scale", wrong, low=_LOWEST, high=_HIGHEST, least=_LEAST, shortest_s=_SHORTEST_S, is_gain=True, mirror=1.0
+    )
 
 
 def wrong(flight: Flight, axis: int) -> FloatArray:

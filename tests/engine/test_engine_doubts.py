@@ -1,0 +1,356 @@
+"""Rules under which a finding names nobody, one by one: each has a finding that it stops and one that it lets pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gtmbench.engine.doubts import doubted
+from gtmbench.engine.effect import Effect
+from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanations.registry import explanations_of
+from gtmbench.engine.finding import FROZEN, Finding, Side
+from gtmbench.engine.model import learnt
+from gtmbench.engine.relations.registry import relations_of
+from gtmbench.engine.sums import Signatures
+from tests.engine.engine_flights import flight_from
+from tests.helpers.turning import from_on, motion, with_error
+
+DURATION_S = 200.0
+
+
+def model_of(record):
+    flight = flight_from(record, noise=0.05)
+    return learnt(flight, relations_of(flight), Signatures(flight, explanations_of(flight)))
+
+
+@pytest.fixture(scope="module")
+def model():
+    """A healthy log of 200 s that turns about all axes throughout."""
+    return model_of(motion(DURATION_S, seed=5))
+
+
+@pytest.fixture(scope="module")
+def explanations(model):
+    return {each.name: each for each in model.explanations}
+
+
+def nothing(_):
+    return Effect()
+
+
+@pytest.fixture(scope="module")
+def finding(explanations):
+    """Return a finding of an explanation that nothing speaks against, or something in particular."""
+
+    def of(name="q bias", onset_s=60.0, end_s=DURATION_S, **rest):
+        names = (name,) if isinstance(name, str) else name
+        own = {
+            "first": int(onset_s) - 1,
+            "last": int(end_s),
+            "onset_s": onset_s,
+            "end_s": end_s,
+            "onset_range_s": (onset_s - 1.0, onset_s + 1.0),
+            "ranked": tuple((explanations[each], float(place)) for place, each in enumerate(names)),
+            "size": 2.0,
+            "interval": (1.8, 2.2),
+            "evidence": 100.0,
+            "own_axis": 90.0,
+            "shown": 95.0,
+        }
+        return Finding(**{**own, **rest})
+
+    return of
+
+
+def frozen(gyro, onset_s, end_s):
+    return Finding(
+        first=int(onset_s),
+        last=int(end_s),
+        onset_s=onset_s,
+        end_s=end_s,
+        onset_range_s=(onset_s, onset_s),
+        ranked=((Explanation(suspect=gyro, kind=FROZEN, effect=nothing), 0.0),),
+        size=1.0,
+        interval=(1.0, 1.0),
+        evidence=50.0,
+        own_axis=50.0,
+        shown=50.0,
+    )
+
+
+def alone(model, one):
+    (found,) = doubted(model, [one])
+    return found
+
+
+def names(model, *found):
+    return [each.named for each in doubted(model, found)]
+
+
+# what nothing speaks against ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["p bias", "q bias", "r bias (7 s)", "p drift", "q scale", "r noise", "q deadzone"])
+def test_a_finding_that_stays_and_shows_in_its_own_axis_names_its_sensor(model, finding, name):
+    found = alone(model, finding(name, size=0.5))
+    assert found.named == name[0]
+    assert (found.doubt, found.others) == ("", ())
+
+
+def test_nothing_found_leaves_nothing_to_doubt(model):
+    assert doubted(model, []) == ()
+
+
+def test_a_finding_that_is_left_with_two_suspects_or_a_healthy_cause_names_nobody(model, finding):
+    assert names(model, finding(("q bias", "p bias"))) == [None]
+    assert names(model, finding(("q bias", "references lean of pitch"))) == [None]
+    assert names(model, finding(("q bias", "q bias (7 s)", "q drift"))) == ["q"]
+
+
+def test_doubts_change_nothing_but_the_doubts(model, finding):
+    one = finding(("q bias", "q drift"), end_s=66.0)
+    found = alone(model, one)
+    assert found.doubt
+    assert replace(found, doubt="", others=()).__dict__ == one.__dict__
+
+
+# one fault, one finding --------------------------------------------------------------------------
+
+
+def test_findings_of_one_suspect_that_follow_each_other_are_one_faults(model, finding):
+    first, then = finding(end_s=100.0, evidence=40.0, own_axis=30.0, shown=35.0), finding("q drift", 120.0)
+    (found,) = doubted(model, [then, first])
+    assert (found.onset_s, found.end_s, found.first, found.last) == (60.0, DURATION_S, first.first, then.last)
+    assert found.best.kind == "drift"  # the strongest says what it is
+    assert found.onset_range_s == first.onset_range_s
+    assert (found.evidence, found.own_axis, found.shown) == (140.0, 120.0, 130.0)
+    assert found.named == "q"
+
+
+def test_findings_of_one_suspect_that_are_far_apart_are_two_faults(model, finding):
+    assert names(model, finding(end_s=90.0), finding(onset_s=150.0)) == ["q", "q"]
+
+
+def test_findings_of_two_suspects_that_follow_each_other_are_two_faults(model, finding):
+    assert names(model, finding(end_s=100.0), finding("p bias", 110.0)) == ["q", "p"]
+    both = finding(("q bias", "p bias"), end_s=100.0), finding("q bias", 110.0)
+    assert names(model, *both) == [None, "q"]
+
+
+def test_three_findings_in_a_row_are_one_faults(model, finding):
+    parts = [finding(onset_s=onset_s, end_s=onset_s + 30.0) for onset_s in (40.0, 90.0, 140.0)]
+    (found,) = doubted(model, parts)
+    assert (found.onset_s, found.end_s, found.evidence) == (40.0, 170.0, 300.0)
+
+
+# at once -----------------------------------------------------------------------------------------
+
+
+def test_all_gyros_at_once_are_the_attitudes_or_the_loggers(model, finding):
+    three = [finding(f"{gyro} bias", 60.0 + late) for gyro, late in (("p", 0.0), ("q", 1.0), ("r", 2.0))]
+    assert names(model, *three) == [None, None, None]
+    assert all("references" in each.others for each in doubted(model, three))
+    assert names(model, *three[:2]) == ["p", "q"]
+    three[2] = replace(three[2], onset_s=70.0)
+    assert names(model, *three) == ["p", "q", "r"]
+
+
+def test_noise_of_two_gyros_at_once_is_what_shakes_the_aircraft(model, finding):
+    assert names(model, finding("p noise"), finding("r noise", 61.0)) == [None, None]
+    assert names(model, finding("p noise"), finding("r noise", 90.0)) == ["p", "r"]
+    assert names(model, finding("p noise"), finding("r bias", 61.0)) == ["p", "r"]
+
+
+def test_a_gyro_that_stands_still_is_named_whatever_the_others_do(model, finding):
+    stuck = frozen("q", 60.0, 65.0)
+    assert names(model, stuck) == ["q"]
+    assert names(model, stuck, finding("p bias"), finding("r bias")) == ["q", "p", "r"]
+
+
+# what passes -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["q bias", "q bias (7 s)", "q scale", "q deadzone"])
+def test_what_passes_soon_may_be_the_references(model, finding, name):
+    assert alone(model, finding(name, 60.0, 80.0, size=0.5)).others == ("references",)
+    assert alone(model, finding(name, 60.0, 80.0, size=0.5)).named is None
+    assert alone(model, finding(name, 60.0, 90.0, size=0.5)).named == "q"  # it lasts
+    assert alone(model, finding(name, 165.0, 185.0, size=0.5)).named == "q"  # the log ends soon after
+
+
+def test_noise_may_pass(model, finding):
+    assert alone(model, finding("q noise", 60.0, 80.0)).named == "q"
+
+
+def test_what_grows_does_not_end_at_once(model, finding):
+    assert alone(model, finding("q drift", 60.0, 120.0)).named is None
+    assert alone(model, finding("q bias", 60.0, 120.0)).named == "q"
+    assert alone(model, finding("q drift", 60.0, DURATION_S)).named == "q"
+
+
+def test_what_was_over_soon_after_the_log_began_may_be_the_references(model, finding):
+    assert alone(model, finding(onset_s=20.0, side=Side.BEFORE)).named is None
+    assert alone(model, finding(onset_s=20.0, side=Side.AFTER)).named == "q"
+    assert alone(model, finding(onset_s=50.0, side=Side.BEFORE)).named == "q"
+
+
+def test_what_passes_is_told_on_the_logs_own_clock(finding):
+    own = model_of(motion(DURATION_S, seed=5, start_s=1000.0))
+    shifted = {"onset_s": 1020.0, "end_s": 1200.0, "first": 19, "last": 200}
+    assert alone(own, finding(**shifted, side=Side.BEFORE)).named is None
+    assert alone(own, finding(**{**shifted, "onset_s": 1060.0, "end_s": 1080.0, "first": 59, "last": 80})).named is None
+    assert alone(own, finding(**{**shifted, "onset_s": 1060.0, "first": 59})).named == "q"
+
+
+# what is cancelled -------------------------------------------------------------------------------
+
+
+def test_a_healthy_cause_as_strong_on_the_same_axis_cancels(model, finding):
+    leans = finding("references lean of pitch", 70.0, evidence=60.0)
+    found = {each.best.suspect: each for each in doubted(model, [finding("q bias"), leans])}
+    assert found["q"].others == ("references",)
+    assert found["q"].named is None
+    assert found["references"].doubt == ""
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"name": "references lean of bank", "onset_s": 70.0},  # of another axis
+        {"name": "references lean of pitch", "onset_s": 70.0, "evidence": 20.0},  # weaker
+        {"name": "references lean of pitch", "onset_s": 150.0},  # elsewhere
+        {"name": ("references lean of pitch", "q drift"), "onset_s": 70.0},  # perhaps no healthy one
+    ],
+)
+def test_a_healthy_cause_of_another_axis_or_time_or_a_weaker_one_does_not_cancel(model, finding, other):
+    found = doubted(model, [finding("q bias"), finding(other.pop("name"), **other)])
+    assert next(each for each in found if each.best.kind == "bias").named == "q"
+
+
+# what an accusation needs ------------------------------------------------------------------------
+
+
+def test_what_lasts_for_seconds_only_names_nobody(model, finding):
+    short = alone(model, finding("q noise", 60.0, 66.0))
+    assert short.named is None
+    assert "6 s" in short.doubt
+    assert alone(model, finding("q noise", 60.0, 72.0)).named == "q"
+
+
+def test_a_factor_is_not_judged_of_a_gyro_that_is_sampled_once_a_block(model, finding):
+    seldom = replace(model, flight=replace(model.flight, gyro_step_s=0.15))
+    for name in ("q scale", "q deadzone"):
+        assert alone(model, finding(name, size=0.5)).named == "q"
+        assert "0.15 s" in alone(seldom, finding(name, size=0.5)).doubt
+    assert alone(seldom, finding("q bias")).named == "q"
+
+
+def test_a_gain_of_one_to_one_is_a_gyros_own_noise(model, finding):
+    for size in (0.9, 1.0, 1.15):
+        found = alone(model, finding("q scale", size=size))
+        assert found.named is None
+        assert "no one motion" in found.doubt
+    for size in (0.5, 2.0, -0.7):
+        assert alone(model, finding("q scale", size=size)).named == "q"
+    assert alone(model, finding("q bias", size=1.0)).named == "q"
+
+
+def test_a_gyro_that_has_nothing_to_do_with_the_attitude_explains_itself_whatever_the_gain(finding):
+    record = motion(DURATION_S, seed=5)
+    own = np.convolve(np.random.default_rng(3).standard_normal(len(record)), np.ones(20), "same") * 3.0
+    apart = model_of(record.replace("q", own))
+    assert "no one motion" in alone(apart, finding("q scale", size=0.4)).doubt
+    assert alone(apart, finding("p scale", size=0.4)).named == "p"
+
+
+def test_the_broken_axis_itself_has_to_show_it(model, finding):
+    assert alone(model, finding(own_axis=8.0, shown=60.0)).named is None
+    assert alone(model, finding(own_axis=20.0, shown=60.0)).named == "q"
+    assert alone(model, finding(own_axis=20.0, shown=400.0)).named is None  # a twentieth of all
+    assert "own axis" in alone(model, finding(own_axis=8.0)).doubt
+    assert alone(model, finding("q noise", own_axis=0.0)).named == "q"  # roughness has no say between gyro and attitude
+
+
+@pytest.fixture(scope="module")
+def stormy():
+    """A log that moves ten times as much in its last 50 s."""
+    record = motion(DURATION_S, seed=5, large_deg=(2.0, 1.5, 4.0))
+    loud = motion(DURATION_S, seed=5, large_deg=(20.0, 15.0, 40.0))
+    late = record.time_s > 150.0
+    for name in record.channels:
+        record = record.replace(name, np.where(late, loud[name], record[name]))
+    return model_of(record)
+
+
+def test_nothing_is_judged_in_motion_that_the_rest_of_the_log_has_not_seen(stormy, finding):
+    found = alone(stormy, finding(onset_s=150.0))
+    assert found.named is None
+    assert "moves more" in found.doubt
+    assert alone(stormy, finding(onset_s=60.0, end_s=120.0)).named == "q"
+    assert alone(stormy, finding(onset_s=60.0)).named == "q"  # mostly as calm as before
+
+
+def test_both_sides_are_asked_where_either_may_be_the_broken_one(stormy, finding):
+    calm = {"onset_s": 30.0, "end_s": 150.0}
+    assert alone(stormy, finding(**calm, side=Side.AFTER)).named == "q"
+    rest = {"onset_s": 2.0, "end_s": 150.0}  # without it only the storm is left
+    assert alone(stormy, finding(**rest, side=Side.AFTER)).named == "q"
+    assert "moves more" in alone(stormy, finding(**rest, side=Side.OPEN)).doubt
+
+
+def test_a_finding_in_which_nothing_is_known_names_nobody(finding):
+    record = motion(DURATION_S, seed=5)
+    blank = model_of(record.replace("phi", np.where(record.time_s > 150.0, np.nan, record["phi"])))
+    assert alone(blank, finding(onset_s=155.0)).named is None
+    assert alone(blank, finding(onset_s=60.0)).named == "q"
+
+
+def test_no_other_axis_is_judged_while_a_gyro_bends_the_attitude_far(model, finding):
+    """A bias of 6 deg/s through an estimator of 7 s ends up 42 deg off."""
+    bends = finding("p bias (7 s)", 40.0, size=6.0)
+    found = {each.best.suspect: each for each in doubted(model, [bends, finding("q bias", 80.0)])}
+    assert found["p"].named == "p"
+    assert found["q"].named is None
+    assert "bends the attitude by 4" in found["q"].doubt
+
+
+@pytest.mark.parametrize(
+    ("bends", "other"),
+    [
+        (("p bias (7 s)", {"size": 1.0}), ("q bias", 80.0)),  # by 7 deg
+        (("p bias (7 s)", {"size": 6.0, "end_s": 70.0}), ("q bias", 80.0)),  # before
+        (("p bias", {"size": 6.0}), ("q bias", 80.0)),  # no estimator follows
+    ],
+)
+def test_another_axis_is_judged_beside_a_gyro_that_bends_the_attitude_a_bit_or_earlier(model, finding, bends, other):
+    name, rest = bends
+    found = {each.best.suspect: each for each in doubted(model, [finding(name, 40.0, **rest), finding(*other)])}
+    assert found["q"].named == "q"
+
+
+def test_the_same_axis_is_judged_though_its_gyro_bends_the_attitude(model, finding):
+    bends = finding("r bias (7 s)", 40.0, size=6.0)
+    found = {each.best.suspect: each for each in doubted(model, [bends, finding("psi drift", 80.0)])}
+    assert found["psi"].named == "psi"
+    assert alone(model, bends).named == "r"
+
+
+# healthy causes ----------------------------------------------------------------------------------
+
+
+def test_a_healthy_cause_is_not_doubted_and_names_nobody(model, finding):
+    for onset_s, end_s in ((60.0, 66.0), (60.0, DURATION_S)):
+        found = alone(model, finding("references lean of pitch", onset_s, end_s, own_axis=0.0))
+        assert (found.named, found.doubt, found.is_healthy) == (None, "", True)
+
+
+def test_reasons_are_told_one_after_another(model, finding):
+    found = alone(model, finding("q noise", 60.0, 66.0))
+    both = alone(model, finding("q bias", 60.0, 66.0, own_axis=1.0))
+    assert len(both.doubt.split("; ")) > len(found.doubt.split("; ")) == 1
+
+
+def test_a_real_bias_is_found_without_a_doubt_by_its_own_model(finding):
+    own = model_of(with_error(motion(DURATION_S, seed=5), "q", from_on(60.0, 3.0)))
+    assert alone(own, finding(size=3.0)).named == "q"
