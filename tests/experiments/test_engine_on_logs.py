@@ -58,14 +58,14 @@ def test_a_log_has_a_row_and_a_fault_has_one(quick):
     assert (faults["right"] == (faults["said"] == study.RIGHT)).all()
 
 
-def test_groups_are_halved_and_not_files():
-    names = ["a__1.bin", "b__1.bin", "a__2.bin", "c__1.bin", "b__2.bin"]
-    logs = [*map(log, names), log("flight.csv", "d"), log("other.csv", "d")]
+def test_groups_are_halved_and_not_files_and_each_by_itself():
+    logs = [log(f"{group}__{number}.bin") for number in (1, 2) for group in "abcdefgh"]
     even, odd = (study.halved(logs, half) for half in ("even", "odd"))
-    assert [each.path.name for each in even] == ["a__1.bin", "a__2.bin", "c__1.bin"]
-    assert {each.group for each in odd} == {"b", "d"}
-    assert study.halved(logs, "all") == logs
+    assert not {each.group for each in even} & {each.group for each in odd}
+    assert min(len(even), len(odd)) >= 4
     assert len(even) + len(odd) == len(logs)
+    assert study.halved(logs, "all") == logs
+    assert study.halved(logs[1:], "even") == [each for each in even if each is not logs[0]]
 
 
 @pytest.mark.parametrize(
