@@ -19,7 +19,6 @@ import time
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,6 +41,7 @@ from gtmbench.study.log.origin import origin_in_logs
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import runs
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out
+from recorded.whole import broken_record
 from studies.conduct import Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
@@ -249,17 +249,8 @@ def drawn(log: Log, records: Sequence[gb.Record]) -> Iterator[Put]:
 
 
 def broken(record: gb.Record, put: Put) -> gb.Record:
-    """Return a stretch with a fault from its onset on; a drift has gone on before a later stretch."""
-    faults = [put.fault()]
-    if record.end_s < put.onset_s:
-        return record
-    if record.start_s > put.onset_s:
-        faults = [replace(faults[0], onset_s=record.start_s)]
-        if put.calls == DRIFT:
-            reached = put.size * (record.start_s - put.onset_s)
-            faults.append(gb.Bias(channel=put.gyro, onset_s=record.start_s, size=reached))
-    changed, estimator = gb.inject(record, faults), FOLLOWS[put.attitude]
-    return changed if estimator is None else estimator.bent(record, changed)
+    """Return a stretch with a fault from its onset on."""
+    return broken_record(record, put.fault(), FOLLOWS[put.attitude])
 
 
 def timeline_of(said: Judged) -> Timeline:

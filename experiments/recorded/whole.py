@@ -220,7 +220,7 @@ def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | N
 
     The estimator goes on over gaps as if nothing had moved. Of several IMUs the one that is watched breaks.
     """
-    changed = replace(log.log, segments=tuple(_broken(record, fault, estimator) for record in log.log.segments))
+    changed = replace(log.log, segments=tuple(broken_record(record, fault, estimator) for record in log.log.segments))
     motion = changed if log.own.motion is log.log else None
     watched = watched_imu(log.log, log.log.imus)
     imus = log.imus
@@ -231,7 +231,8 @@ def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | N
     return replace(log, own=OpenedLog(log=changed, motion=motion), imus=imus)
 
 
-def _broken(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:
+def broken_record(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:
+    """Return a stretch with a fault from its onset on, put through an estimator if one is given."""
     if record.end_s < fault.onset_s:
         return record
     broken = gb.inject(record, _from(fault, record.start_s))
@@ -252,7 +253,7 @@ def _with_broken_imu(
         sample_period_s=record.sample_period_s,
         start_s=record.start_s,
     )
-    broken = _broken(alone, fault, estimator)
+    broken = broken_record(alone, fault, estimator)
     for name in broken.channels:
         record = record.replace(own.get(name, name), broken[name])
     return record

@@ -99,14 +99,12 @@ def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArr
     """Return what the blocks of a record hold; it has a row more than they."""
     gyros, angles = record.matrix(GYROS), record.matrix(ATTITUDE)
     edges = angles[::rows]
-    turn = turns_deg(edges)
-    turn[(np.abs(edges[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
     second = np.full(gyros.shape, np.nan)
     second[1:-1] = np.square(gyros[2:] - 2.0 * gyros[1:-1] + gyros[:-2])
     second[0], second[-1] = second[1], second[-2]
     return {
         "gyros": _means(gyros, rows),
-        "rates": turn / period_s,
+        "rates": rates_deg_s(edges, period_s),
         "euler_rates": np.diff(edges, axis=0) / period_s,
         "angles": edges[:-1],
         "rough": second[:-1].reshape(-1, rows, 3).mean(axis=1),
@@ -120,7 +118,14 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(between.reshape(-1, rows, values.shape[1]).mean(axis=1))
 
 
-def turns_deg(angles: FloatArray) -> FloatArray:
+def rates_deg_s(angles: FloatArray, period_s: float) -> FloatArray:
+    """Return the body rates between attitudes a period apart, shape (rows - 1, 3); NaN where it is too steep."""
+    turned = _turns_deg(angles)
+    turned[(np.abs(angles[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
+    return turned / period_s
+
+
+def _turns_deg(angles: FloatArray) -> FloatArray:
     """Return the rotation vectors, in body axes, from each attitude to the next, shape (rows - 1, 3)."""
     matrices = np.moveaxis(to_earth(np.radians(angles).T), -1, 0)
     step = np.einsum("kji,kjl->kil", matrices[:-1], matrices[1:])

@@ -10,7 +10,7 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CHUNK_S = 4.0  # over which a mean may wander by itself
 _SHARES = (1.0, 0.5, 0.25, 0.12)  # of the chunks, to begin from: one of these stretches is healthy
-_ROUNDS = 6
+_ROUNDS = 6  # of reweighting
 _FLOOR, _LEAST = 0.1, 1e-4  # of the usual misfit: chunks that fit better count no more
 _BEGINNING = 0.05  # of the mean square without constants: the noise that is assumed at first
 _FEWEST = 3  # rows of a chunk that counts

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.engine.evidence import MIRROR, axis_number
-from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.finding import REFERENCES, Finding, Side
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.model import Model
 from gtmbench.engine.sides import constants_of_gyro
@@ -18,16 +18,15 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
 _SEEN_S, _OUTSIDE, _AS_LIVELY = 10.0, 0.5, 0.5  # of motion elsewhere; of what lies outside; of the usual there
-_LIVELY_S = 3.0
+_LIVELY_S = 3.0  # over which it is told how an axis turns
 _JOINED_S = 40.0  # findings of the same suspects that follow each other are one fault's
-_AT_ONCE_S = 3.0
+_AT_ONCE_S = 3.0  # as well as three onsets are dated
 _SHORTEST_S = 10.0  # what lasts no longer is a contact's or a gust's, and no gyro's
 _PASSES_S, _LEFT_S = 25.0, 20.0  # what passes so soon may be references'; unless the log ends soon after
 _OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it folds back
 _PASSING = ("bias", "drift", "scale", "deadzone")  # a gyro that fails seldom heals
 _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
-REFERENCES = "references"
 
 
 def doubted(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:

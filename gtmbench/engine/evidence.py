@@ -28,7 +28,7 @@ MIRROR = 1.0 / 3.0  # about a gain of one to one, a factor above 3: a gyro's own
 _PARTS, _FEWEST_PARTS = 8, 4  # of a window: what is left without the best of them counts
 _WEAK = 6.0  # nats: what shows less isn't looked at by parts
 _MOST_DEVIATIONS = 3.0  # of a constant's prior
-_ROUNDS = 3
+_ROUNDS = 3  # of a size and the noise beside it
 _NOTHING = 1e-9  # of information: less is rounding
 
 
@@ -204,21 +204,39 @@ def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
     return found
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outside:
+    """What all outside of windows says of an equation's constants, less those that were learnt.
+
+    Attributes
+    ----------
+    shift : shape (windows, regressors)
+    precision : shape (windows, regressors, regressors)
+        How well they are known inside of a window, where they may differ a bit.
+    """
+
+    shift: FloatArray
+    precision: FloatArray
+
+
+def outside(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> Outside:
+    """Return what all outside of cells [onset, last) says of an equation's constants."""
+    prior, floor, centre = _beliefs(model, sums)
+    zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
+    known = sums.known(zero, onset) + sums.known(last, end)
+    spread = np.linalg.inv(known[:, 1:, 1:] + np.diag(prior))
+    shift = np.einsum("wij,wj->wi", spread, known[:, 1:, 0] - prior * centre)
+    return Outside(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
+
+
 def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
     """Return an equation over windows, its constants by what is outside."""
     own = sums.products
-    prior, floor, centre = beliefs(model, sums)
     begin = np.minimum(onset + 1, last)  # a cell is what a filter forgets: an onset within it would cost thousands
     inside = sums.window(onset, begin, last)
-    zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
-    outside = sums.known(zero, onset) + sums.known(last, end)
-    aim = outside[:, 1:, 0] - prior * centre
-    spread = np.linalg.inv(outside[:, 1:, 1:] + np.diag(prior))
-    shift = np.einsum("wij,wj->wi", spread, aim)
-    without = sums.known(zero[:1], end[:1])
-    precision = np.linalg.inv(spread + np.diag(floor**2))
-    errors, products, cross = _shifted(inside, shift)
-    gain = np.linalg.inv(inside.squares + precision)
+    rest = outside(model, sums, onset, last)
+    errors, products, cross = _shifted(inside, rest.shift)
+    gain = np.linalg.inv(inside.squares + rest.precision)
     mixed_gain = np.einsum("wsi,wij->wsj", inside.mixed, gain)
     power = inside.power - np.einsum("wsj,wsj->ws", mixed_gain, inside.mixed)
     return _Seen(
@@ -226,28 +244,28 @@ def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
         cross=_spread_out(cross - np.einsum("wsj,wj->ws", mixed_gain, products), own, model),
         power=_spread_out(np.maximum(power, 0.0), own, model),
         counts=inside.counts,
-        constants=shift + np.einsum("wij,wj->wi", gain, products),
+        constants=rest.shift + np.einsum("wij,wj->wi", gain, products),
         absorbed=mixed_gain,
-        whole=_whole(model, own, inside, without[0], prior, centre),
+        whole=_whole(model, sums, inside),
     )
 
 
-def _whole(
-    model: Model, own: Products, inside: Window, sums: FloatArray, prior: FloatArray, centre: FloatArray
-) -> _Whole:
-    aim = sums[1:, 0] - prior * centre
-    spread = np.linalg.inv(sums[1:, 1:] + np.diag(prior))
+def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
+    own, (prior, _, centre) = sums.products, _beliefs(model, sums)
+    known = sums.known(np.zeros(1, dtype=np.int64), np.array([sums.cells]))[0]
+    aim = known[1:, 0] - prior * centre
+    spread = np.linalg.inv(known[1:, 1:] + np.diag(prior))
     absorbed = inside.mixed @ spread
     power = inside.power - np.einsum("wsi,wsi->ws", absorbed, inside.mixed)
     return _Whole(
-        misfit=max(float(sums[0, 0] + prior @ centre**2 - aim @ spread @ aim), 0.0),
+        misfit=max(float(known[0, 0] + prior @ centre**2 - aim @ spread @ aim), 0.0),
         blocks=float(own.counts.sum()),
         cross=_spread_out(inside.cross - absorbed @ aim, own, model),
         power=_spread_out(np.maximum(power, 0.0), own, model),
     )
 
 
-def beliefs(model: Model, sums: Sums) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _beliefs(model: Model, sums: Sums) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the precisions of constants a priori, by how much they may differ within a log, and what was learnt."""
     equation = sums.products.equation
     more = unsure(model.explained, equation)

@@ -126,6 +126,11 @@ def _of_gyro(
     return Effect(gyros=gyros, gains=gains, turned=turned, turning=turning)
 
 
+def kept_a_block(flight: Flight, fades_s: float) -> float:
+    """Return how much of what it was off by an attitude still is a block later."""
+    return 1.0 - flight.blocks.period_s / fades_s
+
+
 def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatArray, FloatArray]:
     """Return how far an estimator's attitude is off that wrong rates drive, behind each block, and how fast it turns.
 
@@ -140,6 +145,6 @@ def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatAr
     step = flight.blocks.period_s
     driven = np.einsum("nij,nj->ni", flight.matrices, wrong)
     before = np.zeros_like(driven)
-    turned = lfilter([step], [1.0, -(1.0 - step / fades_s)], driven, axis=0)
+    turned = lfilter([step], [1.0, -kept_a_block(flight, fades_s)], driven, axis=0)
     before[1:] = turned[:-1]
     return turned, driven - 0.5 * (before + turned) / fades_s  # amid each block

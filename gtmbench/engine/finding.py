@@ -8,7 +8,8 @@ from enum import StrEnum
 from gtmbench.engine.explanation import Explanation
 from gtmbench.values.record import Span
 
-FROZEN = "stuck"
+FROZEN, REFERENCES = "stuck", "references"
+DECISIVE = 4.6  # nats: odds of 100 to 1
 
 
 class Side(StrEnum):
@@ -80,7 +81,7 @@ class Finding:
     @property
     def is_healthy(self) -> bool:
         """Whether a cause that is no failure is among those that are left."""
-        return any(each.is_healthy for each, _ in self.ranked) or "references" in self.others
+        return any(each.is_healthy for each, _ in self.ranked) or REFERENCES in self.others
 
     @property
     def named(self) -> str | None:

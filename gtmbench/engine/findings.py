@@ -16,7 +16,7 @@ from gtmbench.engine.frozen import frozen_gyros
 from gtmbench.engine.model import Explained, Key, Model, learnt
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Search
+from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, Search
 from gtmbench.engine.sides import side_of
 from gtmbench.engine.sums import CELL, Signatures
 from gtmbench.values.record import FloatArray, IntArray
@@ -62,11 +62,22 @@ class _Bench:
         self.flight, self.is_weighted = flight, is_weighted
         self.relations: tuple[Relation, ...] = relations_of(flight)
         self.signatures = Signatures(flight, explanations_of(flight))
+        self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
 
-    def without(self, found: Sequence[Finding]) -> Model:
-        """Return the model with some findings taken away."""
-        if not found and "whole" in self.__dict__:
+    def without(self, found: Sequence[Finding]) -> Scan:
+        """Return the model with some findings taken away, all its windows looked at once."""
+        if not found:
             return self.whole
+        if tuple(found) != self._last[0]:
+            self._last = (tuple(found), Scan(model=self._model(found)))
+        return self._last[1]
+
+    @cached_property
+    def whole(self) -> Scan:
+        """The model with nothing taken away."""
+        return Scan(model=self._model(()))
+
+    def _model(self, found: Sequence[Finding]) -> Model:
         frozen = [(each.best.suspect, each.first * CELL, each.last * CELL) for each in found if each.is_frozen]
         return learnt(
             self.flight,
@@ -95,13 +106,8 @@ class _Bench:
     @cached_property
     def _constants(self) -> dict[Key, FloatArray]:
         """Constants of the whole log, nothing taken away."""
-        equations = [each.equation for each in self.whole.products]
+        equations = [each.equation for each in self.whole.model.products]
         return {(each.relation.name, each.channel): each.constants for each in equations}
-
-    @cached_property
-    def whole(self) -> Model:
-        """The model with nothing taken away."""
-        return self.without([])
 
 
 def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
@@ -115,26 +121,24 @@ def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
     """
     bench = _Bench(flight, is_weighted=is_weighted)
     one = np.ones(len(bench.signatures.explanations))
-    found, _ = list(frozen_gyros(flight)), bench.whole
+    found = list(frozen_gyros(flight))
     for _ in range(_MOST):
-        strongest = Search(model=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
+        strongest = Search(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
         if strongest is None:
             break
         found.append(strongest)
     tempers = one
     for _ in range(_ROUNDS):
-        tempers = _tempers(Search(model=bench.without(found), tempers=one), found)
+        tempers = _tempers(bench.without(found), found)
         kept = _each_again(bench, found, tempers)
         is_settled = len(kept) == len(found)
         found = kept
         if is_settled:
             break
-    search = Search(model=bench.without(found), tempers=tempers)
-    sided = [replace(each, side=side_of(search.model, each)) for each in found]
+    scan = bench.without(found)
+    sided = [replace(each, side=side_of(scan.model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(
-        model=search.model, found=tuple(in_time), tempers=tempers, windows=search.windows, odd=search.left[1]
-    )
+    return Findings(model=scan.model, found=tuple(in_time), tempers=tempers, windows=scan.windows, odd=scan.left[1])
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:
@@ -149,15 +153,14 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
             continue
         place = kept.index(finding)
         others = (*kept[:place], *kept[place + 1 :])
-        again = Search(model=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+        again = Search(scan=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
         kept[place : place + 1] = [] if again is None else [again]
     return kept
 
 
-def _tempers(search: Search, found: Sequence[Finding]) -> FloatArray:
+def _tempers(scan: Scan, found: Sequence[Finding]) -> FloatArray:
     """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
-    seen = search.seen
-    left = search.left[0].copy()
+    seen, left = scan.seen, scan.left[0].copy()
     for each in found:
         if not each.is_frozen:
             meets = np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset)

@@ -163,7 +163,21 @@ class Flight:
 
     def _trailing(self, values: FloatArray) -> FloatArray:
         """Return trailing means over some seconds."""
-        sums = np.concatenate([[0.0], np.cumsum(values)])
-        ends = np.arange(1, len(values) + 1)
-        starts = np.maximum(ends - self._lively_blocks, 0)
-        return np.asarray(np.maximum(sums[ends] - sums[starts], 0.0) / (ends - starts))
+        return trailing_means(values, self._lively_blocks)
+
+
+def trailing_means(values: FloatArray, count: int) -> FloatArray:
+    """Return means of up to so many rows that end with each, none below zero, of those that are known; else NaN.
+
+    >>> trailing_means(np.array([1.0, 3.0, np.nan, 5.0]), 2).tolist()
+    [1.0, 2.0, 3.0, 5.0]
+    """
+    there = np.isfinite(values)
+    none = np.zeros((1, *values.shape[1:]))
+    sums = np.concatenate([none, np.cumsum(np.where(there, values, 0.0), axis=0)])
+    numbers = np.concatenate([none, np.cumsum(there, axis=0)])
+    ends = np.arange(1, len(values) + 1)
+    starts = np.maximum(ends - count, 0)
+    known = numbers[ends] - numbers[starts]
+    mean = np.maximum(sums[ends] - sums[starts], 0.0) / np.maximum(known, 1.0)
+    return np.where(known > 0, mean, np.nan)

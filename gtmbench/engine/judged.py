@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.engine.constants import by_chunks
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import FROZEN, Finding, Side
@@ -157,8 +158,7 @@ def _reasons(flight: Flight, findings: Findings, axis: int) -> list[str]:
     cells = findings.model.cells
     found = [""] * cells
     there = np.isfinite(flight.blocks.gyros[:, axis]) & flight.judged
-    padded = np.concatenate([there, np.zeros(cells * CELL - len(there), dtype=bool)])
-    missing = padded.reshape(cells, CELL).mean(axis=1) < _KNOWN
+    missing = by_chunks(there.astype(float), CELL).mean(axis=1) < _KNOWN
     throughout = _beyond(findings, axis)
     if throughout:
         return [throughout] * cells

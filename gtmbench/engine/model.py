@@ -8,11 +8,12 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.constants import by_chunks
 from gtmbench.engine.equation import Equation, learn
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Relation
-from gtmbench.engine.sums import CELL, Products, Signatures, Sums, products_of
+from gtmbench.engine.sums import CELL, Products, Signatures, Sums, products_of, running
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
@@ -86,9 +87,7 @@ class Model:
         there = np.asarray(np.isfinite(rates).all(axis=1))
         rates = np.where(there[:, np.newaxis], rates, 0.0)
         each = np.stack([rates, rates**2, np.repeat(there[:, np.newaxis].astype(float), 3, axis=1)], axis=1)
-        padded = np.concatenate([each, np.zeros((self.cells * CELL - len(each), 3, 3))])
-        sums = padded.reshape(self.cells, CELL, 3, 3).sum(axis=1)
-        return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(sums, axis=0)])
+        return running(by_chunks(each, CELL).sum(axis=1))
 
     def turns_deg_s(self, first: IntArray, last: IntArray) -> FloatArray:
         """Return the standard deviation of the attitude's rate about each axis, over cells, shape (windows, 3)."""
@@ -169,7 +168,7 @@ def _left_out(
         return None
     found = np.zeros(len(flight), dtype=bool)
     for gyro, first, last in frozen:
-        enters = relation.name in ("attitude", "roughness") or relation.channels[channel] == gyro
+        enters = relation.is_shared or relation.channels[channel] == gyro
         if enters and relation.channels[channel] in GYROS:
             found[first:last] = True
     return found

@@ -6,19 +6,20 @@ from math import lgamma
 
 import numpy as np
 
-from gtmbench.values.record import BoolArray, FloatArray, IntArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 ORDER = 5  # of the autoregression; as many blocks as a second has, and half or twice as many change little
 _BINS, _FEWEST = 6, 60  # of liveliness; blocks of one
 _CLIPPED = 5.0  # deviations: what is beyond is no noise
 _RIDGE = 1e-2  # of the autocorrelation, or a tone makes the filter ring
 _OF_NORMAL = 1.4826  # a deviation over the median of absolute values
+# known blocks; tails as heavy as gusts make; the most by which a level differs, in its logarithm
 _SURFACE_FROM, _SURFACE_NU, _SURFACE_MOST = 120, 4.0, 1.5
-_SURFACE_RIDGE = np.diag([5e-3, 5.0, 5.0, 20.0, 20.0, 20.0])
+_SURFACE_RIDGE = np.diag([5e-3, 5.0, 5.0, 20.0, 20.0, 20.0])  # a surface that is told by few blocks stays flat
 _LAGS, _QUANTILE = (1, 2, 4, 8), 0.6  # chunks; of squared differences: the edges of a fault part few pairs
 _OF_CHI = 0.708  # that quantile of chi-square with one degree of freedom
-_FEWEST_PAIRS, _PAIRS_A_LAG = 6, 10
-_NUS, _STUDENT_FROM = (4.0, 6.0, 10.0, 20.0, 1e3), 200
+_FEWEST_PAIRS, _PAIRS_A_LAG = 6, 10  # of chunks; chunks of a log for each chunk of a lag, or a step is wander
+_NUS, _STUDENT_FROM = (4.0, 6.0, 10.0, 20.0, 1e3), 200  # from heavy tails to none; blocks that can tell them apart
 _LOCAL, _MOST_WEIGHT, _LEAST_POWER = 25, 3.0, 0.3  # blocks of a running median; uncapped weights accuse
 
 
@@ -159,8 +160,3 @@ def _student(power: FloatArray, nu: float) -> tuple[float, float, float]:
     tail = float(np.sum(0.5 * (nu + 1.0) * np.log1p(power / (nu * scale))))
     peak = 0.5 * np.log(scale) + lgamma(0.5 * nu) - lgamma(0.5 * (nu + 1.0)) + 0.5 * np.log(nu)
     return nu, scale, tail + len(power) * float(peak)
-
-
-def chunk_edges(rows: int, per_chunk: int) -> IntArray:
-    """Return where chunks begin."""
-    return np.arange(0, rows, per_chunk)

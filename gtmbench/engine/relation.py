@@ -40,6 +40,8 @@ class Relation:
         are made of the attitude; None for nothing.
     regime : shape (blocks, channels), or None
         What its noise depends on beside the liveliness of the motion.
+    is_shared : bool
+        Whether every gyro enters each of its equations.
     is_witness : bool
         Whether it has no say in a fault's size, and at most half of the evidence.
     is_heavy_tailed : bool
@@ -57,6 +59,7 @@ class Relation:
     response: Response = field(repr=False)
     shift: Response | None = field(default=None, repr=False)
     regime: FloatArray | None = field(default=None, repr=False)
+    is_shared: bool = False
     is_witness: bool = False
     is_heavy_tailed: bool = False
 

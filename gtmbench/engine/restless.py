@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.engine.evidence import beliefs
+from gtmbench.engine.evidence import outside
 from gtmbench.engine.model import Model
 from gtmbench.engine.sums import Sums
 from gtmbench.values.record import FloatArray
@@ -79,17 +79,14 @@ def _wander(sums: Sums, model: Model, place: Place) -> float:
         return float("nan")
     onset, last = np.array([place.onset]), np.array([place.last])
     inside = sums.window(onset, np.array([begin]), last)
-    prior, floor, centre = beliefs(model, sums)
-    zero = np.zeros(1, dtype=np.int64)
-    outside = sums.known(zero, onset) + sums.known(last, np.array([sums.cells]))
-    spread = np.linalg.inv(outside[0, 1:, 1:] + np.diag(prior))
-    shift = spread @ (outside[0, 1:, 0] - prior * centre)
+    rest = outside(model, sums, onset, last)
+    shift = rest.shift[0]
     known = 1 + own.regressors
     at = np.flatnonzero(columns.own == place.explanation)
     signature = sums.signature_means(place.onset, edges, int(at[0])) if len(at) else np.zeros(len(edges) - 1)
     mixed = inside.mixed[0, at[0]] if len(at) else np.zeros(own.regressors)
     squares = inside.squares[0]
-    gain = np.linalg.inv(squares + np.linalg.inv(spread + np.diag(floor**2)))
+    gain = np.linalg.inv(squares + rest.precision[0])
     constants = shift + gain @ (inside.products[0] - squares @ shift - place.size * mixed)
     own_precision = precisions + max(own.equation.wander, 1e-6) ** -2.0
     left = (means[:, 0] - means[:, 1:known] @ constants - place.size * signature) / own_precision

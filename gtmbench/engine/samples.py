@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.engine.blocks import BLOCK_S, Blocks, held_for_s, turns_deg
+from gtmbench.engine.blocks import BLOCK_S, Blocks, held_for_s, rates_deg_s
 from gtmbench.engine.flight import Flight
-from gtmbench.values.attitude import STEEPEST_DEG
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
@@ -58,7 +57,7 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
         start_s=float(edges[0]),
         period_s=period_s,
         gyros=np.column_stack([_means(sensors[name], edges) for name in GYROS]),
-        rates=_rates(angles, period_s),
+        rates=rates_deg_s(angles, period_s),
         euler_rates=np.diff(angles, axis=0) / period_s,
         angles=angles[:-1],
         rough=np.column_stack([_rough(sensors[name], edges) for name in GYROS]),
@@ -106,7 +105,7 @@ def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
 
 def _misfit(sensors: Mapping[str, Samples], gyros: FloatArray, edges: FloatArray, lag_s: float) -> float:
     angles = np.column_stack([_at(sensors[name], edges + lag_s) for name in ATTITUDE])
-    square = np.square(gyros - _rates(angles, float(edges[1] - edges[0])))
+    square = np.square(gyros - rates_deg_s(angles, float(edges[1] - edges[0])))
     square = square[np.isfinite(square).all(axis=1)]
     if not len(square):
         return float("nan")
@@ -121,13 +120,6 @@ def _edges(sensors: Mapping[str, Samples]) -> FloatArray:
     end_s = min(float(each.time_s[-1]) for each in own)
     count = max(int((end_s - start_s) / period_s + 1e-6), 1)
     return np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
-
-
-def _rates(angles: FloatArray, period_s: float) -> FloatArray:
-    """Return the attitude's rates between edges; NaN where it is too steep."""
-    turned = turns_deg(angles)
-    turned[(np.abs(angles[:, 1]) > STEEPEST_DEG)[:-1]] = np.nan
-    return turned / period_s
 
 
 def _in_gap(samples: Samples, edges: FloatArray) -> BoolArray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from gtmbench.engine.evidence import Evidence, axes_of, axis_number, evidence
-from gtmbench.engine.finding import Finding
+from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.model import Model
 from gtmbench.engine.restless import Place, restless_sums
 from gtmbench.engine.sums import Sums
@@ -16,10 +16,9 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 EXPECTED = 6.0  # nats: the most that chance makes of evidence on a log as the model has it
 BOUND = 16.0  # nats, tempered: the least of a finding
-DECISIVE = 4.6  # nats: odds of 100 to 1
 MISFIT = 0.05  # of the evidence: what a slightly wrong shape makes
 FIRST_S = 4.0  # of a log before an onset
-WINDOWS_S = (5.0, 10.0, 20.0, 60.0)
+WINDOWS_S = (5.0, 10.0, 20.0, 60.0)  # of what ends: as short as a gyro fails, as long as is promised
 _SHORTEST_S = 5.0  # to the end of the log
 _KNOWN = 0.4  # of a window's blocks
 _ONSETS = 150  # at most, of windows to the log's end
@@ -32,21 +31,10 @@ _MORE = 0.5  # of the bound, for each earlier finding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Search:
-    """A search in a model.
-
-    Attributes
-    ----------
-    model : Model
-    tempers : shape (explanations,)
-        What evidence is divided by: chance makes more of some explanations on this log than noise would.
-    found : tuple of Finding
-        What is known of already, and taken away in the model.
-    """
+class Scan:
+    """All windows of a model, looked at once, whatever is asked of them."""
 
     model: Model
-    tempers: FloatArray
-    found: tuple[Finding, ...] = field(default=())
 
     @cached_property
     def windows(self) -> tuple[IntArray, IntArray]:
@@ -71,9 +59,43 @@ class Search:
         """The evidence of all windows."""
         return evidence(self.model, *self.windows)
 
+    @cached_property
+    def left(self) -> tuple[FloatArray, FloatArray]:
+        """The ratio of all windows, and the odd one, by parts where either is more than chance makes."""
+        seen = self.seen
+        ratio, odd = seen.ratio.copy(), seen.odd.copy()
+        loud = np.flatnonzero(np.maximum(ratio, odd).max(axis=1, initial=-np.inf) > EXPECTED)
+        if len(loud):
+            again = evidence(self.model, seen.onset[loud], seen.last[loud], by_parts=True)
+            ratio[loud], odd[loud] = again.ratio, again.odd
+        return ratio, odd
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Search:
+    """A search in a model.
+
+    Attributes
+    ----------
+    scan : Scan
+    tempers : shape (explanations,)
+        What evidence is divided by: chance makes more of some explanations on this log than noise would.
+    found : tuple of Finding
+        What is known of already, and taken away in the model.
+    """
+
+    scan: Scan
+    tempers: FloatArray
+    found: tuple[Finding, ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """What it searches."""
+        return self.scan.model
+
     def strongest(self, bound: float) -> Finding | None:
         """Return the strongest finding that withstands its own restlessness; None where none exceeds a bound."""
-        seen = self.seen
+        seen = self.scan.seen
         above = seen.ratio / self.tempers > self._bounds(seen.onset, seen.last, bound)
         totals = np.where(above, seen.total / self.tempers, -np.inf)
         for _ in range(_TRIES):
@@ -92,28 +114,17 @@ class Search:
             totals[alike] = -np.inf
         return None
 
-    @cached_property
-    def left(self) -> tuple[FloatArray, FloatArray]:
-        """The ratio of all windows, and the odd one, by parts where either is more than chance makes."""
-        seen = self.seen
-        ratio, odd = seen.ratio.copy(), seen.odd.copy()
-        loud = np.flatnonzero(np.maximum(ratio, odd).max(axis=1, initial=-np.inf) > EXPECTED)
-        if len(loud):
-            again = evidence(self.model, seen.onset[loud], seen.last[loud], by_parts=True)
-            ratio[loud], odd[loud] = again.ratio, again.odd
-        return ratio, odd
-
     def again(self, finding: Finding, bound: float) -> Finding | None:
         """Return a finding as it is with all others taken away; None where it no longer stands."""
         place = self.model.signatures.place_of(finding.best)
-        return self._described(finding.first, finding.last, place, bound, near_s=_NEAR_S)
+        return self._described(finding.first, finding.last, place, bound)
 
     def _withstands(self, at: Place, bound: float) -> Finding | None:
         calm = self._one(at.onset, at.last, restless_sums(self.model, at))
         if calm.ratio[0, at.explanation] / self.tempers[at.explanation] <= _CALM * bound:
             return None
         first, last, place = self._placed(at)
-        return self._described(first, last, place, bound, near_s=_NEAR_S)
+        return self._described(first, last, place, bound)
 
     def _one(self, onset: int, last: int, sums: tuple[Sums, ...] | None = None) -> Evidence:
         return evidence(self.model, np.array([onset]), np.array([last]), sums, by_parts=True)
@@ -169,7 +180,7 @@ class Search:
         totals = totals + np.where(ends >= cells, _ENDS, 0.0)
         return int(ends[int(np.argmax(totals))]) if np.isfinite(totals).any() else last
 
-    def _described(self, first: int, last: int, place: int, bound: float, near_s: float) -> Finding | None:
+    def _described(self, first: int, last: int, place: int, bound: float) -> Finding | None:
         """Return a finding, dated and ranked with means as restless as they are there."""
         model, temper = self.model, float(self.tempers[place])
         allowed = self._allowed(first, last)
@@ -183,7 +194,7 @@ class Search:
         calm = self._one(first, last, sums).ratio[0] / self.tempers
         if np.max(np.where(allowed, calm, -np.inf)) < _STILL_CALM * bound:
             return None
-        near = max(round(near_s / model.cell_s), 2)
+        near = max(round(_NEAR_S / model.cell_s), 2)
         earliest = max(round(FIRST_S / model.cell_s), 1)
         onsets = np.arange(max(first - near, earliest), min(first + near, last - 2) + 1)
         if not len(onsets):

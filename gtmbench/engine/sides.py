@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.finding import Finding, Side
+from gtmbench.engine.finding import DECISIVE, Finding, Side
 from gtmbench.engine.model import Model
 from gtmbench.values.channels import GYROS
 
-_DECISIVE = 4.6  # nats
 _FAILS = 3.0  # nats: sensors fail in flight more often than they heal
 _OFFSET_DEG_S, _GAIN = 0.3, 0.05  # of a healthy gyro: standard deviations
 _DEGREES = 3.0  # of Student's law
@@ -30,9 +29,9 @@ def side_of(model: Model, finding: Finding) -> Side:
     else:
         variance = _GAIN**2
     odds = _log_odds(own, variance) - _log_odds(own + finding.size, variance) + _FAILS
-    if odds > _DECISIVE:
+    if odds > DECISIVE:
         return Side.AFTER
-    return Side.BEFORE if odds < -_DECISIVE else Side.OPEN
+    return Side.BEFORE if odds < -DECISIVE else Side.OPEN
 
 
 def constants_of_gyro(model: Model, axis: int) -> tuple[float, float, float, float] | None:

@@ -19,9 +19,10 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.constants import by_chunks
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.equation import Equation, rows_per_chunk
-from gtmbench.engine.explanation import TIMES_S, Explanation
+from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
 from gtmbench.engine.relation import Relation
@@ -84,13 +85,9 @@ class Signatures:
         answer = relation.answer(flight, self.effects[place], channel, constants)
         if answer is None or not np.any(answer[begin:end]):
             return None
-        own, state = answer.copy(), self._state(place, first)
-        if explanation.since is not None:
-            base = int(self.bases[place])
-            since = float(explanation.since(flight)[self._rows[first]])
-            of_base = relation.answer(flight, self.effects[base], channel, constants)
-            own = own - since * (0.0 if of_base is None else of_base)
-            state = state - since * self._state(base, first)
+        since, base, state = self._at_onset(place, first)
+        of_base = relation.answer(flight, self.effects[base], channel, constants) if since else None
+        own = answer if of_base is None else answer - since * of_base
         if explanation.fades_s:
             forgotten = self._forgotten(relation, channel, constants)[:, self.fading[place]]
             own = own - forgotten @ state * self._faded(place, begin)
@@ -104,21 +101,21 @@ class Signatures:
         turned, explanation = self.effects[place].turned, self.explanations[place]
         if turned is None or not explanation.fades_s:
             return np.zeros((0, 3))
-        state = self._state(place, first)
-        if explanation.since is not None:
-            base, since = int(self.bases[place]), float(explanation.since(self.flight)[self._rows[first]])
-            of_base = self.effects[base].turned
-            turned = turned - since * (0.0 if of_base is None else of_base)
-            state = state - since * self._state(base, first)
-        kept = 1.0 - self.flight.blocks.period_s / explanation.fades_s
+        since, base, state = self._at_onset(place, first)
+        of_base = self.effects[base].turned if since else None
+        turned = turned if of_base is None else turned - since * of_base
+        kept = kept_a_block(self.flight, explanation.fades_s)
         return np.asarray((turned - np.multiply.outer(kept * self._faded(place, begin), state))[begin:end])
 
-    def _state(self, place: int, cell: int) -> FloatArray:
-        return np.asarray(self._states(np.array([place]))[cell, 0])
+    def _at_onset(self, place: int, cell: int) -> tuple[float, int, FloatArray]:
+        """Return what multiplies the base of an explanation from a cell on, which base, and the attitude's state."""
+        since, base = self._since(np.array([place]))[cell, 0], int(self.bases[place])
+        states = self._states(np.array([place, base]))[cell]
+        return float(since), base, np.asarray(states[0] - since * states[1])
 
     def _faded(self, place: int, begin: int) -> FloatArray:
         """Return how much is left of what was before a block, from it on."""
-        factor = 1.0 - self.flight.blocks.period_s / self.explanations[place].fades_s
+        factor = kept_a_block(self.flight, self.explanations[place].fades_s)
         return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
 
     def answers(self, equation: Equation) -> tuple[Columns, FloatArray, FloatArray]:
@@ -170,7 +167,7 @@ class Signatures:
             off = np.zeros((len(flight), 3))
             off[:, axis] = 1.0
             for place, fades_s in enumerate(TIMES_S):
-                kept = 1.0 - flight.blocks.period_s / fades_s
+                kept = kept_a_block(flight, fades_s)
                 effect = Effect(turned=kept * off, turning=-0.5 * (1.0 + kept) / fades_s * off)
                 answer = relation.answer(flight, effect, channel, constants)
                 if answer is not None:
@@ -213,25 +210,19 @@ def products_of(
     known, count = 1 + regressors.shape[1], len(columns.own)
     first, second = _pairs(columns, known, count)
     rates = np.zeros(every.shape[1])
-    rates[known + count :] = np.repeat(flight.blocks.period_s / np.array(TIMES_S), 3)
-    rates[known + count :] = -np.log1p(-rates[known + count :])
-    mean = equation.mean
-    padded = signatures.cells * CELL
-    every, mean, counted = (
-        np.concatenate([each, np.zeros((padded - len(flight), *each.shape[1:]))])
-        for each in (every, mean, equation.known.astype(float))
-    )
+    rates[known + count :] = np.repeat([-np.log(kept_a_block(flight, fades_s)) for fades_s in TIMES_S], 3)
+    cells, mean = by_chunks(every, CELL), by_chunks(equation.mean, CELL)
     return Products(
         equation=equation,
         columns=columns,
         first=first,
         second=second,
         rates=rates[first] + rates[second],
-        cells=_of_cells(every, first, second),
-        means=np.einsum("ckj,ck->cj", every.reshape(-1, CELL, every.shape[1]), mean.reshape(-1, CELL)),
+        cells=_of_cells(cells, first, second),
+        means=np.einsum("ckj,ck->cj", cells, mean),
         mean_rates=rates,
-        powers=np.square(mean).reshape(-1, CELL).sum(axis=1),
-        counts=counted.reshape(-1, CELL).sum(axis=1),
+        powers=np.square(mean).sum(axis=1),
+        counts=by_chunks(equation.known.astype(float), CELL).sum(axis=1),
         per_chunk=per_chunk // CELL,
         regressors=regressors.shape[1],
     )
@@ -239,7 +230,7 @@ def products_of(
 
 def _fading(equation: Equation, answers: FloatArray, flight: Flight, fades_s: float, per_chunk: int) -> FloatArray:
     """Return what fades, whitened, relative to the beginning of each block's chunk, shape (blocks, 3)."""
-    factor = 1.0 - flight.blocks.period_s / fades_s
+    factor = kept_a_block(flight, fades_s)
     since = np.arange(len(flight)) % per_chunk
     return equation.whitened_decay(answers, factor) * (factor**since)[:, np.newaxis]
 
@@ -261,9 +252,8 @@ def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray
     return first, second
 
 
-def _of_cells(every: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
+def _of_cells(cells: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
     """Return sums of products over cells."""
-    cells = every.reshape(-1, CELL, every.shape[1])
     found = np.empty((len(cells), len(first)))
     for begin in range(0, len(cells), _AT_ONCE):
         part = cells[begin : begin + _AT_ONCE]
@@ -316,10 +306,10 @@ class Sums:
         self.products = products
         wander = products.equation.wander if wander is None else wander
         self._precision = np.inf if wander <= 0.0 else wander**-2.0
-        self._raw = _running(products.cells)
-        self._mean = _running(products.means)
-        self._power = _running(products.powers)
-        self._count = _running(products.counts)
+        self._raw = running(products.cells)
+        self._mean = running(products.means)
+        self._power = running(products.powers)
+        self._count = running(products.counts)
         self.cells = len(products.cells)
 
     @cached_property
@@ -412,7 +402,7 @@ class Sums:
             cross=with_known[:, :, 0],
             mixed=with_known[:, :, 1:],
             power=np.maximum(grown, 0.0),
-            counts=self._count[last] - self._count[first],
+            counts=self.known_blocks(first, last),
         )
 
     def known(self, first: IntArray, last: IntArray) -> FloatArray:
@@ -454,7 +444,8 @@ class Sums:
         return np.asarray(self._count[last] - self._count[first])
 
 
-def _running(values: FloatArray) -> FloatArray:
+def running(values: FloatArray) -> FloatArray:
+    """Return running sums over the first axis, from nothing on."""
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 

@@ -7,7 +7,6 @@ from scipy.signal import lfilter
 from gtmbench.engine.constants import by_chunks, constants_of
 from gtmbench.engine.equation import learn, rows_per_chunk
 from gtmbench.engine.noise import (
-    chunk_edges,
     filtered,
     level_of,
     regime_of,
@@ -85,7 +84,7 @@ def test_constants_of_nothing_that_is_known_are_nil():
 def test_chunks_hold_all_rows_and_zeros_behind_them(count):
     values = np.arange(1.0, count + 1.0)
     chunks = by_chunks(values, 20)
-    assert chunks.shape == (len(chunk_edges(count, 20)), 20)
+    assert chunks.shape == (len(range(0, count, 20)), 20)
     np.testing.assert_array_equal(chunks.ravel()[:count], values)
     assert not chunks.ravel()[count:].any()
     two = by_chunks(np.column_stack([values, -values]), 20)

@@ -19,7 +19,7 @@ from gtmbench.values.record import FloatArray
 
 _MOST_DEG = 40.0  # a bank or pitch that errs by more would have shown in the flight
 _STEP_DEG, _DRIFT_DEG_S, _SCALE, _SHORTEST_S = 2.0, 0.1, 0.12, 7.0  # the least that fail
-_LOWEST, _HIGHEST = -4.0, 3.0
+_LOWEST, _HIGHEST = -4.0, 3.0  # as a gyro's scale
 _PSI = 2
 
 

@@ -11,8 +11,8 @@ from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 
-_LAG_S, _LEAST_S = 1.0, 0.005
-_IRON_DEG, _LEAST_DEG = 40.0, 1.0
+_LAG_S, _LEAST_S = 1.0, 0.005  # the most that a link delays; a tenth of a sample at 20 Hz
+_IRON_DEG, _LEAST_DEG = 40.0, 1.0  # of a compass beside a motor; of one that is calibrated
 _COMPASS_S = 5.0  # by which an estimator follows its compass
 
 

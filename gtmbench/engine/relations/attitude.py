@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.effect import Effect
-from gtmbench.engine.flight import Flight
+from gtmbench.engine.flight import Flight, trailing_means
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
@@ -18,7 +18,7 @@ from gtmbench.values.record import FloatArray
 # offset (deg/s), three gains, lag (s), pull by phi or theta (deg/s a deg)
 _PRIOR = np.array([3.0, 0.1, 0.1, 0.1, 0.1, 0.03])
 _FLOOR = np.array([0.1, 0.02, 0.02, 0.02, 0.01, 0.01])
-_WANDER_DEG_S = 0.2
+_WANDER_DEG_S = 0.2  # by references that correct an estimator
 
 
 def relation(flight: Flight) -> Relation | None:
@@ -39,6 +39,7 @@ def relation(flight: Flight) -> Relation | None:
         wander=_WANDER_DEG_S,
         asked=flight.judged,
         response=response,
+        is_shared=True,
         regime=others_rough(flight),
         is_heavy_tailed=True,
     )
@@ -60,13 +61,4 @@ def others_rough(flight: Flight) -> FloatArray:
 
 def log_rough(flight: Flight) -> FloatArray:
     """Return the logarithm of each gyro's roughness over about a second, shape (blocks, 3); NaN where it is missing."""
-    rough = flight.blocks.rough
-    count = max(round(1.0 / flight.blocks.period_s), 1)
-    there = np.isfinite(rough)
-    sums = np.cumsum(np.vstack([np.zeros((1, 3)), np.where(there, rough, 0.0)]), axis=0)
-    numbers = np.cumsum(np.vstack([np.zeros((1, 3)), there]), axis=0)
-    ends = np.arange(1, len(rough) + 1)
-    starts = np.maximum(ends - count, 0)
-    known = numbers[ends] - numbers[starts]
-    mean = np.maximum(sums[ends] - sums[starts], 0.0) / np.maximum(known, 1.0)
-    return np.where(known > 0, np.log(mean + 1e-8), np.nan)
+    return np.log(trailing_means(flight.blocks.rough, max(round(1.0 / flight.blocks.period_s), 1)) + 1e-8)

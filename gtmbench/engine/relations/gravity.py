@@ -13,7 +13,7 @@ from gtmbench.engine.relation import Relation
 from gtmbench.values.record import FloatArray
 
 _HALF = 0.5  # of the judged blocks have to hold a force near 1 g
-_WANDER_DEG = 2.0
+_WANDER_DEG = 2.0  # by accelerations that last
 _ANGLE_DEG, _RATE_DEG_S = 30.0, 10.0  # what a constant is a tilt at: so that all have one prior
 
 

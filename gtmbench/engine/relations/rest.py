@@ -15,7 +15,7 @@ from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _LEAST_S = 10.0
-_OFFSET_DEG_S, _FLOOR_DEG_S, _WANDER_DEG_S = 3.0, 0.1, 0.1
+_OFFSET_DEG_S, _FLOOR_DEG_S, _WANDER_DEG_S = 3.0, 0.1, 0.1  # of a gyro that isn't calibrated; that warms up
 
 
 def relation(flight: Flight) -> Relation | None:

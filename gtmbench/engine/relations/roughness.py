@@ -16,7 +16,7 @@ from gtmbench.values.record import FloatArray
 
 _PRIOR = np.array([10.0, 1.0, 1.0])  # level, share of the others', power of the liveliness
 _FLOOR = np.array([0.2, 0.05, 0.08])
-_WANDER = 0.8
+_WANDER = 0.8  # by engines that change: half as loud again
 _LIVELIEST, _MOVES = 0.9, 0.2  # motion: more than this share of what the liveliest tenth has at least
 
 
@@ -35,6 +35,7 @@ def relation(flight: Flight) -> Relation | None:
         wander=_WANDER,
         asked=flight.judged & (flight.lively > _MOVES * np.quantile(flight.lively, _LIVELIEST)),
         response=response,
+        is_shared=True,
     )
 
 
