@@ -55,8 +55,8 @@ DependableSystemsLab/DeLorean (`dl_`, `data/`; some are attacked, and nothing sa
 `ArdupilotRcTraining/logs/`), DaniGitman79/uav-sysid (`dani_`) and Gehtschon/autonomous-soaring (`gehtschon_`) are of
 ArduPilot's simulator. Where those of `look7`, `unseen7` and `sitl7` come from, a table of the report says.
 
-- *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged after what was learnt from.
-  *watched*: the share of these in which residuals could alarm; *or means*: or means over tens of seconds.
+- *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged. *watched*: the share of these in
+  which residuals could alarm; *judged*: in which all gyros are judged.
 - *faults*: on logs that end with 0, of eight kinds, each on one gyro by turns, at one drawn time in what is watched,
   20 s before a stretch ends;
   bias and drift in a drawn direction. *alone*: the attitude stays as it is. *5 s*: it follows, through an estimator of
@@ -141,7 +141,7 @@ def row_of(log: Row) -> Row:
         "verdict": log["verdict"],
         "left (s)": f"{log['left_s']:.0f}",
         "watched (%)": percent(log["armed_s"], log["left_s"]),
-        "or means (%)": percent(log["watched_s"], log["left_s"]),
+        "judged (%)": percent(log["watched_s"], log["left_s"]),
         "CPU (s)": f"{log['cpu_s']:.1f}",
     }
 

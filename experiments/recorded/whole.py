@@ -19,18 +19,18 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.study.log.asked import asked
-from gtmbench.study.log.choices import agreed
 from gtmbench.study.log.contacts import CONTACTS
+from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.imu_comparison import channels_of, watched_imu
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import Said, doubted, first_alarms, listened
-from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
+from gtmbench.verdict.timeline import State
 
 DETECTOR = "auto"
 ALONE = "alone"
@@ -121,7 +121,6 @@ def watch_whole(path: Path) -> Whole:
         rate_hz=None,
         false_alarms_per_hour=None,
         attitude=FROM_LOG,
-        least_error_deg_s=LEAST_DEG_S,
     )
     known = learnt(chosen(opened(question)), silent)
     said = said_of(known)
@@ -152,24 +151,23 @@ def tried(whole: Whole, kinds: Sequence[str] = tuple(FAULTS), *, seed: int = 0) 
 
 
 def coverage(watched: WatchedLog) -> tuple[float, float, float]:
-    """Return how long a log moves outside of what was learnt from, and for how long of that residuals and means watch.
+    """Return how long a log is, for how long of that residuals watch, and for how long all gyros are judged.
 
-    Seconds are those in which it is logged; it moves from the beginning of what was learnt from on.
+    Seconds are those in which it is logged.
     """
-    first_s, last_s = watched.identified_s[0] if watched.identified_s else (-np.inf, -np.inf)
-    left = [time_s for record in watched.log.segments for time_s in _seconds(record) if time_s > last_s]
+    whole = [time_s for record in watched.log.segments for time_s in _seconds(record)]
     armed = {int(at) for watch in watched.watches for at in watch.record.time_s[watch.armed]}
-    means: set[int] = set()
-    if watched.means is not None:
-        known = np.isfinite(watched.means.error).all(axis=1) & watched.means.is_watched
-        means = {int(watched.means.start_s + at) for at in np.flatnonzero(known)}
-    whole = {int(at) for at in left if at >= first_s}
-    return float(len(whole)), float(len(whole & armed)), float(len(whole & (armed | means)))
+    timeline = watched.timeline
+    is_judged = [
+        all(timeline.at(gyro, time_s).state is not State.NOT_JUDGED for gyro in GYROS if gyro in timeline.sensors)
+        for time_s in whole
+    ]
+    return float(len(whole)), float(len({int(at) for at in whole} & armed)), float(sum(is_judged))
 
 
 def said_of(known: Learnt) -> Said:
     """Return what is said of a log by what was learnt on it."""
-    return agreed(doubted(listened(known, silent), silent), silent)
+    return doubted(listened(known, silent), silent)
 
 
 def _seconds(record: Record) -> FloatArray:
@@ -211,7 +209,7 @@ def _tried(whole: Whole, sensor: str, kind: str, onset_s: float, attitude: str, 
         found_s=min((alarm.time_s - onset_s for alarm in new), default=np.nan),
         said=verdict,
         exit=int(concluded(said).outcome),
-        doubt="; ".join(dict.fromkeys(_short(alarm.doubt) for alarm in new if alarm.doubt)) if new else "",
+        doubt="; ".join(dict.fromkeys(alarm.doubt for alarm in new if alarm.doubt)) if new else "",
     )
 
 
@@ -228,7 +226,10 @@ def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | N
         own = dict(zip(GYROS, channels_of(watched), strict=True))
         parts = tuple(_with_broken_imu(record, own, fault, estimator) for record in imus.segments)
         imus = replace(imus, segments=parts)
-    return replace(log, own=OpenedLog(log=changed, motion=motion), imus=imus)
+    flight = log.flight
+    if flight is not None and motion is not None:
+        flight = flight_of_records(changed.segments, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
+    return replace(log, own=OpenedLog(log=changed, motion=motion), imus=imus, flight=flight)
 
 
 def broken_record(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:
@@ -271,9 +272,7 @@ def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(
-        said.watches, said.standing, said.comparison, said.frozen, (said.means, said.gains, said.corrections)
-    )
+    told = first_alarms(said.watches, said.comparison, said.judged)
     return [alarm for alarm in told if not alarm.has_passed]
 
 
@@ -294,11 +293,3 @@ def verdict_on(alarms: Sequence[Alarm], sensor: str) -> str:
     if sure:
         return EITHER_OR
     return CANT_TELL if alarms else NOTHING
-
-
-def _short(doubt: str) -> str:
-    """Return a doubt without its numbers."""
-    for begin in ("the means of", "the gain of", "it shows if", "a mean error of"):
-        if doubt.startswith(begin):
-            return begin + " ..."
-    return doubt

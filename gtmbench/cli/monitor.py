@@ -68,12 +68,6 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
     help="False alarm rate to calibrate for.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @attitude_option
-@click.option(
-    "--least-error",
-    type=float,
-    metavar="DEG_S",
-    help="Where the gyros drive the attitude, call no smaller mean error a failure, in deg/s.  [default: 0.1]",
-)
 @scope_options
 @click.option("--details", is_flag=True, help="Print everything that is known, after the verdict.")
 @click.option(
@@ -108,7 +102,6 @@ def monitor_command(
     rate: float | None,
     wanted: float | None,
     attitude: str,
-    least_error: float | None,
     judge: str | None,
     limits: tuple[str, ...],
     details: bool,
@@ -150,7 +143,6 @@ def monitor_command(
             "--list": listed,
             "--all": every,
             "--force": force,
-            "--least-error": least_error,
         }
         _refuse(alone, "of one log; several logs have --out")
         watcher = _watcher(detector, calibrated, inputs, outputs, look, healthy) or AUTO
@@ -197,7 +189,6 @@ def monitor_command(
             rate_hz=rate,
             false_alarms_per_hour=_wanted(wanted),
             attitude=attitude,
-            least_error_deg_s=_least(least_error),
             judge=judge,
             limits=limits,
             progress=tell,
@@ -222,12 +213,6 @@ def _refuse(options: Mapping[str, object], why: str) -> None:
     for option, value in options.items():
         if value is not None and value is not False:
             raise InputError(f"{option} is {why}")
-
-
-def _least(given: float | None) -> float:
-    from gtmbench.study.log.slow_means import LEAST_DEG_S
-
-    return LEAST_DEG_S if given is None else number("--least-error", given, 0.0, 100.0)
 
 
 def _wanted(given: float | None) -> float | None:

@@ -42,8 +42,6 @@ class Judgement:
         The IMU of `sensor`, if a log has several.
     axis : str
         The channel of `sensor` that is wrong, of a sensor of several, where one alone is; empty otherwise.
-    witness : str
-        Which other sensor was asked to decide between the candidates, and what it tells; empty if none was.
 
     Examples
     --------
@@ -66,7 +64,6 @@ class Judgement:
     doubt: str = ""
     imu: str = ""
     axis: str = ""
-    witness: str = ""
 
     @property
     def swapped(self) -> bool:

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.engine.evidence import MIRROR, axis_number
+from gtmbench.engine.explanation import name_of
 from gtmbench.engine.finding import REFERENCES, Finding, Side
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.model import Model
 from gtmbench.engine.sides import constants_of_gyro
 from gtmbench.engine.sums import CELL
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray
 
 OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
@@ -26,6 +27,7 @@ _PASSES_S, _LEFT_S = 25.0, 20.0  # what passes so soon may be references'; unles
 _OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it folds back
 _PASSING = ("bias", "drift", "scale", "deadzone")  # a gyro that fails seldom heals
 _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
+_LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
@@ -83,7 +85,8 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     if finding.is_healthy:
         return replace(finding, others=others)
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
-    reasons += [*_regime(model, finding), *_bent(model, finding, found)]
+    reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
+    reasons += _follows(model, finding)
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -134,6 +137,25 @@ def _is_own_noise(model: Model, finding: Finding) -> list[str]:
     return [f"{finding.best.suspect} and the attitude show no one motion"]
 
 
+def _sides(finding: Finding) -> list[str]:
+    """Name nobody where either side of a change may be the broken one: a healthy one would be called failed."""
+    return [f"{finding.best.suspect} is off before or after it"] if finding.side is Side.OPEN else []
+
+
+def _learns(model: Model, finding: Finding) -> list[str]:
+    """Doubt a slow drift beside an estimator: one that learns a gyro's offset shows the same as it learns."""
+    reached = abs(finding.size) * (finding.end_s - finding.onset_s)
+    if finding.best.kind != "drift" or not model.flight.is_driven or reached > _LEARNT_DEG_S:
+        return []
+    return [f"{finding.best.suspect} drifts by {reached:.1f} deg/s, as an estimator does that learns its offset"]
+
+
+def _follows(model: Model, finding: Finding) -> list[str]:
+    """Name nobody beside an angle that may follow the gyros: it is an estimator's, and no sensor of its own."""
+    angles = [name for name in finding.suspects if name in ATTITUDE]
+    return [f"{' and '.join(angles)} may follow the gyros"] if model.flight.is_driven and angles else []
+
+
 def _own_axis(finding: Finding) -> list[str]:
     """Ask for the own axis: standing, gravity and the others are witnesses."""
     if finding.best.kind == "noise" or finding.own_axis >= max(OWN, SHARE * finding.shown):
@@ -142,13 +164,14 @@ def _own_axis(finding: Finding) -> list[str]:
 
 
 def _regime(model: Model, finding: Finding) -> list[str]:
-    """Judge nothing in motion that the rest of the log hasn't seen."""
+    """Judge nothing in motion that the rest of the log hasn't seen, as far as it takes to show."""
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
     own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
     lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
     inside = np.zeros(len(flight), dtype=bool)
-    inside[finding.first * CELL : finding.last * CELL] = True
+    shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s)) if finding.lasts else finding.last
+    inside[finding.first * CELL : max(min(shows, finding.last), finding.first + 1) * CELL] = True
     sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
     if all(_is_seen(flight, lively, inside=each) for each in sides):
         return []
@@ -170,16 +193,24 @@ def _over(values: FloatArray, count: int) -> FloatArray:
 
 
 def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]:
-    """Judge no other axis while a gyro bends the attitude far."""
+    """Judge no other axis while a gyro bends the attitude far, by its own estimator or by the one that is seen here."""
     for other in found:
-        if other is finding or not other.best.fades_s or not other.meets(finding.first, finding.last):
+        fades_s = other.best.fades_s or finding.best.fades_s
+        if other is finding or not fades_s or not other.meets(finding.first, finding.last):
             continue
-        if axis_number(other.best.suspect) != axis_number(finding.best.suspect) and _bend_deg(model, other) > _BENT_DEG:
-            return [f"{other.best.suspect} bends the attitude by {_bend_deg(model, other):.0f} deg there"]
+        if axis_number(other.best.suspect) == axis_number(finding.best.suspect):
+            continue
+        bend_deg = _bend_deg(model, other, fades_s)
+        if bend_deg > _BENT_DEG:
+            return [f"{other.best.suspect} bends the attitude by {bend_deg:.0f} deg there"]
     return []
 
 
-def _bend_deg(model: Model, finding: Finding) -> float:
-    """Return how far an attitude is off at most that follows a finding's gyro."""
-    bent = model.signatures.turned(model.signatures.place_of(finding.best), finding.first, finding.last)
+def _bend_deg(model: Model, finding: Finding, fades_s: float) -> float:
+    """Return how far an attitude is off at most that follows a finding's gyro; 0 of what no estimator follows."""
+    name = name_of(finding.best.suspect, finding.best.kind, fades_s)
+    place = next((place for place, each in enumerate(model.explanations) if each.name == name), None)
+    if place is None:
+        return 0.0
+    bent = model.signatures.turned(place, finding.first, finding.last)
     return float(abs(finding.size) * np.linalg.norm(bent, axis=1).max(initial=0.0))

@@ -42,8 +42,6 @@ class Evidence:
         A fault begins at `onset` and ends before `last`.
     ratio : nats
         Existence, less the price; -inf where an explanation isn't possible.
-    odd : nats
-        The same of failures alone, whatever a gyro's own noise, or constants beyond all bounds, may explain of it.
     total : nats
         Placing, less the price.
     size, deviation :
@@ -55,7 +53,6 @@ class Evidence:
     onset: IntArray
     last: IntArray
     ratio: FloatArray = field(repr=False)
-    odd: FloatArray = field(repr=False)
     total: FloatArray = field(repr=False)
     size: FloatArray = field(repr=False)
     deviation: FloatArray = field(repr=False)
@@ -130,15 +127,13 @@ def evidence(
     price = model.of_explanations("price")
     possible = (information > _NOTHING) & (np.abs(size) >= model.of_explanations("least")) & np.isfinite(price)
     possible = possible & (model.of_explanations("shortest_s") <= duration_s) & _moves(model, onset, last)
-    odd = np.where(possible, told + witnesses - price, -np.inf)
     possible = possible & _has_healthy_constants(model, seen, size)
     possible &= ~(np.abs(size - model.of_explanations("mirror")) < MIRROR)
     total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
     return Evidence(
         onset=onset,
         last=last,
-        ratio=np.where(possible, odd, -np.inf),
-        odd=np.where(model.of_explanations("is_healthy") > 0.0, -np.inf, odd),
+        ratio=np.where(possible, told + witnesses - price, -np.inf),
         total=np.where(possible, total, -np.inf),
         size=size,
         deviation=np.where(information > _NOTHING, np.sqrt(1.0 / np.maximum(information, _NOTHING)), np.inf),
@@ -154,7 +149,6 @@ def _nothing(model: Model, onset: IntArray, last: IntArray) -> Evidence:
         onset=onset,
         last=last,
         ratio=impossible,
-        odd=impossible,
         total=impossible,
         size=zero,
         deviation=np.full(shape, np.inf),

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.flight import Flight
@@ -142,6 +141,8 @@ def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatAr
     fades_s : float
         Its time constant.
     """
+    from scipy.signal import lfilter  # half a second to import
+
     step = flight.blocks.period_s
     driven = np.einsum("nij,nj->ni", flight.matrices, wrong)
     before = np.zeros_like(driven)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+import numpy as np
+
 from gtmbench.engine.explanation import Explanation
 from gtmbench.values.record import Span
 
@@ -51,6 +53,10 @@ class Finding:
         Why it names nobody all the same; "" for none.
     others : tuple of str
         Further suspects that other findings bring in.
+    shows_s : float
+        By when as much of it was seen as names anybody, with constants of the whole log.
+    lasts : bool
+        Whether it goes on to the log's end.
     """
 
     first: int
@@ -67,6 +73,8 @@ class Finding:
     side: Side = Side.AFTER
     doubt: str = ""
     others: tuple[str, ...] = ()
+    shows_s: float = -np.inf
+    lasts: bool = False
 
     @property
     def best(self) -> Explanation:
@@ -86,7 +94,12 @@ class Finding:
     @property
     def named(self) -> str | None:
         """The sensor that failed, where nobody else is left."""
-        return self.suspects[0] if len(self.suspects) == 1 and not self.is_healthy and not self.doubt else None
+        return self.suspects[0] if len(self.suspects) == 1 and self.accuses else None
+
+    @property
+    def accuses(self) -> bool:
+        """Whether somebody failed, one sensor or one of a few."""
+        return not (self.doubt or self.is_healthy)
 
     @property
     def is_frozen(self) -> bool:

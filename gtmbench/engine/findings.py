@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.engine.evidence import Evidence, evidence
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.flight import Flight
@@ -19,7 +18,7 @@ from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, Search
 from gtmbench.engine.sides import side_of
 from gtmbench.engine.sums import CELL, Signatures
-from gtmbench.values.record import FloatArray, IntArray
+from gtmbench.values.record import FloatArray
 
 _MOST = 3  # findings that are searched for
 _FIRST = 1.25  # times the bound, while nothing is known of what chance makes
@@ -38,21 +37,11 @@ class Findings:
         In order of time.
     tempers : shape (explanations,)
         By how much evidence is divided: the most that is left anywhere over what chance makes.
-    windows : (shape (windows,), shape (windows,))
-        Cells at which those begin that were looked at, and end.
-    odd : shape (windows, explanations)
-        What is left in them, untempered, with everything taken away, in nats.
     """
 
     model: Model
     found: tuple[Finding, ...]
     tempers: FloatArray = field(repr=False)
-    windows: tuple[IntArray, IntArray] = field(repr=False)
-    odd: FloatArray = field(repr=False)
-
-    def to_end(self, onset: IntArray) -> Evidence:
-        """Return the evidence of windows from cells to the log's end, with everything taken away."""
-        return evidence(self.model, onset, np.full_like(onset, self.model.cells))
 
 
 class _Bench:
@@ -135,10 +124,10 @@ def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
         found = kept
         if is_settled:
             break
-    scan = bench.without(found)
-    sided = [replace(each, side=side_of(scan.model, each)) for each in found]
+    model = bench.without(found).model
+    sided = [replace(each, side=side_of(model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(model=scan.model, found=tuple(in_time), tempers=tempers, windows=scan.windows, odd=scan.left[1])
+    return Findings(model=model, found=tuple(in_time), tempers=tempers)
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:
@@ -160,7 +149,7 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
 
 def _tempers(scan: Scan, found: Sequence[Finding]) -> FloatArray:
     """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
-    seen, left = scan.seen, scan.left[0].copy()
+    seen, left = scan.seen, scan.left.copy()
     for each in found:
         if not each.is_frozen:
             meets = np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset)

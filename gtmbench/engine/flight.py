@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
 from gtmbench.values.attitude import to_earth
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray, Span
 
 _LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
 _MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
 _LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
 _STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
+_REPEATS_S = 3.0  # as long as a gyro that reads one value is none that stands by itself
 _STEEP_DEG = 80.0  # beyond, the heading turns faster than blocks follow
 _FORCE_G = 0.3  # so far from 1 g the specific force points nowhere near the vertical
 _LEAN_BLOCKS = 5  # over which the specific force is averaged
@@ -53,6 +55,23 @@ class Flight:
     gyro_step_s: float = 0.0
     is_driven: bool = True
     is_assumed: bool = False
+
+    def without(self, spans: Sequence[Span]) -> Flight:
+        """Return the flight with gyros and attitude missing in some spans, such as a contact with the ground."""
+        inside = self.blocks.within(spans)[:, np.newaxis]
+        if not inside.any():
+            return self
+        gyros, rates = (np.where(inside, np.nan, each) for each in (self.blocks.gyros, self.blocks.rates))
+        return replace(self, blocks=replace(self.blocks, gyros=gyros, rates=rates))
+
+    @property
+    def repeats(self) -> tuple[Span, ...]:
+        """Where all gyros read one value each for seconds: that is the logger's, or the bus'."""
+        blocks = self.blocks
+        ends = np.flatnonzero((blocks.held_s[:, : blocks.gyros.shape[1]] > _REPEATS_S).all(axis=1))
+        until_s = blocks.time_s[ends] + blocks.period_s
+        held_s = blocks.held_s[ends, : blocks.gyros.shape[1]].min(axis=1)
+        return tuple(zip((until_s - held_s).tolist(), until_s.tolist(), strict=True))
 
     def __len__(self) -> int:
         """Return how many blocks there are."""

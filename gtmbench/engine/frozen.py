@@ -34,6 +34,8 @@ def _of_axis(flight: Flight, axis: int) -> Iterator[Finding]:
     spread = _spread(flight)
     for first, last, length in held:
         moves = np.mean(spread[first:last] > _MOVES_DEG_S)
+        if first <= 1 and last >= len(flight) - 1:
+            continue  # a column that was never a sensor's
         if length * flight.blocks.period_s > _LEAST_S and length > _OF_USUAL * usual and moves > _SHARE:
             yield _finding(flight, axis, first, last)
 
@@ -71,6 +73,8 @@ def _finding(flight: Flight, axis: int, first: int, last: int) -> Finding:
         evidence=_CERTAIN,
         own_axis=_CERTAIN,
         shown=_CERTAIN,
+        shows_s=onset_s + _LEAST_S,
+        lasts=last >= len(flight),
     )
 
 

@@ -1,33 +1,47 @@
-"""What the engine says of p, q and r: where each failed, is clear up to which size, or can't be judged."""
+"""What the engine says of a flight: who failed, by its findings; where everybody else is clear, by hindsight."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Judgement
-from gtmbench.engine.constants import by_chunks
+from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
-from gtmbench.engine.finding import FROZEN, Finding, Side
+from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import Findings, findings_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.sides import constants_of_gyro
-from gtmbench.engine.sizes import SUSPICION, Promise, promises
-from gtmbench.engine.sums import CELL
-from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import BoolArray, FloatArray, runs
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
+from gtmbench.engine.hindsight.cleared import Failure, Hindsight, hindsight_of
+from gtmbench.engine.named import alarm_of, judgement_of
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray, Span
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State
 
-_COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
-_KNOWN = 0.5  # of a cell's blocks
-_MOST_OFFSET_DEG_S, _MOST_GAIN, _SURE = 5.0, 0.2, 3.0  # of a healthy gyro; deviations
-_LEFT = "something is left there that no explanation accounts for"
-_NEAR_S = (10.0, 30.0)  # before a change that is dated: its onset may lie there; of what grows, or needs motion
-_STILL_S, _OF_USUAL, _STILL = 3.0, 3.0, "it reads one value"  # times the longest that the others do
-_MASKED, _AT_END = "gyros or attitude are missing", "too little follows"
+Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
+_SPARE = 1.2  # times an error that may be there: what is excluded
+_LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
+# a smaller difference that nobody explains bends nothing far; of what the finding itself is
+_PARTS_DEG_S, _ALIKE = 2.0, 0.5
+_CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """What a gyro reads more than its attitude turns and its constants tell, and what a finding makes of it.
+
+    Attributes
+    ----------
+    sensor : str
+    time_s, measured_deg_s, predicted_deg_s : shape (blocks,)
+    """
+
+    sensor: str
+    time_s: FloatArray = field(repr=False)
+    measured_deg_s: FloatArray = field(repr=False)
+    predicted_deg_s: FloatArray = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,16 +53,147 @@ class Judged:
     flight : Flight
     found : tuple of Finding
         One each a fault, with doubts.
-    claims : mapping of sensor to tuple of SensorSpan
-        Of p, q and r, and of angles that are suspected with them.
     findings : Findings
         Its evidence.
     """
 
     flight: Flight
     found: tuple[Finding, ...]
-    claims: Mapping[str, tuple[SensorSpan, ...]] = field(repr=False)
     findings: Findings = field(repr=False)
+
+    @cached_property
+    def accused(self) -> tuple[Claim, ...]:
+        """Whom findings accuse: the one sensor that is left, or each of the few that are."""
+        return tuple(claim for each in self.found for claim in self._of(each))
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The same as alarms: one each finding that accuses anybody."""
+        accusing = [each for each in self.found if each.accuses]
+        return tuple(alarm_of(each, number, self._span(each)) for number, each in enumerate(accusing))
+
+    def hindsight(
+        self, failures: Mapping[str, Sequence[Failure]] | None = None, excused_s: Sequence[Span] = ()
+    ) -> Hindsight:
+        """Return where p, q, r, phi, theta and psi are clear, beside all that failed.
+
+        Parameters
+        ----------
+        failures : mapping of sensor to sequence of Failure, optional
+            Whom others accuse; the engine's own are added.
+        excused_s : sequence of (start, end)
+            Where nothing is asked, such as a contact with the ground.
+        """
+        named = {sensor: list(spans) for sensor, spans in (failures or {}).items()}
+        for sensor, span in self.accused:
+            named.setdefault(sensor, []).append(failure_of(span))
+        return hindsight_of(
+            self.flight.blocks,
+            is_driven=self.flight.is_driven,
+            is_sure=not self.flight.is_assumed,
+            excused_s=excused_s,
+            failures=named,
+        )
+
+    @cached_property
+    def claims(self) -> Mapping[str, tuple[SensorSpan, ...]]:
+        """What is claimed of p, q, r, phi, theta and psi where nobody else says anything."""
+        return self.beside(self.hindsight(), self.accused)
+
+    def beside(self, cleared: Hindsight, accused: Sequence[Claim] = ()) -> Mapping[str, tuple[SensorSpan, ...]]:
+        """Return what hindsight claims, and who is accused, beside what was found and names nobody.
+
+        Parameters
+        ----------
+        cleared : Hindsight
+        accused : sequence of (sensor, SensorSpan)
+            Claims that are added.
+        """
+        claims = {sensor: [*spans] for sensor, spans in cleared.claims.items()}
+        for finding in self.found:
+            lasts = finding.end_s - finding.onset_s >= _LASTS_S
+            for gyro in finding.suspects if lasts and not finding.accuses else ():
+                if gyro in GYROS:
+                    claims[gyro] = list(self._open_to(finding, claims[gyro]))
+        for sensor, span in accused:
+            claims.setdefault(sensor, []).append(span)
+        return {sensor: tuple(spans) for sensor, spans in claims.items()}
+
+    def _open_to(self, finding: Finding, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
+        """Give a gyro's spans beside a finding that may be its fault: nothing is excluded that is as large."""
+        start_s, end_s = self._span(finding)
+        if finding.side is Side.OPEN:
+            start_s = self.flight.blocks.start_s
+        for span in spans:
+            meets = span.start_s < end_s and start_s < span.end_s
+            yield replace(span, sizes=_beside(finding, span.sizes)) if meets and span.sizes is not None else span
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """What the own axis of everybody who is accused shows, beside what the finding makes of it."""
+        return tuple(curve for each in self.found if each.accuses if (curve := self._curve(each)) is not None)
+
+    def _curve(self, finding: Finding) -> Curve | None:
+        model, axis = self.findings.model, axis_number(finding.best.suspect)
+        for products in model.products:
+            equation = products.equation
+            if finding.is_frozen or equation.relation.name != "attitude" or equation.channel != axis:
+                continue
+            place = model.signatures.place_of(finding.best)
+            shape = model.signatures.over(
+                equation.relation, axis, equation.constants, place, finding.first, finding.last
+            )
+            if shape is None:
+                return None
+            predicted = finding.size * shape
+            there = np.isfinite(equation.relation.values[:, axis])
+            measured = np.where(there, equation.left + predicted, np.nan)
+            return Curve(
+                sensor=finding.best.suspect,
+                time_s=self.flight.blocks.start_s + self.flight.time_s,
+                measured_deg_s=measured,
+                predicted_deg_s=predicted,
+            )
+        return None
+
+    def _of(self, finding: Finding) -> Iterator[Claim]:
+        if not finding.accuses:
+            return
+        start_s, end_s = self._span(finding)
+        judgement = judgement_of(finding, end_s)
+        for sensor in finding.suspects:
+            state = State.FAILED if finding.named else State.SUSPECTED
+            suspects = () if finding.named else finding.suspects
+            yield (
+                sensor,
+                SensorSpan(start_s=start_s, end_s=end_s, state=state, suspects=suspects, judgement=judgement),
+            )
+
+    def _span(self, finding: Finding) -> Span:
+        """Return the broken side of a finding."""
+        start_s = self.flight.blocks.start_s
+        return (start_s, finding.onset_s) if finding.side is Side.BEFORE else (finding.onset_s, finding.end_s)
+
+
+def _reached(finding: Finding) -> float:
+    """Return the largest error that a finding is, in deg/s; 0 of a gain, or noise."""
+    lasts_s = {"bias": 1.0, "drift": finding.end_s - finding.onset_s}.get(finding.best.kind, 0.0)
+    return abs(finding.size) * lasts_s
+
+
+def _beside(finding: Finding, sizes: Sizes) -> Sizes:
+    """Return which faults a gyro would have shown beside a finding that may be its own."""
+    if finding.best.is_gain:
+        return replace(sizes, factors=None)
+    if finding.best.kind == "noise":
+        return replace(sizes, noise=None)
+    return replace(sizes, error=max(sizes.error, _SPARE * _reached(finding)))
+
+
+def failure_of(span: SensorSpan) -> Failure:
+    """Return where a sensor failed, as hindsight takes it."""
+    kind = None if span.judgement is None else span.judgement.kind
+    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT)
 
 
 def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
@@ -57,6 +202,7 @@ def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
     Examples
     --------
     >>> from gtmbench.engine.blocks import blocks_of
+    >>> from gtmbench.values.channels import ATTITUDE, GYROS
     >>> from gtmbench.values.record import Record
     >>> random = np.random.default_rng(1)
     >>> time_s = 0.1 * np.arange(1200)
@@ -67,139 +213,28 @@ def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
     >>> said = judged(Flight(blocks=blocks_of([flown]), is_driven=False))
     >>> [(each.named, each.best.kind, round(each.onset_s), round(each.size)) for each in said.found]
     [('q', 'bias', 81, 2)]
+    >>> [(sensor, span.state.value) for sensor, span in said.accused], said.alarms[0].verdict
+    ([('q', 'failed')], 'q failed')
     """
+    flight = flight.without(flight.repeats)
     findings = findings_of(flight, is_weighted=is_weighted)
-    found = doubted(findings.model, findings.found)
-    claims: dict[str, list[SensorSpan]] = {name: [] for name in (*GYROS, *ATTITUDE)}
-    for axis, promise in enumerate(promises(findings)):
-        claims[GYROS[axis]] += _cleared(flight, findings, axis, promise)
-    for each in found:
-        for sensor, span in _of_finding(flight, each):
-            claims[sensor].append(span)
-    return Judged(
-        flight=flight, found=found, claims={name: tuple(spans) for name, spans in claims.items()}, findings=findings
-    )
+    said = Judged(flight=flight, found=doubted(findings.model, findings.found), findings=findings)
+    return replace(said, found=_unless_others_part(said)) if flight.is_driven and said.accused else said
 
 
-def _of_finding(flight: Flight, finding: Finding) -> Iterator[tuple[str, SensorSpan]]:
-    """Give what a finding claims, sensor by sensor."""
-    start_s, end_s = _span(flight, finding)
-    sensors = [name for name in finding.suspects if axis_number(name) >= 0]
-    axes = sorted({axis for each, _ in finding.ranked if each.is_healthy for axis in each.axes})
-    excused = [*(GYROS[axis] for axis in axes), *(ATTITUDE[axis] for axis in axes)]
-    why = f"{finding.best.suspect}, {finding.best.kind}: from {finding.onset_s:.0f} to {finding.end_s:.0f} s"
-    for sensor in excused:  # an excuse never clears
-        yield sensor, unjudged((start_s, end_s), why)
-    near_s = _NEAR_S[finding.best.kind not in ("bias", "step", FROZEN, "noise")]
-    for sensor in dict.fromkeys([*sensors, *excused]):
-        yield sensor, unjudged((start_s - near_s, start_s), f"something changed at about {finding.onset_s:.0f} s")
-    judgement = Judgement(
-        time_s=finding.end_s,
-        sensor=finding.named,
-        candidates=tuple(sensors),
-        kind=finding.best.kind,
-        parameters={"size": finding.size},
-        reason=finding.doubt,
-    )
-    is_one_axis = len({axis_number(name) for name in finding.suspects}) == 1 and not finding.doubt
-    for sensor in sensors:
-        if finding.named and finding.side is not Side.OPEN:
-            yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.FAILED, judgement=judgement)
-        elif is_one_axis:
-            yield (
-                sensor,
-                SensorSpan(
-                    start_s=start_s, end_s=end_s, state=State.SUSPECTED, suspects=tuple(sensors), judgement=judgement
-                ),
-            )
-        else:
-            why = finding.doubt or f"{' or '.join(finding.suspects)} changed at {finding.onset_s:.0f} s"
-            yield sensor, unjudged((start_s, end_s), why)
+def _unless_others_part(said: Judged) -> tuple[Finding, ...]:
+    """Return findings that name nobody where another gyro parts from the attitude, too, and nothing explains that.
 
+    An attitude that follows the gyros is bent by whichever failed.
+    """
+    changes = [each for each in said.hindsight().changes if each.of == "error"]
 
-def _span(flight: Flight, finding: Finding) -> tuple[float, float]:
-    """Return the broken side of a finding; both of one that leaves it open."""
-    start_s = flight.blocks.start_s
-    whole_s = start_s + len(flight) * flight.blocks.period_s
-    if finding.side is Side.BEFORE:
-        return start_s, finding.onset_s
-    return (start_s, whole_s) if finding.side is Side.OPEN else (finding.onset_s, finding.end_s)
+    def doubtful(finding: Finding) -> Finding:
+        axis = axis_number(finding.best.suspect)
+        far_deg_s = max(_PARTS_DEG_S, _ALIKE * _reached(finding))
+        others = [GYROS[each.axis] for each in changes if each.axis != axis and abs(each.size) > far_deg_s]
+        if finding.is_frozen or not finding.accuses or not others:
+            return finding
+        return replace(finding, doubt=f"{' and '.join(others)} parts from the attitude, too, and nothing explains it")
 
-
-def _cleared(flight: Flight, findings: Findings, axis: int, promise: Promise) -> Iterator[SensorSpan]:
-    """Give where a gyro is clear, and up to which size, and why it isn't elsewhere."""
-    reasons = _reasons(flight, findings, axis)
-    classes = _classes(promise, reasons)
-    cell_s, start_s = CELL * flight.blocks.period_s, flight.blocks.start_s
-    end_s = start_s + len(flight) * flight.blocks.period_s
-    edges = np.flatnonzero(np.diff(classes)) + 1
-    for first, last in zip([0, *edges.tolist()], [*edges.tolist(), len(classes)], strict=True):
-        span_s = (start_s + first * cell_s, min(start_s + last * cell_s, end_s))
-        if classes[first] < 0:
-            yield unjudged(span_s, reasons[first] or _AT_END)
-            continue
-        error, gain = float(promise.error_deg_s[first:last].max()), float(promise.gain[first:last].max())
-        factors = (1.0 / (1.0 + gain), 1.0 / (1.0 - gain)) if gain < 1.0 else None
-        sizes = Sizes(error=error, within_s=end_s - span_s[0], factors=factors)
-        yield SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.CLEAR, sizes=sizes)
-
-
-def _classes(promise: Promise, reasons: Sequence[str]) -> FloatArray:
-    """Return a number for each cell, the same for neighbours that are stated together; negative where not judged."""
-    with np.errstate(divide="ignore"):
-        sizes = np.floor(np.log(promise.error_deg_s) / np.log(_COARSER)) + 1000.0
-    texts = {text: -1.0 - place for place, text in enumerate(dict.fromkeys(reasons))}
-    unknown = ~np.isfinite(promise.error_deg_s) | np.array([bool(text) for text in reasons])
-    return np.where(unknown, [texts[text] for text in reasons], sizes)
-
-
-def _reasons(flight: Flight, findings: Findings, axis: int) -> list[str]:
-    """Return why a gyro isn't judged, cell by cell; "" where it is."""
-    cells = findings.model.cells
-    found = [""] * cells
-    there = np.isfinite(flight.blocks.gyros[:, axis]) & flight.judged
-    missing = by_chunks(there.astype(float), CELL).mean(axis=1) < _KNOWN
-    throughout = _beyond(findings, axis)
-    if throughout:
-        return [throughout] * cells
-    still = _stands_still(flight, axis)
-    for mask, text in ((_unexplained(findings, axis), _LEFT), (still, _STILL), (missing, _MASKED)):
-        starts, ends = runs(mask)
-        for first, last in zip(starts.tolist(), ends.tolist(), strict=True):
-            found[first:last] = [text] * (last - first)
-    return found
-
-
-def _beyond(findings: Findings, axis: int) -> str:
-    """Say which constant of a gyro no healthy one has, throughout the log; "" for none."""
-    known = constants_of_gyro(findings.model, axis)
-    if known is None:
-        return "nothing is known of it and the attitude together"
-    offset, gain, offset_error, gain_error = known
-    if abs(offset) - _SURE * offset_error > _MOST_OFFSET_DEG_S:
-        return f"{GYROS[axis]} reads {offset:+.1f} deg/s, against the attitude, throughout"
-    if abs(gain) - _SURE * gain_error > _MOST_GAIN:
-        return f"{GYROS[axis]} and the attitude don't turn alike throughout"
-    return ""
-
-
-def _stands_still(flight: Flight, axis: int) -> BoolArray:
-    """Tell in which cells a gyro reads one value for longer than the others do."""
-    held_s = flight.blocks.held_s
-    usual_s = float(np.delete(held_s[:, : len(GYROS)], axis, axis=1).max(initial=0.0))
-    ends = np.flatnonzero(held_s[:, axis] > max(_STILL_S, _OF_USUAL * usual_s))
-    found = np.zeros(-(-len(flight) // CELL), dtype=bool)
-    for end in ends.tolist():
-        begin = max(end - int(held_s[end, axis] / flight.blocks.period_s), 0)
-        found[begin // CELL : end // CELL + 1] = True
-    return found
-
-
-def _unexplained(findings: Findings, axis: int) -> BoolArray:
-    """Tell in which cells something about a gyro is left that no finding explains."""
-    model, (onset, last) = findings.model, findings.windows
-    mine = np.array([not each.is_healthy and axis_number(each.suspect) == axis for each in model.explanations])
-    found = np.zeros(model.cells, dtype=bool)
-    for window in np.flatnonzero(findings.odd[:, mine].max(axis=1, initial=-np.inf) > SUSPICION):
-        found[onset[window] : last[window]] = True
-    return found
+    return tuple(map(doubtful, said.found))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,7 @@ _ONSETS = 150  # at most, of windows to the log's end
 _TRIES = 12  # windows
 _CALM, _STILL_CALM = 0.5, 0.7  # of the bound, where means are as restless as they are there
 _ENDS = 6.0  # nats: a fault that ends is rarer than one that stays
+_ENDS_TRIED = 30  # by when it shows, to a tenth of the time
 _NEAR_S = 12.0  # about an onset that is dated again
 _SHAPE = 0.1  # of a size behind an estimator: it is none of three of the first order
 _MORE = 0.5  # of the bound, for each earlier finding
@@ -60,15 +61,14 @@ class Scan:
         return evidence(self.model, *self.windows)
 
     @cached_property
-    def left(self) -> tuple[FloatArray, FloatArray]:
-        """The ratio of all windows, and the odd one, by parts where either is more than chance makes."""
+    def left(self) -> FloatArray:
+        """The ratio of all windows, by parts where it is more than chance makes."""
         seen = self.seen
-        ratio, odd = seen.ratio.copy(), seen.odd.copy()
-        loud = np.flatnonzero(np.maximum(ratio, odd).max(axis=1, initial=-np.inf) > EXPECTED)
+        ratio = seen.ratio.copy()
+        loud = np.flatnonzero(ratio.max(axis=1, initial=-np.inf) > EXPECTED)
         if len(loud):
-            again = evidence(self.model, seen.onset[loud], seen.last[loud], by_parts=True)
-            ratio[loud], odd[loud] = again.ratio, again.odd
-        return ratio, odd
+            ratio[loud] = evidence(self.model, seen.onset[loud], seen.last[loud], by_parts=True).ratio
+        return ratio
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -209,7 +209,20 @@ class Search:
             return None
         margin = DECISIVE + MISFIT * float(best[place])
         order = [int(each) for each in np.argsort(-best) if best[each] > best[place] - margin]
-        return self._finding(own, seen, onsets, totals, order, margin, last)
+        found = self._finding(own, seen, onsets, totals, order, margin, last)
+        shows = self._shows(int(onsets[row]), last, place, found.size, sums)
+        return replace(found, shows_s=model.flight.blocks.start_s + shows * model.cell_s)
+
+    def _shows(self, first: int, last: int, place: int, size: float, sums: tuple[Sums, ...]) -> int:
+        """Return the first end, in cells, up to which it shows: by s^2 / (2 d^2), d the deviation of its size s.
+
+        The ratio itself doesn't tell: it is by the constants of all outside a window, where the fault goes on.
+        """
+        ends = np.unique(first + np.geomspace(min(3, last - first), last - first, _ENDS_TRIED).astype(np.int64))
+        seen = evidence(self.model, np.full_like(ends, first), ends, sums)
+        needed = BOUND * self.tempers[place] + float(self.model.of_explanations("price")[place])
+        shown = np.flatnonzero(0.5 * np.square(size / seen.deviation[:, place]) >= needed)
+        return int(ends[shown[0]]) if len(shown) else last
 
     def _finding(
         self,
@@ -246,6 +259,7 @@ class Search:
             evidence=float(one.ratio[0, place] / self.tempers[place]),
             own_axis=self._own_axis(one, place),
             shown=float(np.maximum(one.by_equation[~model.is_witness, 0, place], 0.0).sum()),
+            lasts=last >= model.cells,
         )
 
     def _own_axis(self, one: Evidence, place: int) -> float:

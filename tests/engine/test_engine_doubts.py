@@ -331,7 +331,8 @@ def test_another_axis_is_judged_beside_a_gyro_that_bends_the_attitude_a_bit_or_e
 
 def test_the_same_axis_is_judged_though_its_gyro_bends_the_attitude(model, finding):
     bends = finding("r bias (7 s)", 40.0, size=6.0)
-    found = {each.best.suspect: each for each in doubted(model, [bends, finding("psi drift", 80.0)])}
+    own = replace(model, flight=replace(model.flight, is_driven=False))
+    found = {each.best.suspect: each for each in doubted(own, [bends, finding("psi drift", 80.0)])}
     assert found["psi"].named == "psi"
     assert alone(model, bends).named == "r"
 
@@ -354,3 +355,51 @@ def test_reasons_are_told_one_after_another(model, finding):
 def test_a_real_bias_is_found_without_a_doubt_by_its_own_model(finding):
     own = model_of(with_error(motion(DURATION_S, seed=5), "q", from_on(60.0, 3.0)))
     assert alone(own, finding(size=3.0)).named == "q"
+
+
+# which side, and what estimators learn -----------------------------------------------------------
+
+
+def test_where_either_side_may_be_the_broken_one_nobody_is_named(model, finding):
+    assert alone(model, finding(side=Side.OPEN)).doubt == "q is off before or after it"
+    assert names(model, finding(side=Side.AFTER)) == names(model, finding(side=Side.BEFORE, onset_s=100.0)) == ["q"]
+
+
+@pytest.mark.parametrize(("slope", "is_named"), [(0.015, False), (0.02, True)])
+def test_a_drift_that_an_estimator_makes_as_it_learns_an_offset_names_nobody(model, finding, slope, is_named):
+    """Over 140 s: to 2.1 and to 2.8 deg/s."""
+    slow = finding("q drift", size=slope)
+    assert (alone(model, slow).named == "q") is is_named
+    own = replace(model, flight=replace(model.flight, is_driven=False))
+    assert alone(own, slow).named == "q"
+
+
+def test_motion_counts_as_far_as_it_takes_to_show(finding):
+    """A gyro breaks while the aircraft hardly turns, and it flies hard later: that hides nothing."""
+    calm = motion(DURATION_S, seed=5, large_deg=(1.0, 1.0, 1.0))
+    wild = motion(DURATION_S, seed=5, large_deg=(20.0, 15.0, 40.0))
+    late = calm.time_s > 100.0
+    record = calm
+    for name in record.channels:
+        offset = wild[name][np.argmax(late)] - calm[name][np.argmax(late)] if name in ("phi", "theta", "psi") else 0.0
+        record = record.replace(name, np.where(late, wild[name] - offset, calm[name]))
+    lively = model_of(record)
+    soon = finding(onset_s=60.0, shows_s=70.0, lasts=True)
+    assert alone(lively, soon).named == "q"
+    assert "moves more" in alone(lively, replace(soon, shows_s=190.0)).doubt
+
+
+def test_beside_an_angle_that_may_follow_the_gyros_nobody_is_named(model, finding):
+    both = finding(("r bias", "psi drift"))
+    assert alone(model, both).doubt == "psi may follow the gyros"
+    own = replace(model, flight=replace(model.flight, is_driven=False))
+    assert alone(own, both).doubt == ""
+    assert alone(own, both).suspects == ("r", "psi")
+
+
+def test_of_two_gyros_behind_one_estimator_neither_is_named_that_the_other_bends(model, finding):
+    """A slow drift that seems to stand alone, and the scale of another gyro behind an estimator of 16 s, later."""
+    drifts, scaled = finding("p drift", 50.0, size=0.3), finding("r scale (16 s)", 120.0, size=1.5)
+    found = {each.best.suspect: each for each in doubted(model, [drifts, scaled])}
+    assert found["r"].doubt.startswith("p bends the attitude by ")
+    assert alone(model, scaled).named == "r"

@@ -514,7 +514,8 @@ def test_a_gyro_that_bends_the_attitude_has_no_other_accused(fault, attitude, tm
     assert names == {fault.channel}
     assert [alarm.sensor for alarm in link.alarms].count(fault.channel) == 1
     afterwards = gb.watch_log(tmp_path / "bent.tlog", monitor)
-    certain = [(alarm.time_s, alarm.sensor) for alarm in afterwards.alarms if alarm.is_first and alarm.accuses]
+    of_bank = [alarm for watch in afterwards.watches for alarm in watch.faults]
+    certain = [(alarm.time_s, alarm.sensor) for alarm in of_bank if alarm.is_first and alarm.accuses]
     assert certain == [(alarm.time_s, alarm.sensor) for alarm in link.alarms if alarm.accuses]
     believed, _ = named(attitude="own")
     assert believed > names  # as it says of an attitude of its own

@@ -1,6 +1,7 @@
 """An angle that is off: by a step, by what grows, or in proportion to itself.
 
-Where the gyros drive the attitude, phi and theta don't fail by themselves: references lean instead, and nothing failed.
+Where the gyros are known to drive the attitude, phi and theta don't fail by themselves: references lean instead, and
+nothing failed.
 """
 
 from __future__ import annotations
@@ -26,15 +27,16 @@ _PSI = 2
 def explanations(flight: Flight) -> list[Explanation]:
     """Return them for each angle, of size one deg, deg/s and one."""
     found = []
+    is_driven = flight.is_driven and not flight.is_assumed
     for angle, name in enumerate(ATTITUDE):
         most = np.inf if angle == _PSI else _MOST_DEG
-        is_pulled = flight.is_driven and angle != _PSI  # then it is no sensor
+        is_pulled = is_driven and angle != _PSI  # then it is no sensor
         found += [
             Explanation(
                 suspect=name,
                 kind="step",
                 effect=partial(_off, angle=angle, wrong=_one),
-                price=np.inf if flight.is_driven else 1.0,
+                price=np.inf if is_driven else 1.0,
                 low=-max(most, 60.0),
                 high=max(most, 60.0),
                 least=_STEP_DEG,
@@ -54,15 +56,15 @@ def explanations(flight: Flight) -> list[Explanation]:
                 base=f"{name} step",
             ),
             Explanation(
-                suspect="references" if flight.is_driven else name,
-                kind=f"scale of {name}" if flight.is_driven else "scale",
+                suspect="references" if is_driven else name,
+                kind=f"scale of {name}" if is_driven else "scale",
                 effect=partial(_scaled, angle=angle),
-                price=3.0 if flight.is_driven else 1.0,
+                price=3.0 if is_driven else 1.0,
                 low=_LOWEST,
                 high=_HIGHEST,
                 least=_SCALE,
                 shortest_s=_SHORTEST_S,
-                is_healthy=flight.is_driven,
+                is_healthy=is_driven,
                 axes=(angle,),
                 mirror=-1.0,
                 since=_psi if angle == _PSI else None,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
-from scipy.signal import lfilter
 
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
@@ -50,6 +49,8 @@ def _lag(flight: Flight) -> Effect:
 
 def _iron(flight: Flight, *, is_east: bool) -> Effect:
     """Return a heading that is off by the sine, or cosine, of itself, as an estimator follows it."""
+    from scipy.signal import lfilter  # half a second to import
+
     psi = np.radians(flight.angles[:, 2])
     wrong = np.cos(psi) if is_east else np.sin(psi)
     step = flight.blocks.period_s

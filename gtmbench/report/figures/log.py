@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import printable
+from gtmbench.engine.judged import Curve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
@@ -31,10 +32,9 @@ from gtmbench.report.words.timeline import cut
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.seconds import SECOND_S
-from gtmbench.study.log.slow_means import SLOW, WINDOWS
+from gtmbench.study.log.seconds import trailing_means
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.values.channels import GYROS, unit_of
+from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Span
 from gtmbench.verdict.timeline import State
 
@@ -46,6 +46,7 @@ _DPI = 130
 _POINTS = 2500  # of a line: more than a panel has pixels
 _MOST_FAULTS = 2
 _MOST_EVENTS = 60
+_MEAN_S = 4.0  # of a gyro less the attitude's rate
 _TITLE = 105  # letters in a line
 _LINE = 0.15  # inches, of the certificate
 _LANE = 0.28  # inches, of a sensor's timeline
@@ -72,7 +73,7 @@ def _figure(watched: WatchedLog) -> Figure:
     lanes = len(told_sensors(watched.verdict)) + bool(watched.log.remarks)
     heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
     heights += [1.5] if _parting(watched) else []
-    heights += [1.7] * len(_slow_gyros(watched))
+    heights += [1.7] * len(_curves(watched))
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
     seen = certificate_lines(watched.certificate)
@@ -107,8 +108,8 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, span: Span) -> None:
         _levels(next(rest), watched, span)
     if _parting(watched):
         _imus(next(rest), watched, span)
-    for gyro in _slow_gyros(watched):
-        _slow_mean(next(rest), watched, gyro, span)
+    for curve in _curves(watched):
+        _evidence(next(rest), watched, curve, span)
     for name in signals_of(watched):
         _signal(next(rest), watched, name, span)
         if name in residuals_of(watched):
@@ -189,37 +190,22 @@ def _imus(axis: Axes, watched: WatchedLog, span: Span) -> None:
     axis.set_ylabel("IMUs part\n(deg/s)")
 
 
-def _slow_gyros(watched: WatchedLog) -> list[str]:
-    """Return the gyros of which a mean over tens of seconds alarmed."""
-    told = {alarm.source for alarm in watched.slow_alarms if alarm.test == SLOW}
-    return [] if watched.means is None else [gyro for gyro in GYROS if gyro in told]
+def _curves(watched: WatchedLog) -> Sequence[Curve]:
+    return [] if watched.judged is None else watched.judged.curves[:_MOST_FAULTS]
 
 
-def _slow_mean(axis: Axes, watched: WatchedLog, gyro: str, span: Span) -> None:
-    """Draw what a gyro reads more than the attitude turns: second by second, and the mean that rose, in its bounds."""
-    means, column = watched.means, GYROS.index(gyro)
-    assert means is not None
-    window = _window_of(watched, gyro)
-    mean, bound = means.mean(window)[:, column], means.bounds[window][:, column]
-    known_s: FloatArray = means.start_s + (np.arange(len(mean), dtype=np.float64) + 1.0) * SECOND_S
-    _line(axis, known_s - 0.5 * SECOND_S, means.error[:, column], span, COLOURS["healthy"], "gyro less attitude's rate")
-    tint = tints_of(watched).get(gyro, COLOURS["virtual"])
-    _line(axis, known_s, mean, span, tint, f"{gyro}: its mean over {window} s", width=1.8)
-    for sign in (-1.0, 1.0):
-        _line(axis, known_s, np.where(np.isfinite(mean), sign * bound, np.nan), span, "k", "bound of this mean")
-    shown = np.concatenate([part(known_s, values, span)[1] for values in (mean, bound)])
+def _evidence(axis: Axes, watched: WatchedLog, curve: Curve, span: Span) -> None:
+    """Draw what a gyro reads more than the attitude turns, its mean, and what the fault that was found makes of it."""
+    tint = tints_of(watched).get(curve.sensor, COLOURS["virtual"])
+    mean = trailing_means(curve.measured_deg_s, max(round(_MEAN_S / float(np.diff(curve.time_s[:2])[0])), 1), 0.5)
+    of = f"{curve.sensor} less attitude's rate"
+    _line(axis, curve.time_s, curve.measured_deg_s, span, COLOURS["healthy"], of)
+    _line(axis, curve.time_s, mean, span, tint, f"{curve.sensor}: its mean over {_MEAN_S:g} s", width=1.8)
+    _line(axis, curve.time_s, curve.predicted_deg_s, span, "k", "what the fault that was found makes of it")
+    shown = np.concatenate([part(curve.time_s, values, span)[1] for values in (mean, curve.predicted_deg_s)])
     most = float(np.nanmax(np.abs(shown), initial=LOWEST))
     axis.set_ylim(-1.5 * most, 1.5 * most)
-    axis.set_ylabel(f"{gyro} less the\nattitude's rate\n(deg/s)")
-
-
-def _window_of(watched: WatchedLog, gyro: str) -> int:
-    """Return the window whose mean stands furthest above its bound when a gyro's first alarm is raised."""
-    means, column = watched.means, GYROS.index(gyro)
-    assert means is not None
-    first_s = min(alarm.time_s for alarm in watched.slow_alarms if (alarm.test, alarm.source) == (SLOW, gyro))
-    second = min(max(int((first_s - means.start_s) / SECOND_S) - 1, 0), len(means.error) - 1)
-    return max(WINDOWS, key=lambda window: float(np.nan_to_num(means.excess(window)[second, column])))
+    axis.set_ylabel(f"{curve.sensor} less the\nattitude's rate\n(deg/s)")
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:

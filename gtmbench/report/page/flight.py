@@ -29,7 +29,6 @@ from gtmbench.report.words.certificate import (
     certificate_notes,
     certificate_table,
     certificate_title,
-    witness_lines,
 )
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
@@ -104,7 +103,6 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         certificate=(certificate_title(watched.certificate), title, cells) if cells else None,
         certificate_notes=[
             *certificate_notes(watched.certificate),
-            *witness_lines(watched.witnesses),
             *sensor_lines(watched.sensors),
         ],
         details="\n".join(detail_lines(watched)),

@@ -29,7 +29,6 @@ from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
 from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.field_witnesses import Witness
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.truth import Scored, ScoredLog
 from gtmbench.study.log.watched import WatchedLog
@@ -55,7 +54,6 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "autopilot": _autopilot(watched),
         "imus": _comparison(watched),
-        "witnesses": [_witness(each) for each in watched.witnesses],
         "sensors": [sensor_table(each) for each in watched.sensors],
         "estimator": [_estimator(each) for each in watched.estimator],
         "installation": None if watched.installation is None else watched.installation.table(),
@@ -167,14 +165,6 @@ def _estimator(word: EstimatorWord) -> Mapping[str, Any]:
     """Return what an estimator says of a gyro, in deg/s, or of a sensor, as a ratio that it rejects above 1."""
     of = {"quantity": word.quantity, "of": word.of, "columns": word.columns}
     return of | {"smallest": float(word.values.min()), "largest": float(word.values.max())}
-
-
-def _witness(witness: Witness) -> Mapping[str, Any]:
-    """Return who is asked about gyros, and how well it knows each, in deg/s; None where too little is healthy."""
-    known = {gyro: size for gyro, size in witness.bounds_deg_s.items() if witness.knows(gyro)}
-    bounds = {gyro: None if np.isnan(size) else size for gyro, size in known.items()}
-    of_r = bounds.get("r")
-    return {"name": witness.name, "columns": witness.columns, "bound_deg_s": of_r, "bounds_deg_s": bounds}
 
 
 def score_results(scores: ScoredLog) -> dict[str, Any]:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from gtmbench.checks import listed
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
-from gtmbench.study.log.field_witnesses import BOUND_S, Witness
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
@@ -75,19 +72,6 @@ def certificate_title(certificate: Certificate) -> str:
         f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
         f"{_watched(certificate)}"
     )
-
-
-def witness_lines(witnesses: Sequence[Witness]) -> list[str]:
-    """Return who is asked which of a gyro and its angle is wrong, and how well they know gyros; nothing without any."""
-    if not witnesses:
-        return []
-    told = []
-    for each in witnesses:
-        bounds = {gyro: size for gyro, size in each.bounds_deg_s.items() if each.knows(gyro)}
-        known = ", ".join(f"{gyro} to {size:.2g}" for gyro, size in bounds.items() if np.isfinite(size))
-        unknown = f"too little is healthy to know {listed(list(bounds), 'or')}"
-        told.append(f"{each.name} ({f'knows {known} deg/s' if known else unknown})")
-    return [f"asked where a gyro or its angle is left open, over {BOUND_S:g} s: {'; '.join(told)}"]
 
 
 def certificate_notes(certificate: Certificate) -> list[str]:

@@ -16,12 +16,9 @@ from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, with_error
-from gtmbench.study.log.corrections import CORRECTED
-from gtmbench.study.log.gains import GAIN
-from gtmbench.study.log.rests import AT_REST
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
-from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.channels import unit_of
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET = "onset_s"
@@ -198,30 +195,9 @@ def source_text(alarm: Alarm, watch: Watch) -> str:
     return f"{source} ({alarm.test})" if alarm.test else source
 
 
-def slow_text(alarm: Alarm) -> str:
-    """Say what rose over tens of seconds, or from one rest to another."""
-    if alarm.test == GAIN:
-        return f"the gain of {alarm.source} against the attitude's rate"
-    if alarm.test == AT_REST:
-        return f"what {alarm.source} reads at rest"
-    if alarm.test == CORRECTED:
-        return f"how the attitude is pulled back after turns of {alarm.source}"
-    return f"the mean of {alarm.source} less the attitude's rate"
-
-
-def witness_text(alarm: Alarm) -> str:
-    """Say who was asked which of a gyro and its angle is wrong, and what that tells; "" where nobody was.
-
-    >>> judged = Judgement(time_s=30.0, sensor="p", candidates=("p",), witness="accelerometers: p reads +2 deg/s more")
-    >>> witness_text(Alarm(number=0, time_s=12.0, onset_s=10.0, source="p", judgements=(judged,)))
-    'asked between p and phi: accelerometers: p reads +2 deg/s more'
-    """
-    last = alarm.last
-    if last is None or not last.witness:
-        return ""
-    pairs = zip(GYROS, ATTITUDE, strict=True)
-    asked = next((pair for pair in pairs if {*pair} & {*last.candidates}), (GYROS[2], ATTITUDE[2]))
-    return f"asked between {' and '.join(asked)}: {last.witness}"
+def whole_text(alarm: Alarm) -> str:
+    """Say what rose over the whole log."""
+    return f"{alarm.source} less the attitude's rate, over the whole log"
 
 
 def counting_alarm(trial: Trial) -> Alarm | None:

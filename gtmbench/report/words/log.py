@@ -18,9 +18,9 @@ from gtmbench.intake.flight_log import FlightLog, Remark
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
-from gtmbench.report.words.certificate import certificate_lines, witness_lines
+from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.isolation import isolation_lines
-from gtmbench.report.words.judgement import alarm_text, slow_text, source_text, witness_text
+from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
@@ -64,7 +64,6 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *(f"note: {reason}" for reason in watched.reasons),
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
-        *witness_lines(watched.witnesses),
         *sensor_lines(watched.sensors),
         *estimator_lines(watched.estimator),
         *_worth_lines(watched),
@@ -247,26 +246,17 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
 def _alarms_lines(watched: WatchedLog) -> list[str]:
     told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
-    lines += [f"{alarm.time_s:.2f} s  {alarm_text(alarm)}" for alarm in (*watched.standing, *watched.frozen)]
-    lines += [line for alarm in watched.slow_alarms for line in _slow_lines(alarm)]
+    lines += [line for alarm in watched.whole_alarms for line in _whole_lines(alarm)]
     return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines
 
 
-def _slow_lines(alarm: Alarm) -> list[str]:
-    """Return an alarm of means or gains over tens of seconds, with since when and what is known."""
-    named = "" if alarm.isolated_s is None else f"; named at {alarm.isolated_s:.2f} s"
+def _whole_lines(alarm: Alarm) -> list[str]:
+    """Return an alarm of the whole log, with since when and what is known."""
     ended = "its end was not seen" if alarm.ended_s is None else f"gone since {alarm.ended_s:.2f} s"
     return [
         f"{alarm.time_s:.2f} s  {alarm_text(alarm)}",
-        *_witness_lines(alarm),
-        f"    {slow_text(alarm)}; since about {alarm.onset_s:.2f} s{named}; {ended}",
+        f"    {whole_text(alarm)}; since about {alarm.onset_s:.2f} s; {ended}",
     ]
-
-
-def _witness_lines(alarm: Alarm) -> list[str]:
-    """Return which witness was asked, and what it tells; nothing where none was."""
-    witness = witness_text(alarm)
-    return [f"    {witness}"] if witness else []
 
 
 def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
@@ -287,7 +277,7 @@ def _alarm_lines(alarm: Alarm, watch: Watch) -> list[str]:
         known.append("its end was not seen")
     if disarmed := disarmed_by(alarm, watch):
         known.append(f"no longer watched: {', '.join(disarmed)}")
-    return [f"{alarm.time_s:.2f} s  {what}", *_witness_lines(alarm), *([f"    {'; '.join(known)}"] if known else [])]
+    return [f"{alarm.time_s:.2f} s  {what}", *([f"    {'; '.join(known)}"] if known else [])]
 
 
 def _excursion_lines(watched: WatchedLog) -> list[str]:

@@ -148,19 +148,9 @@ def fault_text(sensor: str, judged: Judgement | None) -> str:
     if judged is None:
         return ""
     if judged.kind is None or judged.kind == UNKNOWN or judged.swapped:
-        return _measured(judged)
+        return ""
     parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
     return kind_text(judged.kind, parameters, judged.errors, unit_of(judged.sensor or sensor), judged.partner)
-
-
-def _measured(judged: Judgement) -> str:
-    """Return how far a witness measured a sensor off; nothing where none did.
-
-    >>> said = "MAG: the magnetometer knows r to 4 deg/s only; accelerometers: r reads -2.1 deg/s more"
-    >>> _measured(Judgement(time_s=9.0, sensor="r", candidates=("r",), witness=said))
-    'accelerometers: r reads -2.1 deg/s more'
-    """
-    return next((said for said in judged.witness.split("; ") if f": {judged.sensor} reads " in said), "")
 
 
 def sensor_row(verdict: LogVerdict, sensor: str) -> SensorRow:

@@ -12,12 +12,11 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from gtmbench.checks import listed
-from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
-from gtmbench.report.words.judgement import slow_text, source_text, witness_text
+from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import sensor_why
 from gtmbench.report.words.timeline import (
@@ -302,14 +301,10 @@ def _why(watched: WatchedLog) -> list[str]:
         source = source_text(alarm, watch) or "test statistic"
         reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
-        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}{_by_witness(alarm)}.")
-    lines += [
-        f"{capitalised(alarm.last.reason)}." for alarm in (*watched.standing, *watched.frozen) if alarm.last is not None
-    ]
+        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
     lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
     return lines + [
-        f"Alarm at {alarm.time_s:.2f} s by {slow_text(alarm)}{_by_witness(alarm)}."
-        for alarm in watched.slow_alarms[: _MOST - len(lines)]
+        f"Alarm at {alarm.time_s:.2f} s by {whole_text(alarm)}." for alarm in watched.whole_alarms[: _MOST - len(lines)]
     ]
 
 
@@ -322,12 +317,6 @@ def _not_watched(watched: WatchedLog) -> list[str]:
         for name in GYROS
         if name not in asked and reason.startswith(f"{name} isn't watched")
     ]
-
-
-def _by_witness(alarm: Alarm) -> str:
-    """Return which witness was asked, and what it tells; nothing where none was."""
-    witness = witness_text(alarm)
-    return f"; {witness}" if witness else ""
 
 
 def _certainty(watched: WatchedLog) -> list[str]:

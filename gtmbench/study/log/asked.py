@@ -11,7 +11,6 @@ from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
-from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
@@ -33,8 +32,6 @@ class Asked:
     mapping : tuple of str
     rate_hz, false_alarms_per_hour : float or None
     attitude : str
-    least_error_deg_s : float
-        No smaller mean error is called a failure where the attitude is an estimator's.
     judge : tuple of str or None
         The sensors that the verdict speaks for, as they were named; None for the usual ones.
     limits : tuple of str
@@ -51,7 +48,6 @@ class Asked:
     rate_hz: float | None
     false_alarms_per_hour: float | None
     attitude: str
-    least_error_deg_s: float = LEAST_DEG_S
     judge: tuple[str, ...] | None = None
     limits: tuple[str, ...] = ()
     judged: float = JUDGED
@@ -82,7 +78,6 @@ def asked(
     rate_hz: float | None,
     false_alarms_per_hour: float | None,
     attitude: str,
-    least_error_deg_s: float = LEAST_DEG_S,
     judge: str | Sequence[str] | None = None,
     limits: Sequence[str] = (),
     judged: float = JUDGED,
@@ -113,7 +108,6 @@ def asked(
         rate_hz=rate_hz,
         false_alarms_per_hour=None if wanted is None else number("false_alarms_per_hour", wanted, 1e-9, 1e3),
         attitude=attitude,
-        least_error_deg_s=number("least_error_deg_s", least_error_deg_s, 0.0, 100.0),
         judge=None if judge is None else tuple(judge.split(",") if isinstance(judge, str) else judge),
         limits=tuple(limits),
         judged=number("judged", judged, 0.0, 1.0),

@@ -26,8 +26,6 @@ from gtmbench.errors import InputError
 from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.shaping import Deadzone, ScaleFactor
-from gtmbench.study.log.slow_means import SlowMeans
-from gtmbench.study.log.slow_sizes import SlowSize, slow_size
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
@@ -215,9 +213,7 @@ class _Trial:
         return high
 
 
-def certificate_of(
-    monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False, means: SlowMeans | None = None
-) -> Certificate:
+def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
     Parameters
@@ -229,8 +225,6 @@ def certificate_of(
     named : bool
         Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
         named: seconds.
-    means : SlowMeans, optional
-        What means over tens of seconds show of the same log: biases and drifts that are smaller there are told so.
 
     Examples
     --------
@@ -255,9 +249,9 @@ def certificate_of(
     if not any(watch.armed_hours for watch in watches):
         return Certificate(missing="at no time was an alarm possible")
     rows = [
-        _row(tried, _slow(means, sensor, kind), named=named)
+        _hardest(tried, named=named)
         for sensor in _certified(monitor)
-        for kind, tried in _trials(monitor, watches, sensor, KINDS).items()
+        for tried in _trials(monitor, watches, sensor, KINDS).values()
     ]
     missing = "" if rows else "too little of it was watched"
     seconds = sum(3600.0 * watch.armed_hours for watch in watches)
@@ -267,11 +261,6 @@ def certificate_of(
 def _certified(monitor: PredictingMonitor) -> list[str]:
     """Return the sensors that have rows: those that may be suspected and have a residual of their own."""
     return [sensor for sensor in monitor.basis.predicts if sensor in monitor.suspects]
-
-
-def _slow(means: SlowMeans | None, sensor: str, kind: Kind) -> SlowSize | None:
-    """Return the size of a fault that means over tens of seconds show."""
-    return None if means is None else slow_size(means, sensor, kind.fault.kind, SHARE)
 
 
 def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certificate:
@@ -299,18 +288,6 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
         rows=tuple(rows),
         watched_s=sum(3600.0 * watch.armed_hours for watch in watches),
         unwatched=tuple(f"{name} is not watched: {why}" for name, why in monitor.unwatched.items()),
-    )
-
-
-def _slow_row(slow: SlowSize, trial: _Trial) -> Smallest:
-    """Return the row of what slow means show, of a trial's sensor and kind."""
-    return Smallest(
-        sensor=trial.place.on.sensor,
-        kind=trial.kind.fault.kind,
-        size=slow.size,
-        share=SHARE,
-        within_s=slow.within_s,
-        time_constant_s=slow.time_constant_s,
     )
 
 
@@ -370,16 +347,6 @@ def _places(
         ]
         for each in through
     ]
-
-
-def _row(tried: Sequence[Sequence[_Trial]], slow: SlowSize | None, *, named: bool) -> Smallest:
-    """Return the smallest fault that would have been seen; nothing is searched that means show at a smaller size."""
-    is_searched = slow is None or all(_is_often_seen(trials, slow.size) for trials in tried)
-    row = _hardest(tried, named=named) if is_searched else None
-    if slow is None or (row is not None and row.size is not None and row.size <= slow.size):
-        assert row is not None
-        return row
-    return _slow_row(slow, tried[0][0])
 
 
 def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:

@@ -7,7 +7,7 @@ clears a sensor: what does is the relation of gyros and attitude (`hindsight`), 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -88,16 +88,32 @@ def _of_imu(sensor: str, imu: str, watched_imu: str) -> str:
     return f"{sensor} of {imu}" if imu and imu != watched_imu else sensor
 
 
-def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str]) -> Iterator[Claim]:
-    """Give what the self-check claims: where it stops, no sensor is judged; a doubt is of those that it names."""
+def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str], whole: Collection[str] = ()) -> Iterator[Claim]:
+    """Give what the self-check claims: where it stops, no sensor is judged; a doubt is of those that it names.
+
+    Parameters
+    ----------
+    check : SelfCheck
+    span_s : (start, end)
+        The log's.
+    sensors : sequence of str
+        That the log has.
+    whole : collection of str
+        Those that are judged by all of the log: what holds for a part that is learnt from says nothing of them.
+    """
     causes = list(dict.fromkeys(cause.text for cause in check.causes))
-    stops = [" or ".join(causes)] if causes else [stop.text for stop in check.stops[:1]]
-    for reason in stops:
-        for sensor in sensors:
-            yield sensor, unjudged(span_s, reason)
+    if causes:
+        yield from ((sensor, unjudged(span_s, " or ".join(causes))) for sensor in sensors)
+        return
+    for stop in check.stops[:1]:
+        yield from ((sensor, unjudged(span_s, stop.text)) for sensor in sensors if sensor not in whole)
+    for stop in check.stops:
+        concerned = stop.sensors or sensors
+        yield from ((sensor, unjudged(span_s, stop.text)) for sensor in concerned if sensor in whole)
     for doubt in check.doubts:
         for sensor in doubt.sensors or sensors:
-            yield sensor, unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
+            if not (doubt.is_learnt and sensor in whole):
+                yield sensor, unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
 
 
 def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> Iterator[Claim]:

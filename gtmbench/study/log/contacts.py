@@ -7,11 +7,9 @@ aircraft didn't fly on, nothing after a crash tells of a sensor.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, TOUCHDOWN
 from gtmbench.detectors.protocol import Watch
@@ -21,33 +19,6 @@ from gtmbench.values.record import FloatArray
 
 CONTACTS = (TOUCHDOWN, IMPACT)  # reasons
 _FLIES_ON_S = 10  # seconds in which it turns, watched and without an alarm
-
-
-def but_after_crashes(
-    told: Sequence[Alarm], watches: Sequence[Watch], excursions: Sequence[Excursion]
-) -> tuple[Alarm, ...]:
-    """Return alarms of slow tests whose doubts, where they begin in a crash or after it, are put down to that.
-
-    An attitude that tumbled is no reference any more.
-
-    Parameters
-    ----------
-    told : sequence of Alarm
-    watches : sequence of Watch
-    excursions : sequence of Excursion
-        Of the whole log.
-    """
-    if not any(alarm.doubt for alarm in told):
-        return tuple(told)
-    crashes = _crashes(watches, excursions)
-
-    def put_down(alarm: Alarm) -> Alarm:
-        crash = next((each for each in crashes if each.start_s <= alarm.onset_s), None)
-        if crash is None or alarm.last is None or not alarm.doubt:
-            return alarm
-        return replace(alarm, judgements=(*alarm.judgements, replace(alarm.last, doubt=crash.reason)))
-
-    return tuple(map(put_down, told))
 
 
 def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excursion | None:

@@ -109,7 +109,7 @@ def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
         check = check_identified(check, monitor, stretches.records)
     check = _in_all_of_it(check, healthy)
     if healthy.doubt:
-        check = replace(check, doubts=(Doubt(text=healthy.doubt), *check.doubts))
+        check = replace(check, doubts=(Doubt(text=healthy.doubt, is_learnt=True), *check.doubts))
     was_learnt = bool(check.explained) or not check.stops
     return Learnt(
         opened=opened,

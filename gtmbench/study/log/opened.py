@@ -14,12 +14,12 @@ from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.engine.flight import Flight
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.live import check_rate
-from gtmbench.intake.magnetometers import FieldReadings, magnetometers_of
 from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
@@ -27,6 +27,7 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.asked import Asked
 from gtmbench.study.log.auto_bank import bank_for_logs
+from gtmbench.study.log.flight import flight_of_log
 from gtmbench.study.log.headings import no_heading, with_heading
 from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
@@ -78,10 +79,8 @@ class Opened:
         Healthy ones, at its rate.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
-    magnetometers : tuple of FieldReadings
-        Those of the log that may tell r from psi; none where the log has no heading, or nothing rests on motion.
     sensors : tuple of SensorReadings
-        Those of the log that no gyro enters; none likewise.
+        Those of the log that no gyro enters; none where the log has no heading, or nothing rests on motion.
     estimator : tuple of EstimatorWord
         What the log's estimator says of gyros and sensors; it is reported and never used.
     attitude : Origin or None
@@ -95,6 +94,8 @@ class Opened:
         Why gyros aren't watched that the channels give no relation.
     there : tuple of str
         The sensors that the log has, whoever watches them.
+    flight : Flight or None
+        Gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion.
     """
 
     asked: Asked
@@ -102,7 +103,6 @@ class Opened:
     own: OpenedLog
     others: tuple[OpenedLog, ...]
     imus: FlightLog | None = field(repr=False)
-    magnetometers: tuple[FieldReadings, ...] = field(repr=False)
     sensors: tuple[SensorReadings, ...] = field(repr=False)
     estimator: tuple[EstimatorWord, ...] = field(repr=False)
     attitude: Origin | None
@@ -110,6 +110,7 @@ class Opened:
     bends: bool
     unwatched: Mapping[str, str]
     there: tuple[str, ...]
+    flight: Flight | None = field(default=None, repr=False)
 
     @property
     def is_driven(self) -> bool:
@@ -151,20 +152,25 @@ def opened(asked: Asked) -> Opened:
     own = _with_motion(read, log, watcher, asked)
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
+    sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
+    flight = None
+    if own.motion is not None and attitude is not None:
+        origin = replace(attitude, is_driven=attitude.is_driven or bends)
+        flight = flight_of_log(read, asked.mapping, own.motion, sensors, origin)
     return Opened(
         asked=asked,
         watcher=watcher,
         own=own,
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
-        magnetometers=magnetometers_of(read, asked.mapping) if has_heading else (),
-        sensors=other_sensors_of(read, asked.mapping) if has_heading else (),
+        sensors=sensors,
         estimator=estimator_words_of(read),
         attitude=attitude,
         findings=findings,
         bends=bends,
         unwatched=unwatched,
         there=_there(read, asked, log),
+        flight=flight,
     )
 
 

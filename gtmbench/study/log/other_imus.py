@@ -1,4 +1,4 @@
-"""The other IMUs of a log, each held against the attitude over all of it, as the one that is watched is."""
+"""The other IMUs of a log, each judged over all of it, as the one that is watched is."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from gtmbench.engine.blocks import blocks_of
+from gtmbench.engine.hindsight.cleared import Hindsight, hindsight_of
+from gtmbench.engine.judged import judged
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.units import unit
 from gtmbench.study.log.claims import Claim
-from gtmbench.study.log.hindsight.judged import Hindsight, hindsight_of
+from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.imu_comparison import channels_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
@@ -36,7 +37,12 @@ def of_other_imus(
         channels, known = channels_of(imu), unit(imu.unit)
         if known is not None and imu.name != watched and {*channels} <= set(side_by_side.channels):
             records = [_as_own(record, channels, known.factor) for record in side_by_side.segments]
-            yield imu.name, hindsight_of(blocks_of(records), is_driven=is_driven, excused_s=excused_s)
+            flight = flight_of_records(records, is_driven=is_driven, is_assumed=True).without(excused_s)
+            said = hindsight_of(flight.blocks, is_driven=is_driven)
+            if said.changes:  # something shifted: the engine may say what
+                found = judged(flight)
+                said = Hindsight(claims=found.claims, changes=found.hindsight().changes)
+            yield imu.name, said
 
 
 def claims_of(name: str, said: Hindsight) -> Iterator[Claim]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.alarm import Alarm
@@ -10,8 +10,9 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
-from gtmbench.engine.blocks import Blocks, blocks_of
-from gtmbench.faults.additive import Bias, Drift
+from gtmbench.engine.finding import FROZEN
+from gtmbench.engine.hindsight.cleared import JUDGED, Failure, Hindsight, agrees_from_s, shows
+from gtmbench.engine.judged import Judged, failure_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
@@ -25,7 +26,6 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.study.log.hindsight.judged import JUDGED, Failure, Hindsight, agrees_from_s, hindsight_of, shows
 from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
@@ -34,6 +34,9 @@ from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out, unjudged
 
+_LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
+_GAINS = ("scale_factor", "deadzone")
+_SOON_S = 15.0  # between the onsets of one failure
 _COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
 
 
@@ -59,9 +62,12 @@ class Evidence:
         The log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them.
     has_heading : bool
         Whether its heading is a sensor's.
-    is_driven, is_sure : bool
-        Whether the gyros drive the attitude, and whether that is known.
+    is_driven : bool
+        Whether the gyros drive the attitude.
+    judged : Judged or None
+        What the engine says of gyros and attitude over the whole log.
     alarms : tuple of Alarm
+        Of all others.
     watches : tuple of Watch
     check : SelfCheck
     excursions : tuple of Excursion
@@ -82,7 +88,7 @@ class Evidence:
     moving: tuple[Record, ...] = field(repr=False)
     has_heading: bool
     is_driven: bool
-    is_sure: bool = False
+    judged: Judged | None = field(default=None, repr=False)
     alarms: tuple[Alarm, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     check: SelfCheck
@@ -98,16 +104,16 @@ class Evidence:
 def timeline_of(evidence: Evidence) -> Timeline:
     """Return the timeline of a watched log."""
     span_s, unread = evidence.log.span_s, evidence.log.unread
-    blocks = blocks_of(evidence.moving) if evidence.moving else None
-    claims = _accused(evidence, blocks, span_s)
-    claims += of_check(evidence.check, span_s, evidence.sensors)
+    claims = _accused(evidence, span_s)
+    whole = () if evidence.judged is None else JUDGED
+    claims += of_check(evidence.check, span_s, evidence.sensors, whole)
     claims += [(sensor, unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
     if not evidence.has_heading and not evidence.unwatched:
         claims += [(sensor, unjudged(span_s, "the log is read without a heading")) for sensor in axis_of("psi")]
     claims += of_excursions(evidence.excursions, evidence.sensors)
     claims += of_watches(evidence.watches, evidence.louder, span_s)
-    if not evidence.check.stops:
-        claims += _cleared(evidence, blocks, claims)
+    if not evidence.check.causes:
+        claims += _cleared(evidence, claims)
     told = _told(evidence, claims)
     if evidence.imus is not None and not evidence.check.stops:
         excused, imus = _excused(evidence), evidence.log.imus
@@ -125,37 +131,74 @@ def timeline_of(evidence: Evidence) -> Timeline:
     return laid_out(span_s, by_sensor, motion_s=motion, told=told)
 
 
-def _accused(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> list[Claim]:
-    """Return what alarms claim; of failures that overlap and share a residual each is suspected, and no more."""
-    blind = {sensor: doubt.text for doubt in evidence.check.doubts if doubt.is_blind for sensor in doubt.sensors}
-    claims = [
-        (sensor, _unless_blind(span, blind.get(sensor, ""))) for sensor, span in _alarmed(evidence, blocks, span_s)
-    ]
-    if blocks is not None:
-        claims = _but_at_odds(evidence, blocks, claims)
+def _accused(evidence: Evidence, span_s: Span) -> list[Claim]:
+    """Return whom engine and alarms accuse; of failures that overlap and share a residual each is suspected."""
+    alarmed = list(_alarmed(evidence, span_s))
+    own = [] if evidence.judged is None else [_unless_unlike(*claim, alarmed) for claim in evidence.judged.accused]
+    claims = _as_one(own, list(_but_at_odds(evidence, alarmed)))
     return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
 
 
-def _unless_blind(span: SensorSpan, why: str) -> SensorSpan:
-    """Return a failure as not judged where most of the sensor's motion isn't explained, and no residual alarmed."""
-    return replace(span, state=State.NOT_JUDGED, reason=why) if why and span.state is State.FAILED else span
+def _unless_unlike(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> Claim:
+    """Return what the engine claims; not a wrong gain where a residual rose that no gain of the sensor explains."""
+    if span.judgement is None or span.judgement.kind not in _GAINS:
+        return sensor, span
+    unlike = [
+        other
+        for name, other in alarmed
+        if name == sensor and other.state is State.NOT_JUDGED and abs(other.start_s - span.start_s) < _SOON_S
+    ]
+    return sensor, replace(span, state=State.NOT_JUDGED, reason=unlike[0].reason) if unlike else span
 
 
-def _but_at_odds(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> list[Claim]:
-    """Return claims that don't fail a gyro which agrees with the attitude while another one parts from it, unnamed."""
-    if not any(sensor in GYROS and span.state is State.FAILED for sensor, span in claims):
-        return list(claims)
-    changes = _hindsight(evidence, blocks, claims).changes
-    others = {GYROS[change.axis] for change in changes}
-    kept = []
+def _as_one(own: Sequence[Claim], alarmed: Sequence[Claim]) -> list[Claim]:
+    """Return claims of engine and alarms; of one failure the alarm says how and since when, the engine until when."""
+    found = list(alarmed)
+    for sensor, span in own:
+        same = [place for place, (name, other) in enumerate(found) if name == sensor and _is_same(span, other)]
+        if not same:
+            found.append((sensor, span))
+        for place in same[:1]:
+            other = found[place][1]
+            stands = span.judgement is not None and span.judgement.kind == FROZEN  # since when, readings tell exactly
+            start_s = span.start_s if stands else other.start_s
+            found[place] = sensor, replace(other, start_s=start_s, end_s=max(span.end_s, start_s))
+    return found
+
+
+def _is_same(span: SensorSpan, other: SensorSpan) -> bool:
+    both = span.state is other.state is State.FAILED
+    return both and _meet(span, other) and abs(span.start_s - other.start_s) < _SOON_S
+
+
+def _but_at_odds(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+    """Give claims of alarms; nobody is named against the engine, which has seen the whole log."""
+    judged = evidence.judged
+    if judged is None:
+        yield from claims
+        return
+    is_accusing = any(span.state is State.FAILED and sensor in JUDGED for sensor, span in claims)
+    changed = {GYROS[change.axis] for change in _hindsight(judged, claims).changes} if is_accusing else set()
     for sensor, span in claims:
-        is_named = sensor in GYROS and span.state is State.FAILED and others and sensor not in others
-        if is_named and not shows(blocks, sensor, _failure(span), _excused(evidence)):
-            reason = f"an alarm names {sensor}, which agrees with the attitude; {', '.join(sorted(others))} doesn't"
-            kept.append((sensor, replace(span, state=State.NOT_JUDGED, reason=reason)))
-        else:
-            kept.append((sensor, span))
-    return kept
+        is_named = span.state is State.FAILED and sensor in JUDGED
+        reason = _at_odds(judged, sensor, span, changed) if is_named else ""
+        yield sensor, replace(span, state=State.NOT_JUDGED, reason=reason) if reason else span
+
+
+def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Collection[str]) -> str:
+    """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says."""
+    meeting = {name for name, other in judged.accused if _meet(span, other)}
+    if sensor in meeting:
+        return ""
+    others = sorted(meeting) or sorted({*changed} - {sensor})
+    kind = None if span.judgement is None else span.judgement.kind
+    lasts = sensor in GYROS and kind in _LASTING and span.duration_s >= _LASTS_S
+    if not (others or lasts):
+        return ""
+    if shows(judged.flight.blocks, sensor, failure_of(span)) and not (meeting and judged.flight.is_driven):
+        return ""
+    told = f"; {', '.join(others)} doesn't" if others else ""
+    return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
 
 
 def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:
@@ -182,36 +225,33 @@ def _share_a_residual(sensor: str, other: str) -> bool:
     return {sensor, other} <= {*JUDGED} and bool({sensor, other} & {*ATTITUDE})
 
 
-def _alarmed(evidence: Evidence, blocks: Blocks | None, span_s: Span) -> Iterator[Claim]:
+def _alarmed(evidence: Evidence, span_s: Span) -> Iterator[Claim]:
     """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
     for alarm in evidence.alarms:
         concerned = _concerned(evidence, alarm)
         for sensor, span in of_alarm(alarm, span_s[1], concerned, evidence.watched_imu, evidence.excursions):
             agrees_s = None
-            if blocks is not None and sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None:
-                agrees_s = agrees_from_s(blocks, sensor, _failure(span), _excused(evidence))
+            is_open = sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None
+            if evidence.judged is not None and is_open:
+                agrees_s = agrees_from_s(evidence.judged.flight.blocks, sensor, failure_of(span))
             yield sensor, span if agrees_s is None else replace(span, end_s=agrees_s)
-
-
-def _failure(span: SensorSpan) -> Failure:
-    kind = None if span.judgement is None else span.judgement.kind
-    return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in (Bias.kind, Drift.kind))
 
 
 def _excused(evidence: Evidence) -> list[Span]:
     return [(each.start_s, each.end_s) for each in evidence.excursions if excuses(each)]
 
 
-def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim]) -> Iterator[Claim]:
+def _cleared(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give where sensors are clear, by what the monitor rests on."""
-    if blocks is not None:
-        said = _hindsight(evidence, blocks, claims)
+    if evidence.judged is not None:
+        said = _hindsight(evidence.judged, claims)
         left = JUDGED if evidence.has_heading else tuple(name for name in JUDGED if name not in axis_of("psi"))
-        yield from ((sensor, span) for sensor in left for span in said.claims[sensor])
+        spans = evidence.judged.beside(said)
+        yield from ((sensor, span) for sensor in left for span in spans[sensor])
     elif any(each.certificate.rows for each in evidence.certified):
         for each in evidence.certified:
             yield from of_certificate(each.certificate, each.watches)
-    else:
+    elif not evidence.moving:
         silent = f"{evidence.monitor.name} states no size that it would find, so its silence says nothing"
         reason = (
             silent if any(watch.armed_hours for watch in evidence.watches) else next(iter(evidence.reasons), silent)
@@ -219,34 +259,21 @@ def _cleared(evidence: Evidence, blocks: Blocks | None, claims: Sequence[Claim])
         yield from ((sensor, unjudged(evidence.log.span_s, reason)) for sensor in _spoken_for(evidence))
 
 
-def _hindsight(evidence: Evidence, blocks: Blocks, claims: Sequence[Claim]) -> Hindsight:
+def _hindsight(judged: Judged, claims: Sequence[Claim]) -> Hindsight:
     """Return what gyros and attitude say of each other over the whole log, but for what failed."""
     failures: dict[str, list[Failure]] = {}
     for sensor, span in claims:
         if span.state in (State.FAILED, State.SUSPECTED):
-            failures.setdefault(sensor, []).append(_failure(span))
-    return hindsight_of(
-        blocks,
-        is_driven=evidence.is_driven,
-        is_sure=evidence.is_sure,
-        excused_s=_excused(evidence),
-        failures=failures,
-        faster={source.channel: _times(evidence, source.period_s) for source in evidence.log.sources},
-    )
+            failures.setdefault(sensor, []).append(failure_of(span))
+    return judged.hindsight(failures)
 
 
 def shifted_gyros(evidence: Evidence) -> set[str]:
-    """Return the gyros that part from the attitude somewhere in a log, and that no alarm has named."""
-    if not evidence.moving:
+    """Return the gyros that part from the attitude somewhere in a log, and that nobody has named."""
+    if evidence.judged is None:
         return set()
-    blocks = blocks_of(evidence.moving)
-    said = _hindsight(evidence, blocks, _accused(evidence, blocks, evidence.log.span_s))
+    said = _hindsight(evidence.judged, _accused(evidence, evidence.log.span_s))
     return {GYROS[change.axis] for change in said.changes}
-
-
-def _times(evidence: Evidence, period_s: float | None) -> float:
-    """Return how many times as fast a channel is sampled as the log was read."""
-    return 1.0 if not period_s else max(evidence.moving[0].sample_period_s / period_s, 1.0)
 
 
 def _spoken_for(evidence: Evidence) -> tuple[str, ...]:

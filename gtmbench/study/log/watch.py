@@ -17,13 +17,11 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.study.log.asked import asked
-from gtmbench.study.log.choices import agreed
 from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
-from gtmbench.study.log.slow_means import LEAST_DEG_S
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED
@@ -67,7 +65,6 @@ def watch_log(
     rate_hz: float | None = None,
     false_alarms_per_hour: float | None = None,
     attitude: str = FROM_LOG,
-    least_error_deg_s: float = LEAST_DEG_S,
     judge: str | Sequence[str] | None = None,
     limits: Sequence[str] = (),
     judged: float = JUDGED,
@@ -100,9 +97,6 @@ def watch_log(
         For a bank that predicts gyros from the attitude: ``driven`` if the gyros drive it through an estimator, ``own``
         if it is independent. ``auto`` uses the format's documentation, otherwise the samples: driven unless they show
         that it is independent. A monitor keeps the setting of its calibration.
-    least_error_deg_s : float
-        Where the gyros drive the attitude, no smaller mean error of one is called a failure, in deg/s: estimators err
-        as much themselves.
     judge : str or sequence of str, optional
         The sensors that the verdict speaks for: ``p,q,r``, ``gyros``, ``attitude``, ``all``; by default p, q, r and the
         angles that the log has, of a monitor that compares these, and otherwise the sensors that it predicts.
@@ -141,11 +135,9 @@ def watch_log(
         rate_hz=rate_hz,
         false_alarms_per_hour=false_alarms_per_hour,
         attitude=attitude,
-        least_error_deg_s=least_error_deg_s,
         judge=judge,
         limits=limits,
         judged=judged,
     )
     monitor = learnt(chosen(opened(question)), progress)
-    said = doubted(listened(monitor, progress), progress)
-    return concluded(agreed(said, progress))
+    return concluded(doubted(listened(monitor, progress), progress))

@@ -11,25 +11,22 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
+from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.judged import Judged
+from gtmbench.engine.named import WHOLE
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of
-from gtmbench.study.log.corrections import CORRECTED, Corrections
-from gtmbench.study.log.field_witnesses import Witness
-from gtmbench.study.log.gains import GAIN, Gains
 from gtmbench.study.log.gps_itself import with_itself
-from gtmbench.study.log.hindsight.judged import JUDGED
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.louder import Louder, louder_than_learnt
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
-from gtmbench.study.log.rests import AT_REST
-from gtmbench.study.log.said import Said, first_alarms, healthy_of
+from gtmbench.study.log.said import Said, beyond, first_alarms, healthy_of
 from gtmbench.study.log.second_faults import second_faults
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.slow_means import SLOW, SlowMeans, beyond
 from gtmbench.study.log.swap import Swap, swapped
 from gtmbench.study.log.timeline import Certified, Evidence, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
@@ -65,25 +62,14 @@ class WatchedLog:
         The parts of the healthy spans, and of other logs, that weren't identified on.
     comparison : Comparison or None
         The comparison of several IMUs; None if the log has one, or they can't be compared.
-    means : SlowMeans or None
-        How gyros and attitude differ over tens of seconds; None if the monitor wasn't identified on this
-        log, or rests on no attitude.
-    gains : Gains or None
-        Between what the gain of each gyro against the attitude lies, over 20 s; None as `means` is.
-    corrections : Corrections or None
-        What references take back of turns; None as `means` is, and where the gyros don't drive the attitude.
-    witnesses : tuple of Witness
-        The magnetometers that are asked where r or psi is left open; none where the log has no magnetometer, or the
-        monitor wasn't identified on it.
+    judged : Judged or None
+        The verdict of the engine on gyros and attitude over the whole log; None if the log hasn't both, is misread, or
+        the monitor rests on no attitude.
     sensors : tuple of WatchedSensor
         The sensors that no gyro enters: what each is compared with, and which failed; none where the log has no
         heading.
     estimator : tuple of EstimatorWord
         The gyro biases of the log's estimator and its test ratios: reported, never used.
-    standing : tuple of Alarm
-        Gyros that read a turn while the aircraft stands, by its accelerometers.
-    frozen : tuple of Alarm
-        Gyros that stand still while others move.
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were corrected before the monitor read them; None if it
         was identified on this log, or doesn't read them all.
@@ -133,14 +119,9 @@ class WatchedLog:
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
-    means: SlowMeans | None = field(default=None, repr=False)
-    gains: Gains | None = field(default=None, repr=False)
-    corrections: Corrections | None = field(default=None, repr=False)
-    witnesses: tuple[Witness, ...] = field(default=(), repr=False)
+    judged: Judged | None = field(default=None, repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
-    standing: tuple[Alarm, ...] = field(default=(), repr=False)
-    frozen: tuple[Alarm, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
     unwatched: Mapping[str, str] = field(default_factory=dict, repr=False)
@@ -165,14 +146,13 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        slow = (self.means, self.gains, self.corrections)
-        told = first_alarms(self.watches, self.standing, self.comparison, self.frozen, slow)
+        told = first_alarms(self.watches, self.comparison, self.judged)
         return tuple(sorted([*told, *beyond(told, self.later)], key=lambda alarm: alarm.time_s))
 
     @property
-    def slow_alarms(self) -> tuple[Alarm, ...]:
-        """Those of them that only means, gains or corrections over tens of seconds raised, or rests."""
-        return tuple(alarm for alarm in self.alarms if alarm.test in (SLOW, GAIN, CORRECTED, AT_REST))
+    def whole_alarms(self) -> tuple[Alarm, ...]:
+        """Those of them that only the engine raised, by the whole log."""
+        return tuple(alarm for alarm in self.alarms if alarm.test == WHOLE)
 
     @property
     def armed_hours(self) -> float:
@@ -215,6 +195,12 @@ class WatchedLog:
         return own, Certified(certificate=certificate, watches=self.swap.watches)
 
     @property
+    def _others(self) -> tuple[Alarm, ...]:
+        """The first alarm of each fault that isn't the engine's."""
+        told = first_alarms(self.watches, self.comparison, None)
+        return (*told, *beyond(told, self.later))
+
+    @property
     def evidence(self) -> Evidence:
         """All that its timeline is laid out of."""
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
@@ -226,8 +212,8 @@ class WatchedLog:
             moving=self.moving,
             has_heading=self.has_heading,
             is_driven=self.attitude is not None and self.attitude.is_driven,
-            is_sure=self.attitude is not None and not self.attitude.is_assumed,
-            alarms=(*self.alarms, *others, *(() if self.swap is None else self.swap.alarms)),
+            judged=self.judged,
+            alarms=(*self._others, *others, *(() if self.swap is None else self.swap.alarms)),
             watches=self.watches,
             check=self.check,
             excursions=self.excursions,
@@ -242,7 +228,7 @@ class WatchedLog:
     @cached_property
     def certificate(self) -> Certificate:
         """The smallest faults that would have been detected: most of the work, done when they are first asked for."""
-        return certificate_of(self.monitor, self.watches, named=self.is_named, means=self.means)
+        return certificate_of(self.monitor, self.watches, named=self.is_named)
 
     @cached_property
     def louder(self) -> tuple[Louder, ...]:
@@ -280,14 +266,9 @@ def _concluded(said: Said) -> WatchedLog:
         excursions=said.excursions,
         left_out=learnt.left_out,
         comparison=said.comparison,
-        means=said.means,
-        gains=said.gains,
-        corrections=said.corrections,
-        witnesses=said.witnesses,
+        judged=said.judged,
         sensors=sensors_of(said),
         estimator=opened.estimator,
-        standing=said.standing,
-        frozen=said.frozen,
         installation=said.installation,
         attitude=opened.attitude,
         unwatched=opened.unwatched,

@@ -1,19 +1,15 @@
 """Contacts with the ground: what they raise isn't judged, and never clear; a crash, and what follows it."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, PUSHED, TOUCHDOWN, Regime
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import of_alarm
-from gtmbench.study.log.contacts import but_after_crashes
-from gtmbench.study.log.slow_means import SLOW, SlowMeans
 from gtmbench.verdict.timeline import State
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
@@ -80,35 +76,6 @@ def test_accelerometers_alone_tell_of_no_contact_and_nothing_that_lasts_is_one()
     turned = pushed.replace("p", steady["p"] + rolling).replace("phi", steady["phi"] + angle)
     hard = next(each for each in regime.excursions(turned) if each.start_s < 30.2 < each.end_s)
     assert (soft.is_hard, hard.is_hard, hard.reason) == (False, True, IMPACT)
-
-
-def doubtful(onset_s):
-    judged = Judgement(time_s=onset_s + 9.0, sensor=None, candidates=("q", "theta"), doubt="the means differ")
-    return Alarm(number=0, time_s=onset_s + 9.0, onset_s=onset_s, source="q", test=SLOW, judgements=(judged,))
-
-
-def means_of(*alarms):
-    none = np.zeros((0, 3))
-    return SlowMeans(
-        start_s=0.0,
-        error=none,
-        weight=none,
-        bounds={},
-        is_watched=none[:, 0] > 0.0,
-        is_driven=True,
-        alarms=alarms,
-    )
-
-
-def test_what_means_doubt_after_a_crash_is_put_down_to_it_and_before_it_stays():
-    crash = Excursion(start_s=120.0, end_s=139.0, reason=FAILURE)
-    watches = [monitor().watch(rest())]
-    before, after = but_after_crashes(means_of(doubtful(90.0), doubtful(125.0)).alarms, watches, [crash])
-    assert (before.doubt, after.doubt) == ("the means differ", FAILURE)
-    early = replace(crash, start_s=70.0, end_s=75.0)  # it flew on
-    (same,) = but_after_crashes(means_of(doubtful(90.0)).alarms, watches, [early])
-    assert same.doubt == "the means differ"
-    assert but_after_crashes((), watches, [crash]) == ()
 
 
 @pytest.mark.parametrize("has_events", [False, True])

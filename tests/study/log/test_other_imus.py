@@ -60,17 +60,18 @@ def test_one_that_is_mounted_turned_is_not_clear(turned):
 
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("size", [-2.0, 1.0])
-def test_one_that_steps_is_told_from_when_on(axis, size):
+def test_one_that_steps_is_named_from_when_on(axis, size):
     def stepped(gyros, time_s):
         return gyros + size * np.outer(time_s >= 70.0, np.arange(3) == axis)
 
     said = beside(stepped, unit="rad/s")
-    (change,) = said["IMU2"].changes
-    assert (change.axis, change.of) == (axis, "error")
-    assert change.size == pytest.approx(size, abs=0.2)
-    assert change.time_s == pytest.approx(70.0, abs=4.1)
-    assert clear_of(said["IMU2"]) == {*GYROS} - {GYROS[axis]}
-    assert clear_of(said["IMU3"]) == {*GYROS}
+    failed = {gyro: [each for each in said["IMU2"].claims[gyro] if each.state is State.FAILED] for gyro in GYROS}
+    assert [gyro for gyro, spans in failed.items() if spans] == [GYROS[axis]]
+    (span,) = failed[GYROS[axis]]
+    assert (span.start_s, span.end_s) == (pytest.approx(70.0, abs=3.0), pytest.approx(120.0, abs=0.3))
+    assert span.judgement.parameters["size"] == pytest.approx(size, abs=0.2)
+    assert said["IMU2"].changes == ()  # all that shifted has a name
+    assert clear_of(said["IMU2"]) == clear_of(said["IMU3"]) == {*GYROS}  # before it, the one that steps, too
 
 
 def test_excused_spans_bend_nothing():

@@ -246,7 +246,8 @@ def test_a_channel_that_stands_still_where_watched_is_never_nothing_found(tmp_pa
     assert found.outcome is not Outcome.HEALTHY
     stuck = np.where((slow.time_s > 20.0) & (slow.time_s < 22.0), slow["q"][500], slow["q"])
     found = watched(slow.replace("q", stuck), tmp_path)
-    assert (found.outcome, found.watches) == (Outcome.UNKNOWN, ())
+    assert (found.outcome, found.watches) == (Outcome.FAILED, ())
+    assert [(sensor, round(span.start_s)) for sensor, span in found.verdict.failed] == [("q", 20)]
     assert "in the part to learn from: q stays at" in found.reasons[0]
 
 

@@ -71,7 +71,8 @@ class Cause:
 class Stop:
     """Why nothing is watched: what is wrong, and in which log and part of it, "" where that is said.
 
-    `is_motion`: gyros and attitude don't show one motion, and no cause was found.
+    `is_motion`: gyros and attitude don't show one motion, and no cause was found. `sensors`: of which it is said; none
+    where it is of all.
 
     >>> str(Stop(text="q reads 0 all the time: dead, or held", at="flight.csv, in the part watched"))
     'flight.csv, in the part watched: q reads 0 all the time: dead, or held'
@@ -80,6 +81,7 @@ class Stop:
     text: str
     at: str = ""
     is_motion: bool = False
+    sensors: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.at}: {self.text}" if self.at else self.text
@@ -89,7 +91,7 @@ class Stop:
 class Doubt:
     """Why silence says nothing of some sensors, from a time on; of all sensors where none is named.
 
-    `is_blind`: what the sensor should read isn't known, so slow tests of it say nothing, either.
+    `is_learnt`: only of what is learnt from a part of the log; what is judged by all of it isn't in doubt.
 
     >>> str(Doubt(text="p moves too little to show what it is", sensors=("p",)))
     'p moves too little to show what it is'
@@ -98,7 +100,7 @@ class Doubt:
     text: str
     sensors: tuple[str, ...] = ()
     since_s: float = -np.inf
-    is_blind: bool = False
+    is_learnt: bool = False
 
     def __str__(self) -> str:
         return self.text
@@ -183,17 +185,20 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
     for part in parts:
         sensors = [channel for channel in watcher.channels if channel not in COMMANDS]  # a command may stand still
         at, dead = f"{part.log.path.name}, {where}", _dead(part.records, sensors)
-        wrong = [f"{channel} reads {value:.6g} all the time: dead, or held" for channel, value in dead.items()]
+        wrong = [
+            Stop(text=f"{channel} reads {value:.6g} all the time: dead, or held", at=at, sensors=axis_of(channel))
+            for channel, value in dead.items()
+        ]
         if where == IDENTIFIED:
-            counted = counting(part.log, part.spans, watcher.channels)
-            wrong += [remark.text for remark in counted if remark.channel not in dead]
+            counted = [each for each in counting(part.log, part.spans, watcher.channels) if each.channel not in dead]
+            wrong += [Stop(text=each.text, at=at, sensors=_sensors_of(each)) for each in counted]
         motion = _still(part.motion, dead)
         tried = guesses(motion)
         found = [guess for guess in causes_among(tried, motion) if _concerns(watcher, guess)]
         named = [_cause(part, guess) for guess in found]
         if named:
-            wrong.append(f"{_either(named)}; {named[0].why}")
-        stops += [Stop(text=text, at=at) for text in wrong]
+            wrong.append(Stop(text=f"{_either(named)}; {named[0].why}", at=at))
+        stops += wrong
         if not named and where == IDENTIFIED and is_doubtful(tried, basis_of(watcher).kinematic):
             stops.append(Stop(text=f"{_OTHER_MOTION}; {nothing_found_text()}", at=at, is_motion=True))
         elif not named and where == IDENTIFIED:
@@ -202,11 +207,17 @@ def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str)
                 _doubt(scale_text(name, gain), name) for name, gain in other_scales(tried).items() if name in asked
             ]
             doubts += [
-                _doubt(lag_text(name, late), name) for name, late in small_lags_s(tried).items() if name in asked
+                replace(_doubt(lag_text(name, late), name), is_learnt=not name)
+                for name, late in small_lags_s(tried).items()
+                if name in asked
             ]
         causes += named
     notes = () if all(part.motion for part in parts) else _notes(watcher)
     return SelfCheck(causes=tuple(causes), stops=tuple(stops), doubts=tuple(dict.fromkeys(doubts)), notes=notes)
+
+
+def _sensors_of(remark: Remark) -> tuple[str, ...]:
+    return () if remark.channel is None else axis_of(remark.channel)
 
 
 def _doubt(text: str, output: str, since_s: float = -np.inf) -> Doubt:
@@ -275,10 +286,10 @@ def check_identified(check: SelfCheck, monitor: Monitor, records: Sequence[Recor
     if not predicts(monitor) or not records:
         return check
     explained = explained_where_identified(monitor, records)
-    blind = [unexplained_text(each) for each in explained if each.is_blind]
+    blind = [Stop(text=unexplained_text(each), sensors=axis_of(each.output)) for each in explained if each.is_blind]
     if blind:
-        blind[-1] += f"; {nothing_found_text()}"
-    stops = (*check.stops, *(Stop(text=text) for text in blind))
+        blind[-1] = replace(blind[-1], text=f"{blind[-1].text}; {nothing_found_text()}")
+    stops = (*check.stops, *blind)
     return replace(check, explained=tuple(explained), stops=stops)
 
 
@@ -331,10 +342,10 @@ def check_watched(
             if crash and not flown.is_blind:
                 doubts += (_doubt(crashed_text(crash, flown), whole.output, crash.start_s),)
             else:
-                doubts += (replace(_doubt(unexplained_text(whole), whole.output), is_blind=True),)
+                doubts += (_doubt(unexplained_text(whole), whole.output),)
         elif whole.output in identified and not (whole.is_shown or identified[whole.output].is_shown):
             why = f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for"
-            doubts += (_doubt(why, whole.output),)
+            doubts += (replace(_doubt(why, whole.output), is_learnt=True),)
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 

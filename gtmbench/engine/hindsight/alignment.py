@@ -14,14 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import CHUNK_S, Level, deviation_of
-from gtmbench.study.log.records import LIVELY_DEG_S
-from gtmbench.study.log.seconds import IntArray
+from gtmbench.engine.hindsight.levels import CHUNK_S, Level, deviation_of
 from gtmbench.values.attitude import to_earth
-from gtmbench.values.record import BoolArray, FloatArray, Span, runs
+from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
+_LIVELY_DEG_S = 1.5  # of turning: motion
 _LIVELY_S, _OF_LIVELIEST, _STANDS_S, _MOST_DEG_S = 2.0, 0.2, 20.0, 400.0
 _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
@@ -36,7 +35,7 @@ _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Relation:
+class Alignment:
     """What is left of gyros and attitude, block by block.
 
     Attributes
@@ -76,9 +75,9 @@ class Relation:
         return filled.reshape(count, own, *values.shape[1:])
 
 
-def relation_of(
+def alignment_of(
     blocks: Blocks, excused_s: Sequence[Span] = (), failed_s: Sequence[Sequence[Span]] = ((), (), ())
-) -> Relation:
+) -> Alignment:
     """Return the relation of a log's gyros and attitude.
 
     Parameters
@@ -95,7 +94,7 @@ def relation_of(
     >>> turns = 20.0 * random.standard_normal((500, 3))
     >>> read = 1.5 + 1.01 * turns + 0.1 * random.standard_normal((500, 3))
     >>> other = dict(euler_rates=turns, angles=0.0 * turns, rough=0.0 * turns, held_s=np.zeros((500, 6)))
-    >>> found = relation_of(Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=turns, **other))
+    >>> found = alignment_of(Blocks(start_s=0.0, period_s=0.2, gyros=read, rates=turns, **other))
     >>> found.error.std(axis=0).round(1).tolist()
     [0.1, 0.1, 0.1]
     """
@@ -114,7 +113,7 @@ def relation_of(
             theta = _fitted(own[rows], columns[rows])
             error[:, axis] = np.where(there, own - np.nan_to_num(columns) @ theta, np.nan)
             offsets[axis], gains[axis] = theta[0], 1.0 + theta[1 + axis]
-    return Relation(blocks=blocks, known=known, error=error, offsets=offsets, gains=gains)
+    return Alignment(blocks=blocks, known=known, error=error, offsets=offsets, gains=gains)
 
 
 def _stands(blocks: Blocks) -> BoolArray:
@@ -125,7 +124,7 @@ def _stands(blocks: Blocks) -> BoolArray:
     turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
     rows = max(round(_LIVELY_S / blocks.period_s), 1)
     mean = np.sqrt(np.convolve(np.square(np.minimum(turning, _MOST_DEG_S)), np.ones(rows) / rows, "same"))
-    moves = mean > max(LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
+    moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
     stands = np.zeros(len(mean), dtype=bool)
     starts, ends = runs(~moves)
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
@@ -209,19 +208,19 @@ def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     return theta
 
 
-def error_level(relation: Relation, axis: int, known: BoolArray, wanders: float = 0.0) -> Level:
+def error_level(alignment: Alignment, axis: int, known: BoolArray, wanders: float = 0.0) -> Level:
     """Return a gyro's mean error by chunks, in deg/s, of the blocks that are known."""
-    values = _means(relation.chunked(np.where(known, relation.error[:, axis], np.nan)))
+    values = _means(alignment.chunked(np.where(known, alignment.error[:, axis], np.nan)))
     return Level(
-        values=values, deviations=_by_liveliness(values, _lively(relation)), floor=ERROR_FLOOR_DEG_S, wanders=wanders
+        values=values, deviations=_by_liveliness(values, _lively(alignment)), floor=ERROR_FLOOR_DEG_S, wanders=wanders
     )
 
 
-def gain_level(relation: Relation, axis: int, known: BoolArray) -> Level:
+def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> Level:
     """Return by how much a gyro's gain differs from the log's, by chunks: sum(e w) / sum(w w), both about means."""
-    there = known & np.isfinite(relation.error[:, axis])
-    errors = relation.chunked(np.where(there, relation.error[:, axis], np.nan))
-    turns = relation.chunked(np.where(there, relation.blocks.rates[:, axis], np.nan))
+    there = known & np.isfinite(alignment.error[:, axis])
+    errors = alignment.chunked(np.where(there, alignment.error[:, axis], np.nan))
+    turns = alignment.chunked(np.where(there, alignment.blocks.rates[:, axis], np.nan))
     own, moved = (np.nan_to_num(each - _means(each)[:, np.newaxis]) for each in (errors, turns))
     power = np.square(moved).sum(axis=1)
     enough = np.isfinite(_means(errors)) & (power > 0.0)
@@ -229,14 +228,14 @@ def gain_level(relation: Relation, axis: int, known: BoolArray) -> Level:
     return Level(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
 
 
-def noise_levels(relation: Relation, axis: int, known: BoolArray) -> tuple[Level, Level, Level]:
+def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[Level, Level, Level]:
     """Return the logarithm of a gyro's roughness by chunks, what it is more than that of the others, and theirs.
 
     What shakes the aircraft raises all of them; what silences the others raises the second alone.
     """
-    there = relation.known.copy()
+    there = alignment.known.copy()
     there[:, axis] = known
-    rough = relation.chunked(np.where(there, relation.blocks.rough, np.nan))
+    rough = alignment.chunked(np.where(there, alignment.blocks.rough, np.nan))
     powers = np.stack([_means(rough[..., each]) for each in range(3)])
     logs = np.log(np.maximum(powers, 1e-9))
     usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
@@ -247,9 +246,9 @@ def noise_levels(relation: Relation, axis: int, known: BoolArray) -> tuple[Level
     return own, beside, Level(values=others, deviations=alike, floor=_NOISE_FLOOR)
 
 
-def noise_size(relation: Relation, axis: int, bounds: FloatArray) -> FloatArray:
+def noise_size(alignment: Alignment, axis: int, bounds: FloatArray) -> FloatArray:
     """Return the deviation of white noise that raises a gyro's roughness by some bounds of its logarithm."""
-    powers = _means(relation.chunked(np.where(relation.known[:, axis], relation.blocks.rough[:, axis], np.nan)))
+    powers = _means(alignment.chunked(np.where(alignment.known[:, axis], alignment.blocks.rough[:, axis], np.nan)))
     usual = np.nanmedian(powers) if np.isfinite(powers).any() else np.nan
     level = np.fmax(powers, usual)
     return np.asarray(np.sqrt(level * np.expm1(np.minimum(bounds, 50.0)) / 6.0))
@@ -263,7 +262,7 @@ class Jumps(NamedTuple):
     stay: FloatArray
 
 
-def jumps_deg(relation: Relation, known: BoolArray) -> Jumps:
+def jumps_deg(alignment: Alignment, known: BoolArray) -> Jumps:
     """Return by how much each angle may jump at every block.
 
     A jump of an angle turns the attitude by a rotation about that angle's axis a which no gyro reads. It stands in e of
@@ -272,17 +271,17 @@ def jumps_deg(relation: Relation, known: BoolArray) -> Jumps:
 
     Parameters
     ----------
-    relation : Relation
+    alignment : Alignment
     known : shape (blocks, 3)
         Whose errors tell: those of gyros that read right, but for a constant.
     """
-    blocks, there = relation.blocks, known & np.isfinite(relation.error)
-    error = np.where(there, relation.error, np.nan)
+    blocks, there = alignment.blocks, known & np.isfinite(alignment.error)
+    error = np.where(there, alignment.error, np.nan)
     axes = _angle_axes(blocks.angles) * there[:, np.newaxis, :]
     felt = np.square(axes).sum(axis=2)
     turned = np.einsum("nij,nj->ni", axes, np.nan_to_num(error - _local(error))) * blocks.period_s
     turned = np.where(felt >= _FELT, turned / np.maximum(felt, _FELT), np.nan)
-    lively = np.repeat(_lively(relation), relation.per_chunk)[: len(blocks)]
+    lively = np.repeat(_lively(alignment), alignment.per_chunk)[: len(blocks)]
     most, significant, stay = (np.full(turned.shape, value) for value in (np.inf, np.inf, 0.0))
     for angle in range(3):
         stay[:, angle] = np.abs(_summed(turned[:, angle], _JUMPS[-1]))
@@ -336,10 +335,10 @@ def _means(chunks: FloatArray) -> FloatArray:
     return np.asarray(np.where(counts >= _KNOWN * chunks.shape[1], sums / np.maximum(counts, 1), np.nan))
 
 
-def _lively(relation: Relation) -> FloatArray:
+def _lively(alignment: Alignment) -> FloatArray:
     """Return how fast the attitude turns in each chunk, in deg/s; 0 where that isn't known."""
-    turns = np.linalg.norm(np.minimum(np.abs(relation.blocks.rates), _MOST_DEG_S), axis=1)
-    return np.nan_to_num(np.sqrt(_means(np.square(relation.chunked(turns)))))
+    turns = np.linalg.norm(np.minimum(np.abs(alignment.blocks.rates), _MOST_DEG_S), axis=1)
+    return np.nan_to_num(np.sqrt(_means(np.square(alignment.chunked(turns)))))
 
 
 def _by_liveliness(values: FloatArray, lively: FloatArray, *, differences: bool = True) -> FloatArray:

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtmbench.study.log.hindsight.levels import SPARE, WINDOWS_S, Level, departs, shift_of
+from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, Level, departs, shift_of
 
 CHUNKS = 60
 DRAWS = 50

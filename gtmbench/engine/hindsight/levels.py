@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.study.log.seconds import IntArray
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CHUNK_S = 2.0
 PROMISED_S = 60.0  # behind an onset, in which what is promised shows

@@ -14,7 +14,18 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.study.log.hindsight.levels import (
+from gtmbench.engine.hindsight.alignment import (
+    Alignment,
+    Jumps,
+    alignment_of,
+    error_level,
+    gain_level,
+    jumps_deg,
+    noise_levels,
+    noise_size,
+    of_euler_rates,
+)
+from gtmbench.engine.hindsight.levels import (
     PROMISED_S,
     SPARE,
     WINDOWS_S,
@@ -23,17 +34,6 @@ from gtmbench.study.log.hindsight.levels import (
     departs,
     shift_of,
     stepped_at,
-)
-from gtmbench.study.log.hindsight.relation import (
-    Jumps,
-    Relation,
-    error_level,
-    gain_level,
-    jumps_deg,
-    noise_levels,
-    noise_size,
-    of_euler_rates,
-    relation_of,
 )
 from gtmbench.values.attitude import SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -114,7 +114,6 @@ def hindsight_of(
     is_sure: bool = False,
     excused_s: Sequence[Span] = (),
     failures: Mapping[str, Sequence[Failure]] | None = None,
-    faster: Mapping[str, float] | None = None,
 ) -> Hindsight:
     """Return what the relation of gyros and attitude says over a whole log.
 
@@ -129,8 +128,6 @@ def hindsight_of(
         Where nothing is asked of the relation, such as a contact with the ground.
     failures : mapping of sensor to sequence of Failure
         Of p, q, r, phi, theta and psi.
-    faster : mapping of sensor to float
-        How many times as fast a gyro is sampled as it was read: so much more noise it may hide.
 
     Examples
     --------
@@ -153,24 +150,23 @@ def hindsight_of(
     if abs(share - 1.0) < _EULER and share > _CERTAIN * error:
         misread = unjudged(_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
-    relation, gentle = _relation(blocks, excused_s, named)
+    alignment, gentle = _alignment(blocks, excused_s, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
     changes: list[Change] = []
-    jumps = jumps_deg(relation, gentle)
+    jumps = jumps_deg(alignment, gentle)
     wanders = _PULLED_DEG_S if is_driven and is_sure else (0.0, 0.0, 0.0)
     for axis, (gyro, angle) in enumerate(_AXES):
-        known = relation.known[:, axis]
+        known = alignment.known[:, axis]
         shifts = {
-            "error": shift_of(error_level(relation, axis, known, wanders[axis]), _shown(is_driven=is_driven)),
-            "noise": _noise_shift(relation, axis, known),
+            "error": shift_of(error_level(alignment, axis, known, wanders[axis]), _shown(is_driven=is_driven)),
+            "noise": _noise_shift(alignment, axis, known),
         }
         if not is_driven:  # an attitude that its gyros drive turns as they say
-            shifts["gain"] = shift_of(gain_level(relation, axis, known))
-        own = list(_changes(relation, axis, shifts, is_driven=is_driven))
+            shifts["gain"] = shift_of(gain_level(alignment, axis, known))
+        own = list(_changes(alignment, axis, shifts, is_driven=is_driven))
         changes += own
-        more = 1.0 if faster is None else np.sqrt(max(faster.get(gyro, 1.0), 1.0))
-        claims[gyro] = tuple(_of_gyro(relation, axis, shifts, own, noisier=float(more)))
-        claims[angle] = tuple(_of_angle(relation, axis, Jumps(*(each[:, axis] for each in jumps)), own))
+        claims[gyro] = tuple(_of_gyro(alignment, axis, shifts, own))
+        claims[angle] = tuple(_of_angle(alignment, axis, Jumps(*(each[:, axis] for each in jumps)), own))
     return Hindsight(claims=claims, changes=tuple(changes))
 
 
@@ -179,14 +175,14 @@ _AXES = tuple(zip(GYROS, ATTITUDE, strict=True))
 _CERTAIN, _EULER = 4.0, 0.3  # deviations, and by how much of it: gyros that read Euler rates
 
 
-def _relation(
+def _alignment(
     blocks: Blocks, excused_s: Sequence[Span], failures: Mapping[str, Sequence[Failure]]
-) -> tuple[Relation, BoolArray]:
+) -> tuple[Alignment, BoolArray]:
     """Return the relation where nothing failed, and whose errors tell of angles all the same, shape (blocks, 3)."""
     own = [[*failures.get(gyro, ()), *failures.get(angle, ())] for gyro, angle in _AXES]
-    relation = relation_of(blocks, excused_s, [[(each.start_s, each.end_s) for each in axis] for axis in own])
+    alignment = alignment_of(blocks, excused_s, [[(each.start_s, each.end_s) for each in axis] for axis in own])
     broken = [[(each.start_s, each.end_s) for each in axis if not each.is_constant] for axis in own]
-    return relation, np.column_stack([~blocks.within(spans) for spans in broken])
+    return alignment, np.column_stack([~blocks.within(spans) for spans in broken])
 
 
 def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> float | None:
@@ -202,8 +198,8 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     failure : Failure
     excused_s : sequence of (start, end)
     """
-    first, apart, relation = _departures(blocks, sensor, failure, excused_s)
-    chunk_s = relation.chunk_s
+    first, apart, alignment = _departures(blocks, sensor, failure, excused_s)
+    chunk_s = alignment.chunk_s
     off = np.flatnonzero(apart[first:])
     last = first + int(off[-1]) + 1 if len(off) else first
     is_long = len(apart) - last >= round(_AGREES_S / chunk_s)
@@ -212,9 +208,9 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
         return None
     end_s = blocks.start_s + last * chunk_s
     if failure.is_constant:  # then it ends in a step, which is dated by blocks
-        about = slice(max(last - _ABOUT, first) * relation.per_chunk, (last + _ABOUT) * relation.per_chunk)
-        errors = relation.error[about, axis_place(sensor)]
-        if np.count_nonzero(np.isfinite(errors)) > relation.per_chunk:
+        about = slice(max(last - _ABOUT, first) * alignment.per_chunk, (last + _ABOUT) * alignment.per_chunk)
+        errors = alignment.error[about, axis_place(sensor)]
+        if np.count_nonzero(np.isfinite(errors)) > alignment.per_chunk:
             return blocks.start_s + (about.start + stepped_at(errors)) * blocks.period_s
     return end_s
 
@@ -227,8 +223,8 @@ def shows(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Spa
     blocks, sensor, failure, excused_s
         As `agrees_from_s` takes them.
     """
-    first, apart, relation = _departures(blocks, sensor, failure, excused_s)
-    stop = int(np.ceil((failure.end_s - blocks.start_s) / relation.chunk_s))
+    first, apart, alignment = _departures(blocks, sensor, failure, excused_s)
+    stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
     return bool(apart[first:stop].any())
 
 
@@ -243,22 +239,22 @@ def axis_place(sensor: str) -> int:
 
 def _departures(
     blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span]
-) -> tuple[int, BoolArray, Relation]:
-    """Return the chunk in which a failure begins, in which chunks its axis is another than before, and the relation."""
+) -> tuple[int, BoolArray, Alignment]:
+    """Return the chunk in which a failure begins, where its axis is another than before, and the alignment."""
     axis = axis_place(sensor)
-    relation, _ = _relation(blocks, excused_s, {sensor: [failure]})
+    alignment, _ = _alignment(blocks, excused_s, {sensor: [failure]})
     whole = np.ones(len(blocks), dtype=bool)
-    first = max(int((failure.start_s - blocks.start_s) / relation.chunk_s), 0)
-    own, beside, _ = noise_levels(relation, axis, whole)
+    first = max(int((failure.start_s - blocks.start_s) / alignment.chunk_s), 0)
+    own, beside, _ = noise_levels(alignment, axis, whole)
     apart = departs(own, first) & departs(beside, first)
-    for level in (error_level(relation, axis, whole), gain_level(relation, axis, whole)):
+    for level in (error_level(alignment, axis, whole), gain_level(alignment, axis, whole)):
         apart |= departs(level, first)
-    return first, apart, relation
+    return first, apart, alignment
 
 
-def _noise_shift(relation: Relation, axis: int, known: BoolArray) -> Shift:
+def _noise_shift(alignment: Alignment, axis: int, known: BoolArray) -> Shift:
     """Return what shifts of a gyro's noise alone; where the others shift, too, it is the aircraft that shakes."""
-    own, beside, others = (shift_of(level) for level in noise_levels(relation, axis, known))
+    own, beside, others = (shift_of(level) for level in noise_levels(alignment, axis, known))
     shift = both_shift(own, beside)
     return replace(shift, rises=0.0, falls=0.0, onset=None) if others.size else shift
 
@@ -275,15 +271,15 @@ def _shown(*, is_driven: bool) -> FloatArray:
     return np.asarray(1.0 - SLOWEST_S * (decayed[:, 0] - decayed[:, 1]) / (ends[:, 1] - ends[:, 0]))
 
 
-def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[Change]:
+def _changes(alignment: Alignment, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[Change]:
     """Give the shifts of an axis; a gyro that becomes quieter is none."""
-    start_s = relation.blocks.start_s
+    start_s = alignment.blocks.start_s
     for of, shift in shifts.items():
         size = shift.rises if of == "noise" else shift.size
         if size and shift.onset is not None:
-            time_s = start_s + shift.onset * relation.chunk_s
+            time_s = start_s + shift.onset * alignment.chunk_s
             yield Change(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
-    offset, gain = float(relation.offsets[axis]), float(relation.gains[axis])
+    offset, gain = float(alignment.offsets[axis]), float(alignment.gains[axis])
     if abs(offset) > _MOST_OFFSET_DEG_S:
         yield Change(axis=axis, of="offset", time_s=start_s, size=offset)
     if not is_driven and np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
@@ -291,32 +287,30 @@ def _changes(relation: Relation, axis: int, shifts: Mapping[str, Shift], *, is_d
 
 
 def _of_gyro(
-    relation: Relation,
+    alignment: Alignment,
     axis: int,
     shifts: Mapping[str, Shift],
     changes: Sequence[Change],
-    *,
-    noisier: float,
 ) -> Iterator[SensorSpan]:
     """Give the spans in which a gyro is clear, and those in which it isn't judged."""
-    held_s = relation.blocks.held_s[:, axis]
-    stands, usual_s = _standing(relation, held_s, GYROS[axis])
+    held_s = alignment.blocks.held_s[:, axis]
+    stands, usual_s = _standing(alignment, held_s, GYROS[axis])
     yield from stands
-    start_s, end_s = _span(relation.blocks)
+    start_s, end_s = _span(alignment.blocks)
     if changes:
         yield unjudged((start_s, end_s), changes[0].text)
         return
     errors = shifts["error"].bounds
     gains = shifts["gain"].bounds if "gain" in shifts else np.full(len(errors), np.inf)
-    noises = noisier * noise_size(relation, axis, shifts["noise"].bounds)
+    noises = noise_size(alignment, axis, shifts["noise"].bounds)
     repeats = _OF_USUAL * usual_s <= PROMISED_S
-    known = _chunks_known(relation, relation.known[:, axis])
+    known = _chunks_known(alignment, alignment.known[:, axis])
     for first, stop, level in _as_good(errors, known):
         part = slice(first, stop)
-        span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
+        span = start_s + first * alignment.chunk_s, min(start_s + stop * alignment.chunk_s, end_s)
         gain = float(gains[part].max())
         if not np.isfinite(level):
-            yield unjudged(span, _AT_EDGE if known[first] else _why_masked(relation, axis, first, stop))
+            yield unjudged(span, _AT_EDGE if known[first] else _why_masked(alignment, axis, first, stop))
         elif not repeats and gain > 1.0:
             yield unjudged(span, f"{GYROS[axis]} might stand still, and that would not show")
         else:
@@ -333,12 +327,12 @@ def _of_gyro(
 _LARGEST_GAIN, _LARGEST_NOISE = 2.0, 1e3  # a turned sign shows at the first; no gyro's noise is larger than the second
 
 
-def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Change]) -> Iterator[SensorSpan]:
+def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[Change]) -> Iterator[SensorSpan]:
     """Give the same of an angle: an error that stays begins with a jump that no gyro reads."""
     angle = ATTITUDE[axis]
-    stands, _ = _standing(relation, relation.blocks.held_s[:, 3 + axis], angle)
+    stands, _ = _standing(alignment, alignment.blocks.held_s[:, 3 + axis], angle)
     yield from stands
-    start_s, end_s = _span(relation.blocks)
+    start_s, end_s = _span(alignment.blocks)
     shifted = [change for change in changes if change.of != "noise"]
     if shifted:
         yield unjudged((start_s, end_s), shifted[0].text)
@@ -348,23 +342,23 @@ def _of_angle(relation: Relation, axis: int, jumps: Jumps, changes: Sequence[Cha
     seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG)) & (stay > 0.5 * jump)
     left = np.maximum.accumulate(np.where(seen, bounds, 0.0))  # an angle that jumped may be wrong from there on
     worst_row = int(np.argmax(np.where(seen, jump, 0.0)))
-    since_s = start_s + worst_row * relation.blocks.period_s
-    chunks = relation.chunked(np.maximum(bounds, left))
+    since_s = start_s + worst_row * alignment.blocks.period_s
+    chunks = alignment.chunked(np.maximum(bounds, left))
     worst = np.where(np.isnan(chunks), 0.0, chunks).max(axis=1)
     for first, stop, level in _as_good(worst, np.isfinite(worst)):
-        span = start_s + first * relation.chunk_s, min(start_s + stop * relation.chunk_s, end_s)
+        span = start_s + first * alignment.chunk_s, min(start_s + stop * alignment.chunk_s, end_s)
         if np.isfinite(level):
             sizes = Sizes(error=level, within_s=PROMISED_S)
             jumped = f"{angle} jumps by {jump[worst_row]:.0f} deg at {since_s:.0f} s, and no gyro turns"
             reason = jumped if seen.any() and span[1] > since_s else ""
             yield SensorSpan(start_s=span[0], end_s=span[1], state=State.CLEAR, reason=reason, sizes=sizes)
         else:
-            yield unjudged(span, _why_masked(relation, axis, first, stop))
+            yield unjudged(span, _why_masked(alignment, axis, first, stop))
 
 
-def _standing(relation: Relation, held_s: FloatArray, sensor: str) -> tuple[list[SensorSpan], float]:
+def _standing(alignment: Alignment, held_s: FloatArray, sensor: str) -> tuple[list[SensorSpan], float]:
     """Return where a sensor reads one value while the aircraft turns, and for how long it does so otherwise."""
-    blocks = relation.blocks
+    blocks = alignment.blocks
     starts, ends = runs(np.asarray(held_s > 0.5 * blocks.period_s))
     lengths = np.array([held_s[stop - 1] for stop in ends.tolist()])
     others = [float(np.delete(lengths, place).max(initial=0.0)) for place in range(len(lengths))]
@@ -401,17 +395,17 @@ def _as_good(bounds: FloatArray, known: BoolArray) -> Iterator[tuple[int, int, f
         yield first, stop, float(np.quantile(own, _OFTEN, method="higher")) if steps[first] >= 0 else np.inf
 
 
-def _why_masked(relation: Relation, axis: int, first: int, stop: int) -> str:
+def _why_masked(alignment: Alignment, axis: int, first: int, stop: int) -> str:
     """Say why nothing is asked of an axis in some chunks: what is there, and isn't asked, is of one that failed."""
-    rows = slice(first * relation.per_chunk, stop * relation.per_chunk)
-    there = np.isfinite(relation.error[rows, axis])
-    is_failed = len(there) and float(there.mean()) > 0.5 > float(relation.known[rows, axis].mean())
+    rows = slice(first * alignment.per_chunk, stop * alignment.per_chunk)
+    there = np.isfinite(alignment.error[rows, axis])
+    is_failed = len(there) and float(there.mean()) > 0.5 > float(alignment.known[rows, axis].mean())
     return f"{' or '.join(_AXES[axis])} failed, and nothing else tells" if is_failed else _MASKED
 
 
-def _chunks_known(relation: Relation, known: BoolArray) -> BoolArray:
+def _chunks_known(alignment: Alignment, known: BoolArray) -> BoolArray:
     """Tell in which chunks at least half of the blocks are known."""
-    return np.asarray(np.nan_to_num(relation.chunked(known.astype(np.float64))).mean(axis=1) >= 0.5)
+    return np.asarray(np.nan_to_num(alignment.chunked(known.astype(np.float64))).mean(axis=1) >= 0.5)
 
 
 def _span(blocks: Blocks) -> Span:

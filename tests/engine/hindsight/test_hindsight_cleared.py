@@ -8,7 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.study.log.hindsight.judged import Failure, agrees_from_s, hindsight_of
+from gtmbench.engine.hindsight.cleared import Failure, agrees_from_s, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.turning import (
@@ -409,14 +409,6 @@ def test_a_fault_that_goes_on_after_an_excuse_shows():
     said = said_of(broken, excused_s=[(49.0, 60.0)])
     assert [change.axis for change in said.changes] == [0]
     assert not is_clear(said, "p")
-
-
-@pytest.mark.parametrize("times", [4.0, 25.0])
-def test_a_gyro_that_is_sampled_faster_may_hide_more_noise(times):
-    said = said_of(motion(), faster={"q": times})
-    assert stated(said, "q", 60.0).noise == pytest.approx(np.sqrt(times) * stated(healthy(), "q", 60.0).noise)
-    assert stated(said, "p", 60.0).noise == stated(healthy(), "p", 60.0).noise
-    assert stated(said, "q", 60.0).error == stated(healthy(), "q", 60.0).error
 
 
 def test_beside_a_gap_all_is_clear():

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from gtmbench.engine.blocks import blocks_of
-from gtmbench.study.log.hindsight.relation import (
+from gtmbench.engine.hindsight.alignment import (
     ERROR_FLOOR_DEG_S,
+    alignment_of,
     error_level,
     gain_level,
     jumps_deg,
     noise_levels,
     noise_size,
     of_euler_rates,
-    relation_of,
 )
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.turning import from_on, motion, with_error
@@ -22,9 +22,9 @@ from tests.helpers.turning import from_on, motion, with_error
 EVERY = slice(None)
 
 
-def noise_level(relation, axis, known):
+def noise_level(alignment, axis, known):
     """Return what a gyro's noise is beside the others'."""
-    return noise_levels(relation, axis, known)[1]
+    return noise_levels(alignment, axis, known)[1]
 
 
 def are_euler(blocks, but_s=()):
@@ -43,7 +43,7 @@ def everywhere(blocks):
 
 def level_of(level_of_one, record, axis):
     blocks = blocks_of([record])
-    return level_of_one(relation_of(blocks), axis, everywhere(blocks))
+    return level_of_one(alignment_of(blocks), axis, everywhere(blocks))
 
 
 # its constants ------------------------------------------------------------------------------------------------------
@@ -54,13 +54,13 @@ def level_of(level_of_one, record, axis):
 def test_offset_and_gain_of_a_gyro_are_its_own(axis, seed):
     record = motion(seed=seed)
     name = GYROS[axis]
-    relation = relation_of(blocks_of([record.replace(name, 1.06 * record[name] - 3.0)]))
+    alignment = alignment_of(blocks_of([record.replace(name, 1.06 * record[name] - 3.0)]))
     expected, gains = np.zeros(3), np.ones(3)
     expected[axis], gains[axis] = -3.0, 1.06
-    np.testing.assert_allclose(relation.offsets, expected, atol=0.05)
-    np.testing.assert_allclose(relation.gains, gains, atol=0.02)
-    assert np.nanstd(relation.error[:, axis]) == pytest.approx(
-        np.nanstd(relation_of(healthy(seed)).error[:, axis]), rel=0.1
+    np.testing.assert_allclose(alignment.offsets, expected, atol=0.05)
+    np.testing.assert_allclose(alignment.gains, gains, atol=0.02)
+    assert np.nanstd(alignment.error[:, axis]) == pytest.approx(
+        np.nanstd(alignment_of(healthy(seed)).error[:, axis]), rel=0.1
     )
 
 
@@ -68,20 +68,20 @@ def test_offset_and_gain_of_a_gyro_are_its_own(axis, seed):
 @pytest.mark.parametrize("factor", [-1.0, -0.4, 0.0, 0.5, 2.0, 4.0])
 def test_a_gain_that_is_far_from_one_throughout_is_not_taken_for_noise(factor, duration_s):
     record = motion(duration_s)
-    relation = relation_of(blocks_of([record.replace("q", factor * record["q"])]))
-    assert relation.gains[1] == pytest.approx(factor, abs=0.05 + 0.4 * abs(factor - 1.0))
-    np.testing.assert_allclose(relation.gains[[0, 2]], 1.0, atol=0.02)
+    alignment = alignment_of(blocks_of([record.replace("q", factor * record["q"])]))
+    assert alignment.gains[1] == pytest.approx(factor, abs=0.05 + 0.4 * abs(factor - 1.0))
+    np.testing.assert_allclose(alignment.gains[[0, 2]], 1.0, atol=0.02)
 
 
 @pytest.mark.parametrize(("axis", "other"), [(0, 1), (1, 2), (2, 0), (0, 2)])
 def test_axes_that_are_a_little_crooked_and_a_lag_are_no_error(axis, other):
     record = motion()
     name = GYROS[axis]
-    usual = np.nanstd(relation_of(healthy()).error[:, axis])
+    usual = np.nanstd(alignment_of(healthy()).error[:, axis])
     crooked = record.replace(name, record[name] + 0.05 * record[GYROS[other]])
-    assert np.nanstd(relation_of(blocks_of([crooked])).error[:, axis]) < 1.2 * usual
+    assert np.nanstd(alignment_of(blocks_of([crooked])).error[:, axis]) < 1.2 * usual
     late = record.replace(name, np.interp(record.time_s - 0.1, record.time_s, record[name]))
-    found = relation_of(blocks_of([late]))
+    found = alignment_of(blocks_of([late]))
     assert np.nanstd(found.error[:, axis]) < 1.2 * usual
     left = blocks_of([late]).gyros[:, axis] - blocks_of([late]).rates[:, axis]
     assert np.nanstd(found.error[:, axis]) < 0.8 * np.nanstd(left)
@@ -89,27 +89,27 @@ def test_axes_that_are_a_little_crooked_and_a_lag_are_no_error(axis, other):
 
 def test_a_gain_is_near_one_where_no_motion_shows_it():
     """Noise of the attitude alone would make it 0."""
-    relation = relation_of(blocks_of([motion(large_deg=(0.05, 0.05, 0.05))]))
-    np.testing.assert_allclose(relation.gains, 1.0, atol=0.3)
+    alignment = alignment_of(blocks_of([motion(large_deg=(0.05, 0.05, 0.05))]))
+    np.testing.assert_allclose(alignment.gains, 1.0, atol=0.3)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.3])
 def test_constants_are_those_of_most_of_the_log(share):
     """A fault that lasts for less than half of a log bends its constants by little."""
     onset_s = 120.0 * (1.0 - share)
-    relation = relation_of(blocks_of([with_error(motion(), "q", from_on(onset_s, 20.0))]))
-    assert abs(relation.offsets[1]) < 0.7  # its mean is 2 and 6
-    assert np.nanmedian(relation.error[relation.blocks.time_s > onset_s + 1.0, 1]) == pytest.approx(20.0, abs=0.8)
+    alignment = alignment_of(blocks_of([with_error(motion(), "q", from_on(onset_s, 20.0))]))
+    assert abs(alignment.offsets[1]) < 0.7  # its mean is 2 and 6
+    assert np.nanmedian(alignment.error[alignment.blocks.time_s > onset_s + 1.0, 1]) == pytest.approx(20.0, abs=0.8)
 
 
 def test_what_failed_or_is_excused_bends_no_constant():
     broken = with_error(motion(), "r", from_on(40.0, 30.0))
-    relation = relation_of(blocks_of([broken]), (), ((), (), [(39.0, 121.0)]))
-    np.testing.assert_allclose(relation.offsets, 0.0, atol=0.05)
-    assert not relation.known[200:, 2].any()
-    assert relation.known[:, :2].all()
-    assert np.nanmedian(relation.error[250:, 2]) == pytest.approx(30.0, abs=0.1)  # it is told all the same
-    excused = relation_of(blocks_of([broken]), [(39.0, 121.0)])
+    alignment = alignment_of(blocks_of([broken]), (), ((), (), [(39.0, 121.0)]))
+    np.testing.assert_allclose(alignment.offsets, 0.0, atol=0.05)
+    assert not alignment.known[200:, 2].any()
+    assert alignment.known[:, :2].all()
+    assert np.nanmedian(alignment.error[250:, 2]) == pytest.approx(30.0, abs=0.1)  # it is told all the same
+    excused = alignment_of(blocks_of([broken]), [(39.0, 121.0)])
     np.testing.assert_allclose(excused.offsets, 0.0, atol=0.05)
     assert not excused.known[200:].any()
     assert np.isnan(excused.error[200:]).all()
@@ -118,16 +118,16 @@ def test_what_failed_or_is_excused_bends_no_constant():
 def test_nothing_is_known_of_a_log_that_is_missing():
     record = motion(20.0)
     nothing = record.replace("q", np.full(len(record), np.nan))
-    relation = relation_of(blocks_of([nothing]))
-    assert np.isnan(relation.offsets).all()
-    assert np.isnan(relation.gains).all()
-    assert not relation.known.any()
+    alignment = alignment_of(blocks_of([nothing]))
+    assert np.isnan(alignment.offsets).all()
+    assert np.isnan(alignment.gains).all()
+    assert not alignment.known.any()
 
 
 def test_what_is_left_does_not_depend_on_the_clock():
     record = motion()
     later = type(record)(record.values, channels=record.channels, sample_period_s=0.05, start_s=777.0)
-    np.testing.assert_allclose(relation_of(blocks_of([later])).error, relation_of(healthy()).error, atol=1e-9)
+    np.testing.assert_allclose(alignment_of(blocks_of([later])).error, alignment_of(healthy()).error, atol=1e-9)
 
 
 # Euler rates --------------------------------------------------------------------------------------------------------
@@ -206,9 +206,9 @@ def test_a_chunk_that_turns_more_tells_more_of_a_gain():
 def test_noise_of_the_size_that_is_stated_raises_the_level_by_its_bound(axis, bound):
     record = motion(rate_hz=50.0)
     blocks = blocks_of([record])
-    relation = relation_of(blocks)
-    usual = noise_level(relation, axis, everywhere(blocks)).values
-    sizes = noise_size(relation, axis, np.full(len(usual), bound))
+    alignment = alignment_of(blocks)
+    usual = noise_level(alignment, axis, everywhere(blocks)).values
+    sizes = noise_size(alignment, axis, np.full(len(usual), bound))
     size = float(np.median(sizes))
     added = size * np.random.default_rng(2).standard_normal(len(record))
     louder = level_of(noise_level, with_error(record, GYROS[axis], added), axis).values
@@ -217,11 +217,11 @@ def test_noise_of_the_size_that_is_stated_raises_the_level_by_its_bound(axis, bo
 
 def test_no_bound_of_noise_is_no_size_and_a_calm_chunk_counts_as_the_usual_one():
     blocks = healthy()
-    relation = relation_of(blocks)
-    chunks = len(error_level(relation, 0, everywhere(blocks)).values)
-    sizes = noise_size(relation, 0, np.full(chunks, np.inf))
+    alignment = alignment_of(blocks)
+    chunks = len(error_level(alignment, 0, everywhere(blocks)).values)
+    sizes = noise_size(alignment, 0, np.full(chunks, np.inf))
     assert (sizes > 1e6).all()
-    sizes = noise_size(relation, 0, np.full(chunks, 1.0))
+    sizes = noise_size(alignment, 0, np.full(chunks, 1.0))
     assert sizes.min() >= 0.99 * np.median(sizes)
 
 
@@ -233,9 +233,9 @@ def test_a_gyro_that_failed_is_no_measure_of_the_others_noise_and_makes_no_step(
     blocks = blocks_of([record])
     failed_s = [(), (), ()]
     failed_s[axis] = [(60.0, 121.0)]
-    relation = relation_of(blocks, (), failed_s)
+    alignment = alignment_of(blocks, (), failed_s)
     for other in {0, 1, 2} - {axis}:
-        values = noise_level(relation, other, relation.known[:, other]).values
+        values = noise_level(alignment, other, alignment.known[:, other]).values
         assert np.median(values[30:]) - np.median(values[:30]) == pytest.approx(0.0, abs=0.3)
 
 
@@ -254,11 +254,11 @@ def test_noise_of_all_gyros_is_shaking_and_no_change_of_one():
 @pytest.mark.parametrize("level_of_one", [error_level, gain_level, noise_level])
 def test_a_chunk_of_which_less_than_half_is_known_is_unknown(level_of_one):
     blocks = healthy()
-    relation = relation_of(blocks)
+    alignment = alignment_of(blocks)
     known = everywhere(blocks)
     known[100:106] = False  # six of ten
     known[200:204] = False
-    values = level_of_one(relation, 1, known).values
+    values = level_of_one(alignment, 1, known).values
     assert np.isnan(values[10])
     assert np.isfinite(np.delete(values, 10)).all()
 
@@ -271,7 +271,7 @@ def test_livelier_chunks_scatter_no_less():
     values[~loud] *= 0.3
     values[:, :3] += np.where(loud, 3.0, 0.1)[:, np.newaxis] * random.standard_normal((len(record), 3))
     blocks = blocks_of([type(record)(values, channels=record.channels, sample_period_s=0.05)])
-    level = error_level(relation_of(blocks), 0, everywhere(blocks))
+    level = error_level(alignment_of(blocks), 0, everywhere(blocks))
     assert np.median(level.deviations[62:118]) > 4.0 * np.median(level.deviations[2:58])
     lively = np.square(blocks.rates).sum(axis=1).reshape(120, 10).mean(axis=1)
     assert (np.diff(level.deviations[np.argsort(lively)]) >= 0.0).all()
@@ -284,7 +284,7 @@ def test_livelier_chunks_scatter_no_less():
 @pytest.mark.parametrize("axis", range(3))
 def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, size):
     blocks = blocks_of([with_error(motion(), ATTITUDE[axis], from_on(70.1, size))])
-    jump, usual, _ = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    jump, usual, _ = jumps_deg(alignment_of(blocks), np.ones((len(blocks), 3), dtype=bool))
     place = int(np.argmax(np.nan_to_num(jump[:, axis], posinf=0.0)))
     assert abs(blocks.time_s[place] - 70.0) < 4.1
     assert jump[350, axis] + max(usual[350, axis], 1.0) >= abs(size)
@@ -295,7 +295,7 @@ def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, siz
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_angle_jumps_in_health(seed):
     blocks = healthy(seed)
-    jump, usual, _ = jumps_deg(relation_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    jump, usual, _ = jumps_deg(alignment_of(blocks), np.ones((len(blocks), 3), dtype=bool))
     there = np.isfinite(jump)
     assert there.mean() > 0.95
     assert np.mean(jump[there] > usual[there]) < 0.001
@@ -303,8 +303,8 @@ def test_no_angle_jumps_in_health(seed):
 
 def test_a_bias_of_a_gyro_is_no_jump_of_its_angle():
     blocks = blocks_of([with_error(motion(), "p", from_on(70.0, 8.0))])
-    relation = relation_of(blocks, (), ([(69.0, 121.0)], (), ()))
-    jump, usual, _ = jumps_deg(relation, np.ones((len(blocks), 3), dtype=bool))
+    alignment = alignment_of(blocks, (), ([(69.0, 121.0)], (), ()))
+    jump, usual, _ = jumps_deg(alignment, np.ones((len(blocks), 3), dtype=bool))
     far = np.abs(blocks.time_s - 70.0) > 5.0
     assert np.nanmax(jump[far, 0][np.isfinite(jump[far, 0])]) < 3.0
     assert np.isfinite(usual[far]).mean() > 0.95
@@ -314,7 +314,7 @@ def test_a_gyro_that_tells_nothing_leaves_its_angle_open():
     blocks = healthy()
     tells = np.ones((len(blocks), 3), dtype=bool)
     tells[300:, 0] = False
-    jump, _, _ = jumps_deg(relation_of(blocks), tells)
+    jump, _, _ = jumps_deg(alignment_of(blocks), tells)
     assert np.isinf(jump[330:, 0]).all()
     assert np.isfinite(jump[30:270, 0]).all()
     assert np.isfinite(jump[330:570, 1:]).all()  # near wings level, no angle but phi is p's

@@ -1,0 +1,65 @@
+"""A finding as others read it: a judgement in the words and units of faults, and an alarm."""
+
+from __future__ import annotations
+
+from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.finding import FROZEN, Finding
+from gtmbench.values.record import Span
+
+WHOLE = "the whole log"  # the test of such alarms
+_BIAS, _DRIFT, _SCALE, _SIGN, _DEADZONE = "bias", "drift", "scale_factor", "sign_flip", "deadzone"  # kinds of faults
+_KINDS = {"step": _BIAS, "scale": _SCALE}  # as explanations call them
+_PARAMETERS = {_BIAS: "size", _DRIFT: "slope", _DEADZONE: "half_width", FROZEN: "value"}
+_TURNED = 0.25  # about a factor of -1: the sign is wrong
+
+
+def judgement_of(finding: Finding, time_s: float) -> Judgement:
+    """Return what a finding says, known at a time.
+
+    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.explanation import Explanation
+    >>> half = (Explanation(suspect="q", kind="scale", effect=lambda _: Effect()), 0.0)
+    >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
+    >>> judged = judgement_of(Finding(ranked=(half,), size=-1.0, interval=(-1.1, -0.9), **told), 9.0)
+    >>> judged.kind, judged.parameters
+    ('scale_factor', {'factor': 0.5, 'onset_s': 4.0})
+    """
+    kind = _KINDS.get(finding.best.kind, finding.best.kind)
+    low, high = finding.interval
+    name, size, error = _PARAMETERS.get(kind, ""), finding.size, 0.25 * (high - low)
+    if kind == _SCALE:  # e = k y: the reading is 1 / (1 - k) times the turn
+        name, size = "factor", _factor(finding.size)
+        error *= size**2
+        kind = _SIGN if abs(size + 1.0) < _TURNED else kind
+    is_told = bool(name) and kind != _SIGN
+    onset_s = {"onset_s": finding.onset_s}
+    of_onset = {"onset_s": 0.25 * (finding.onset_range_s[1] - finding.onset_range_s[0])}
+    return Judgement(
+        time_s=time_s,
+        sensor=finding.named,
+        candidates=finding.suspects,
+        kind=kind,
+        parameters=({name: size} if is_told else {}) | onset_s,
+        errors=({name: error} if is_told else {}) | of_onset,
+        reason="" if finding.named else f"{' or '.join(finding.suspects)} explains it",
+    )
+
+
+def alarm_of(finding: Finding, number: int, span_s: Span) -> Alarm:
+    """Return an alarm of a finding, raised when as much of it was seen as names anybody."""
+    start_s, end_s = span_s
+    shows_s = min(max(finding.shows_s, start_s), end_s)
+    return Alarm(
+        number=number,
+        time_s=shows_s,
+        onset_s=start_s,
+        source=finding.best.suspect,
+        test=WHOLE,
+        judgements=(judgement_of(finding, shows_s),),
+        ended_s=None if finding.lasts else end_s,
+    )
+
+
+def _factor(gain: float) -> float:
+    """Return by which a gyro's turns are multiplied whose error is so much of what it reads."""
+    return 1.0 / (1.0 - gain) if abs(1.0 - gain) > 1e-6 else float("inf")

@@ -1,0 +1,63 @@
+"""A log's gyros, attitude and accelerometers as the engine reads them, each on its own stamps."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.samples import FORCES, Samples, flight_of
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.mapping import NONE
+from gtmbench.intake.other_sensors import SensorReadings
+from gtmbench.intake.read import ReadLog
+from gtmbench.intake.samples import log_samples
+from gtmbench.method.attitude_origin import Origin
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Record
+
+_SIX = (*GYROS, *ATTITUDE)
+
+
+def flight_of_log(
+    read: ReadLog, mapping: Sequence[str], moving: FlightLog, sensors: Sequence[SensorReadings], origin: Origin
+) -> Flight:
+    """Return the flight of a log: sample by sample; as it was opened where a channel has no samples of its own.
+
+    Parameters
+    ----------
+    read : ReadLog
+    mapping : sequence of str
+        As `open_log` takes it.
+    moving : FlightLog
+        The log with gyros and attitude.
+    sensors : sequence of SensorReadings
+        Its accelerometers are taken from them.
+    origin : Origin
+        Whether the gyros drive the attitude.
+    """
+    found = _of_records(moving.segments)
+    if f"psi={NONE}" not in mapping:
+        with contextlib.suppress(InputError):
+            own = log_samples(read, _SIX, mapping)
+            found |= {name: Samples(each.time_s, each.values) for name, each in own.items()}
+    for each in sensors:
+        if set(FORCES) <= set(each.channels):
+            forces = zip(each.channels, np.transpose(each.values), strict=True)
+            found |= {name: Samples(each.time_s, values) for name, values in forces}
+            break
+    return flight_of(found, is_driven=origin.is_driven, is_assumed=origin.is_assumed)
+
+
+def flight_of_records(records: Sequence[Record], *, is_driven: bool, is_assumed: bool) -> Flight:
+    """Return the flight of records with gyros and attitude, such as those whose installation was undone."""
+    return flight_of(_of_records(records), is_driven=is_driven, is_assumed=is_assumed)
+
+
+def _of_records(records: Sequence[Record]) -> dict[str, Samples]:
+    names = (*_SIX, *FORCES) if all({*FORCES} <= set(each.channels) for each in records) else _SIX
+    time_s = np.concatenate([record.time_s for record in records])
+    return {name: Samples(time_s, np.concatenate([each[name] for each in records])) for name in names}

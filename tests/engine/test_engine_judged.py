@@ -1,0 +1,174 @@
+"""What the engine says of a flight: whom it accuses, as claims, alarms and curves; what stays open isn't excluded."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gtmbench.engine.finding import FROZEN, Side
+from gtmbench.engine.judged import judged
+from gtmbench.engine.named import WHOLE
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.timeline import State, laid_out
+from tests.engine.engine_flights import flight_from
+from tests.helpers.turning import from_on, motion, with_error
+
+
+@cache
+def said(size=0.0, onset_s=60.0):
+    return judged(flight_from(with_error(motion(), "q", from_on(onset_s, size)), is_driven=False))
+
+
+def clear_at(found, time_s, sensor="q"):
+    return laid_out((0.0, 120.0), found.claims).at(sensor, time_s)
+
+
+def only(found, **changes):
+    """Return the same with its one finding changed."""
+    (finding,) = found.found
+    return replace(found, found=(replace(finding, **changes),))
+
+
+# whom it accuses -----------------------------------------------------------------------------------------------------
+
+
+def test_a_finding_is_a_claim_an_alarm_and_a_curve_of_one_sensor():
+    found = said(3.0)
+    ((sensor, span),) = found.accused
+    assert (sensor, span.state, span.end_s) == ("q", State.FAILED, pytest.approx(120.0, abs=0.2))
+    (alarm,) = found.alarms
+    assert (alarm.sensor, alarm.test, alarm.onset_s, alarm.ended_s) == ("q", WHOLE, span.start_s, None)
+    assert alarm.last.kind == "bias"
+    assert alarm.last.parameters["size"] == pytest.approx(3.0, abs=0.3)
+    assert 0.0 < alarm.last.errors["size"] < 0.5
+    (curve,) = found.curves
+    late = curve.time_s > 65.0
+    assert np.nanmean(curve.measured_deg_s[late]) == pytest.approx(np.mean(curve.predicted_deg_s[late]), abs=0.2)
+    assert np.nanmean(curve.measured_deg_s[curve.time_s < 55.0]) == pytest.approx(0.0, abs=0.2)
+
+
+def test_an_alarm_is_raised_when_enough_was_seen():
+    (soon,), (late,) = said(5.0).alarms, said(2.0).alarms
+    assert 60.0 < soon.time_s < 66.0
+    assert 60.0 < late.time_s < 80.0
+
+
+def test_a_fault_that_ends_has_an_end():
+    record = with_error(motion(180.0), "p", from_on(50.0, 3.0, 110.0))
+    (alarm,) = judged(flight_from(record, is_driven=False)).alarms
+    assert (alarm.sensor, alarm.ended_s) == ("p", pytest.approx(110.0, abs=3.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "told", "named"),
+    [
+        ("drift", 0.2, {"slope": 0.2}, "drift"),
+        ("scale", -1.0, {"factor": 0.5}, "scale_factor"),
+        ("scale", 2.0, {}, "sign_flip"),
+        ("step", 4.0, {"size": 4.0}, "bias"),
+    ],
+)
+def test_kinds_are_called_as_faults_are(kind, size, told, named):
+    (finding,) = said(3.0).found
+    best = replace(finding.best, kind=kind)
+    found = only(said(3.0), ranked=((best, 0.0),), size=size, interval=(size - 0.1, size + 0.1))
+    last = found.alarms[0].last
+    assert last.kind == named
+    assert {name: value for name, value in last.parameters.items() if name != "onset_s"} == pytest.approx(told)
+
+
+def test_of_several_suspects_each_is_suspected():
+    (finding,) = said(3.0).found
+    other = next(each for each in said(3.0).findings.model.explanations if each.suspect == "theta")
+    found = only(said(3.0), ranked=(*finding.ranked, (other, 1.0)))
+    assert {(sensor, span.state) for sensor, span in found.accused} == {
+        ("q", State.SUSPECTED),
+        ("theta", State.SUSPECTED),
+    }
+    assert found.alarms[0].sensor is None
+
+
+def test_a_doubt_accuses_nobody():
+    found = only(said(3.0), doubt="it moves more there")
+    assert (found.accused, found.alarms, found.curves) == ((), (), ())
+
+
+# what is clear beside it ---------------------------------------------------------------------------------------------
+
+
+def test_beside_a_doubt_no_error_is_excluded_that_is_as_large():
+    healthy = clear_at(said(), 90.0).sizes
+    (finding,) = said(3.0).found
+    beside = replace(said(), found=(replace(finding, doubt="it moves more there"),))
+    assert healthy.error < 1.0
+    assert clear_at(beside, 90.0).sizes == replace(healthy, error=pytest.approx(1.2 * abs(finding.size)))
+    assert clear_at(beside, 90.0, "p").sizes == clear_at(said(), 90.0, "p").sizes
+    assert clear_at(beside, 30.0).sizes == clear_at(beside, 90.0).sizes  # one span, and its worst counts
+    passing = replace(beside, found=(replace(beside.found[0], end_s=finding.onset_s + 5.0),))
+    assert clear_at(passing, 90.0).sizes == healthy
+
+
+def test_beside_a_doubt_of_a_gain_no_factor_is_excluded():
+    (finding,) = said(3.0).found
+    gain = next(each for each in said(3.0).findings.model.explanations if each.name == "q scale")
+    doubted = replace(finding, ranked=((gain, 0.0),), size=0.3, doubt="it moves more there")
+    sizes = clear_at(replace(said(), found=(doubted,)), 90.0).sizes
+    assert sizes == replace(clear_at(said(), 90.0).sizes, factors=None)
+
+
+def test_where_a_side_is_open_both_sides_are():
+    found = only(said(3.0), side=Side.OPEN, doubt="q is off before or after it")
+    beside = replace(said(), found=found.found)
+    assert clear_at(beside, 30.0).sizes.error > 2.0
+
+
+# what nobody reads ---------------------------------------------------------------------------------------------------
+
+
+def frozen_from(onset_s, *gyros):
+    record = motion()
+    for gyro in gyros:
+        values = record[gyro].copy()
+        values[record.time_s >= onset_s] = values[int(np.argmax(record.time_s >= onset_s))]
+        record = record.replace(gyro, values)
+    return judged(flight_from(record, is_driven=False))
+
+
+def test_gyros_that_freeze_together_name_nobody_and_one_alone_is_named():
+    assert frozen_from(50.0, *GYROS).accused == ()
+    ((sensor, span),) = frozen_from(50.0, "p").accused
+    assert (sensor, span.start_s) == ("p", pytest.approx(50.0, abs=0.5))
+    assert frozen_from(50.0, "p").alarms[0].last.kind == FROZEN
+
+
+def test_a_column_that_never_moves_is_no_gyro_that_failed():
+    assert frozen_from(0.0, "p").accused == ()
+
+
+def test_what_is_left_out_of_a_flight_is_asked_nothing():
+    flight = flight_from(with_error(motion(), "q", from_on(60.0, 3.0)), is_driven=False)
+    assert judged(flight.without([(57.0, np.inf)])).accused == ()
+    assert flight.without([]) is flight
+    assert {sensor for sensor, _ in judged(flight.without([(20.0, 30.0)])).accused} == {"q"}
+    assert set(judged(flight).hindsight().claims) == {*GYROS, *ATTITUDE}
+
+
+# gyros that part and that nobody explains ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("is_driven", [True, False])
+def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimator(is_driven, monkeypatch):
+    from gtmbench.engine import judged as subject
+
+    record = with_error(with_error(motion(), "q", from_on(60.0, 3.0)), "p", from_on(60.0, 6.0))
+    flight = flight_from(record, is_driven=is_driven)
+    whole = subject.findings_of(flight)
+    of_q = tuple(each for each in whole.found if each.best.suspect == "q")
+    assert of_q  # as if nothing had explained p
+    monkeypatch.setattr(subject, "findings_of", lambda *_, **__: replace(whole, found=of_q))
+    monkeypatch.setattr(subject, "doubted", lambda _, found: found)
+    (finding,) = judged(flight).found
+    assert (finding.named == "q") is not is_driven
+    if is_driven:
+        assert finding.doubt == "p parts from the attitude, too, and nothing explains it"
