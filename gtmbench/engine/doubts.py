@@ -144,7 +144,7 @@ def _sides(finding: Finding) -> list[str]:
 
 def _learns(model: Model, finding: Finding) -> list[str]:
     """Doubt a slow drift beside an estimator: one that learns a gyro's offset shows the same as it learns."""
-    reached = abs(finding.size) * (finding.end_s - finding.onset_s)
+    reached = finding.reached_deg_s
     if finding.best.kind != "drift" or not model.flight.is_driven or reached > _LEARNT_DEG_S:
         return []
     return [f"{finding.best.suspect} drifts by {reached:.1f} deg/s, as an estimator does that learns its offset"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.engine.constants import CHUNK_S, by_chunks, constants_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.noise import ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of, weights_of
+from gtmbench.engine.noise import ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of
 from gtmbench.engine.relation import Relation
 from gtmbench.values.record import BoolArray, FloatArray
 
@@ -36,8 +36,6 @@ class Equation:
         What is left of the deviation behind the filter.
     known : shape (blocks,)
         Where the equation holds, and did for as long as the filter reaches back.
-    weights : shape (blocks,)
-        Of each block, 1 without Student's.
     left : shape (blocks,)
         y - X theta, less what is explained.
     wander : float
@@ -51,7 +49,6 @@ class Equation:
     taps: FloatArray = field(repr=False)
     unit: float
     known: BoolArray = field(repr=False)
-    weights: FloatArray = field(repr=False)
     left: FloatArray = field(repr=False)
     wander: float = 0.0
 
@@ -63,14 +60,14 @@ class Equation:
     def whitened(self, columns: FloatArray) -> FloatArray:
         """Return columns of y's unit made white, zero where the equation isn't known; shape (blocks, ...)."""
         shape = (-1, *[1] * (columns.ndim - 1))
-        gain = self.known * np.sqrt(self.weights) / self.unit
+        gain = self.known / self.unit
         return filtered(self.taps, columns / self.level.reshape(shape)) * gain.reshape(shape)
 
     def whitened_decay(self, columns: FloatArray, factor: float) -> FloatArray:
         """Return the same of columns(t) * factor^(t - s) at each block s = t, for what fades by a factor a block."""
         fading = self.taps * factor ** -np.arange(len(self.taps))
         shape = (-1, *[1] * (columns.ndim - 1))
-        gain = self.known * np.sqrt(self.weights) / self.unit
+        gain = self.known / self.unit
         return filtered(fading, columns / self.level.reshape(shape)) * gain.reshape(shape)
 
     @property
@@ -96,7 +93,6 @@ def learn(
     *,
     explained: FloatArray | None = None,
     left_out: BoolArray | None = None,
-    is_weighted: bool = False,
 ) -> Equation | None:
     """Return an equation as the whole log has it; None where too little of it is known.
 
@@ -109,8 +105,6 @@ def learn(
         What findings account for.
     left_out : shape (blocks,), optional
         Blocks that aren't asked, such as those of a gyro that stands still.
-    is_weighted : bool
-        Whether blocks are weighted by Student's law.
     """
     values, regressors = relation.values[:, channel], relation.regressors[:, channel]
     there = np.isfinite(values) & np.isfinite(regressors).all(axis=1) & relation.asked
@@ -138,11 +132,8 @@ def learn(
         taps=taps,
         unit=unit_of(filtered(taps, clipped)[there]),
         known=_with_past(there, np.isfinite(values)),
-        weights=np.ones(len(values)),
         left=left,
     )
-    if is_weighted:
-        equation = replace(equation, weights=weights_of(equation.errors, equation.known))
     return replace(equation, wander=_wander(equation, rows))
 
 

@@ -102,6 +102,12 @@ class Finding:
         return not (self.doubt or self.is_healthy)
 
     @property
+    def reached_deg_s(self) -> float:
+        """The largest error that it would be of a gyro; 0 of a gain, or noise."""
+        lasts_s = {"bias": 1.0, "drift": self.end_s - self.onset_s}.get(self.best.kind, 0.0)
+        return abs(self.size) * lasts_s
+
+    @property
     def is_frozen(self) -> bool:
         """Whether a gyro stands still: that needs no model of its noise."""
         return self.best.kind == FROZEN

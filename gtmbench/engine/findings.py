@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,20 +35,17 @@ class Findings:
         With everything that was found taken away.
     found : tuple of Finding
         In order of time.
-    tempers : shape (explanations,)
-        By how much evidence is divided: the most that is left anywhere over what chance makes.
     """
 
     model: Model
     found: tuple[Finding, ...]
-    tempers: FloatArray = field(repr=False)
 
 
 class _Bench:
     """A flight's relations and signatures, from which models are learnt."""
 
-    def __init__(self, flight: Flight, *, is_weighted: bool) -> None:
-        self.flight, self.is_weighted = flight, is_weighted
+    def __init__(self, flight: Flight) -> None:
+        self.flight = flight
         self.relations: tuple[Relation, ...] = relations_of(flight)
         self.signatures = Signatures(flight, explanations_of(flight))
         self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
@@ -74,7 +71,6 @@ class _Bench:
             self.signatures,
             explained=[self._explained(each) for each in found if not each.is_frozen],
             frozen=frozen,
-            is_weighted=self.is_weighted,
         )
 
     def _explained(self, finding: Finding) -> Explained:
@@ -99,16 +95,14 @@ class _Bench:
         return {(each.relation.name, each.channel): each.constants for each in equations}
 
 
-def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
+def findings_of(flight: Flight) -> Findings:
     """Return everything that explanations find on a flight.
 
     Parameters
     ----------
     flight : Flight
-    is_weighted : bool
-        Whether single blocks that are far off count less, by Student's law.
     """
-    bench = _Bench(flight, is_weighted=is_weighted)
+    bench = _Bench(flight)
     one = np.ones(len(bench.signatures.explanations))
     found = list(frozen_gyros(flight))
     for _ in range(_MOST):
@@ -127,7 +121,7 @@ def findings_of(flight: Flight, *, is_weighted: bool = False) -> Findings:
     model = bench.without(found).model
     sided = [replace(each, side=side_of(model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(model=model, found=tuple(in_time), tempers=tempers)
+    return Findings(model=model, found=tuple(in_time))
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.engine.blocks import Blocks
 from gtmbench.values.attitude import to_earth
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
 _LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
@@ -67,11 +68,10 @@ class Flight:
     @property
     def repeats(self) -> tuple[Span, ...]:
         """Where all gyros read one value each for seconds: that is the logger's, or the bus'."""
-        blocks = self.blocks
-        ends = np.flatnonzero((blocks.held_s[:, : blocks.gyros.shape[1]] > _REPEATS_S).all(axis=1))
-        until_s = blocks.time_s[ends] + blocks.period_s
-        held_s = blocks.held_s[ends, : blocks.gyros.shape[1]].min(axis=1)
-        return tuple(zip((until_s - held_s).tolist(), until_s.tolist(), strict=True))
+        held_s = self.blocks.held_s[:, : len(GYROS)].min(axis=1)
+        ends = np.flatnonzero(held_s > _REPEATS_S)
+        until_s = self.blocks.time_s[ends] + self.blocks.period_s
+        return tuple(zip((until_s - held_s[ends]).tolist(), until_s.tolist(), strict=True))
 
     def __len__(self) -> int:
         """Return how many blocks there are."""

@@ -12,15 +12,15 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
-from gtmbench.engine.findings import Findings, findings_of
+from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import Failure, Hindsight, hindsight_of
+from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, judgement_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Span
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
 
-Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 # a smaller difference that nobody explains bends nothing far; of what the finding itself is
@@ -50,16 +50,19 @@ class Judged:
 
     Attributes
     ----------
-    flight : Flight
     found : tuple of Finding
         One each a fault, with doubts.
-    findings : Findings
-        Its evidence.
+    model : Model
+        The flight's equations, with everything that was found taken away.
     """
 
-    flight: Flight
     found: tuple[Finding, ...]
-    findings: Findings = field(repr=False)
+    model: Model = field(repr=False)
+
+    @property
+    def flight(self) -> Flight:
+        """What is judged."""
+        return self.model.flight
 
     @cached_property
     def accused(self) -> tuple[Claim, ...]:
@@ -72,60 +75,51 @@ class Judged:
         accusing = [each for each in self.found if each.accuses]
         return tuple(alarm_of(each, number, self._span(each)) for number, each in enumerate(accusing))
 
-    def hindsight(
-        self, failures: Mapping[str, Sequence[Failure]] | None = None, excused_s: Sequence[Span] = ()
-    ) -> Hindsight:
+    def hindsight(self, failures: Mapping[str, Sequence[Failure]]) -> Hindsight:
         """Return where p, q, r, phi, theta and psi are clear, beside all that failed.
 
         Parameters
         ----------
-        failures : mapping of sensor to sequence of Failure, optional
+        failures : mapping of sensor to sequence of Failure
             Whom others accuse; the engine's own are added.
-        excused_s : sequence of (start, end)
-            Where nothing is asked, such as a contact with the ground.
         """
-        named = {sensor: list(spans) for sensor, spans in (failures or {}).items()}
+        named = {sensor: list(spans) for sensor, spans in failures.items()}
         for sensor, span in self.accused:
             named.setdefault(sensor, []).append(failure_of(span))
         return hindsight_of(
             self.flight.blocks,
             is_driven=self.flight.is_driven,
             is_sure=not self.flight.is_assumed,
-            excused_s=excused_s,
             failures=named,
         )
 
     @cached_property
+    def cleared(self) -> Hindsight:
+        """Where sensors are clear if nobody else accuses any."""
+        return self.hindsight({})
+
+    @cached_property
     def claims(self) -> Mapping[str, tuple[SensorSpan, ...]]:
         """What is claimed of p, q, r, phi, theta and psi where nobody else says anything."""
-        return self.beside(self.hindsight(), self.accused)
+        cleared = self.beside(self.cleared)
+        return {
+            sensor: (*spans, *(span for name, span in self.accused if name == sensor))
+            for sensor, spans in cleared.items()
+        }
 
-    def beside(self, cleared: Hindsight, accused: Sequence[Claim] = ()) -> Mapping[str, tuple[SensorSpan, ...]]:
-        """Return what hindsight claims, and who is accused, beside what was found and names nobody.
-
-        Parameters
-        ----------
-        cleared : Hindsight
-        accused : sequence of (sensor, SensorSpan)
-            Claims that are added.
-        """
-        claims = {sensor: [*spans] for sensor, spans in cleared.claims.items()}
+    def beside(self, cleared: Hindsight) -> Mapping[str, tuple[SensorSpan, ...]]:
+        """Return what hindsight claims beside what was found and names nobody."""
+        claims = dict(cleared.claims)
         for finding in self.found:
-            lasts = finding.end_s - finding.onset_s >= _LASTS_S
-            for gyro in finding.suspects if lasts and not finding.accuses else ():
-                if gyro in GYROS:
-                    claims[gyro] = list(self._open_to(finding, claims[gyro]))
-        for sensor, span in accused:
-            claims.setdefault(sensor, []).append(span)
-        return {sensor: tuple(spans) for sensor, spans in claims.items()}
+            if not finding.accuses and finding.end_s - finding.onset_s >= _LASTS_S:
+                for gyro in {*finding.suspects} & {*GYROS}:
+                    claims[gyro] = tuple(self._open_to(finding, claims[gyro]))
+        return claims
 
     def _open_to(self, finding: Finding, spans: Sequence[SensorSpan]) -> Iterator[SensorSpan]:
         """Give a gyro's spans beside a finding that may be its fault: nothing is excluded that is as large."""
-        start_s, end_s = self._span(finding)
-        if finding.side is Side.OPEN:
-            start_s = self.flight.blocks.start_s
         for span in spans:
-            meets = span.start_s < end_s and start_s < span.end_s
+            meets = span.sizes is not None and span.meets(*self._span(finding))
             yield replace(span, sizes=_beside(finding, span.sizes)) if meets and span.sizes is not None else span
 
     @property
@@ -134,27 +128,22 @@ class Judged:
         return tuple(curve for each in self.found if each.accuses if (curve := self._curve(each)) is not None)
 
     def _curve(self, finding: Finding) -> Curve | None:
-        model, axis = self.findings.model, axis_number(finding.best.suspect)
-        for products in model.products:
-            equation = products.equation
-            if finding.is_frozen or equation.relation.name != "attitude" or equation.channel != axis:
-                continue
-            place = model.signatures.place_of(finding.best)
-            shape = model.signatures.over(
-                equation.relation, axis, equation.constants, place, finding.first, finding.last
-            )
-            if shape is None:
-                return None
-            predicted = finding.size * shape
-            there = np.isfinite(equation.relation.values[:, axis])
-            measured = np.where(there, equation.left + predicted, np.nan)
-            return Curve(
-                sensor=finding.best.suspect,
-                time_s=self.flight.blocks.start_s + self.flight.time_s,
-                measured_deg_s=measured,
-                predicted_deg_s=predicted,
-            )
-        return None
+        axis = axis_number(finding.best.suspect)
+        sums = None if finding.is_frozen else self.model.own_axis(axis)
+        if sums is None:
+            return None
+        equation, signatures = sums.products.equation, self.model.signatures
+        place = signatures.place_of(finding.best)
+        shape = signatures.over(equation.relation, axis, equation.constants, place, finding.first, finding.last)
+        if shape is None:
+            return None
+        there = np.isfinite(equation.relation.values[:, axis])
+        return Curve(
+            sensor=finding.best.suspect,
+            time_s=self.flight.blocks.start_s + self.flight.time_s,
+            measured_deg_s=np.where(there, equation.left + finding.size * shape, np.nan),
+            predicted_deg_s=finding.size * shape,
+        )
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
         if not finding.accuses:
@@ -170,15 +159,9 @@ class Judged:
             )
 
     def _span(self, finding: Finding) -> Span:
-        """Return the broken side of a finding."""
-        start_s = self.flight.blocks.start_s
-        return (start_s, finding.onset_s) if finding.side is Side.BEFORE else (finding.onset_s, finding.end_s)
-
-
-def _reached(finding: Finding) -> float:
-    """Return the largest error that a finding is, in deg/s; 0 of a gain, or noise."""
-    lasts_s = {"bias": 1.0, "drift": finding.end_s - finding.onset_s}.get(finding.best.kind, 0.0)
-    return abs(finding.size) * lasts_s
+        """Return the broken side of a finding; both, where that is open."""
+        start_s = finding.onset_s if finding.side is Side.AFTER else self.flight.blocks.start_s
+        return start_s, finding.onset_s if finding.side is Side.BEFORE else finding.end_s
 
 
 def _beside(finding: Finding, sizes: Sizes) -> Sizes:
@@ -187,7 +170,7 @@ def _beside(finding: Finding, sizes: Sizes) -> Sizes:
         return replace(sizes, factors=None)
     if finding.best.kind == "noise":
         return replace(sizes, noise=None)
-    return replace(sizes, error=max(sizes.error, _SPARE * _reached(finding)))
+    return replace(sizes, error=max(sizes.error, _SPARE * finding.reached_deg_s))
 
 
 def failure_of(span: SensorSpan) -> Failure:
@@ -196,7 +179,7 @@ def failure_of(span: SensorSpan) -> Failure:
     return Failure(start_s=span.start_s, end_s=span.end_s, is_constant=kind in _CONSTANT)
 
 
-def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
+def judged(flight: Flight) -> Judged:
     """Return what the engine says of a flight.
 
     Examples
@@ -216,9 +199,8 @@ def judged(flight: Flight, *, is_weighted: bool = False) -> Judged:
     >>> [(sensor, span.state.value) for sensor, span in said.accused], said.alarms[0].verdict
     ([('q', 'failed')], 'q failed')
     """
-    flight = flight.without(flight.repeats)
-    findings = findings_of(flight, is_weighted=is_weighted)
-    said = Judged(flight=flight, found=doubted(findings.model, findings.found), findings=findings)
+    findings = findings_of(flight.without(flight.repeats))
+    said = Judged(found=doubted(findings.model, findings.found), model=findings.model)
     return replace(said, found=_unless_others_part(said)) if flight.is_driven and said.accused else said
 
 
@@ -227,11 +209,11 @@ def _unless_others_part(said: Judged) -> tuple[Finding, ...]:
 
     An attitude that follows the gyros is bent by whichever failed.
     """
-    changes = [each for each in said.hindsight().changes if each.of == "error"]
+    changes = [each for each in said.cleared.changes if each.of == "error"]
 
     def doubtful(finding: Finding) -> Finding:
         axis = axis_number(finding.best.suspect)
-        far_deg_s = max(_PARTS_DEG_S, _ALIKE * _reached(finding))
+        far_deg_s = max(_PARTS_DEG_S, _ALIKE * finding.reached_deg_s)
         others = [GYROS[each.axis] for each in changes if each.axis != axis and abs(each.size) > far_deg_s]
         if finding.is_frozen or not finding.accuses or not others:
             return finding

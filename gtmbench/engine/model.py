@@ -76,6 +76,14 @@ class Model:
         """Which equations have no say in a size, shape (equations,)."""
         return np.array([each.equation.relation.is_witness for each in self.products], dtype=bool)
 
+    def own_axis(self, axis: int) -> Sums | None:
+        """Return the sums of a gyro and its attitude; None where too little of them is known."""
+        for sums in self.sums:
+            equation = sums.products.equation
+            if equation.relation.name == "attitude" and equation.channel == axis:
+                return sums
+        return None
+
     def of_explanations(self, name: str) -> FloatArray:
         """Return an attribute of all explanations, shape (explanations,)."""
         return np.array([float(getattr(each, name)) for each in self.explanations])
@@ -108,7 +116,6 @@ def learnt(
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),
-    is_weighted: bool = False,
 ) -> Model:
     """Return the model of a flight.
 
@@ -121,8 +128,6 @@ def learnt(
         What is taken away before anything is learnt.
     frozen : sequence of (gyro, first, last)
         Blocks in which a gyro stands still: no equation that it enters is asked there.
-    is_weighted : bool
-        Whether relations with heavy tails are weighted by Student's law.
     """
     products = []
     for relation in relations:
@@ -135,7 +140,6 @@ def learnt(
                 channel,
                 explained=sum(taken[1:], taken[0]) if taken else None,
                 left_out=_left_out(flight, relation, channel, frozen),
-                is_weighted=is_weighted and relation.is_heavy_tailed,
             )
             if equation is not None:
                 beside = _beside(explained, key, flight)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import lgamma
-
 import numpy as np
 
 from gtmbench.values.record import BoolArray, FloatArray
@@ -19,8 +17,6 @@ _SURFACE_RIDGE = np.diag([5e-3, 5.0, 5.0, 20.0, 20.0, 20.0])  # a surface that i
 _LAGS, _QUANTILE = (1, 2, 4, 8), 0.6  # chunks; of squared differences: the edges of a fault part few pairs
 _OF_CHI = 0.708  # that quantile of chi-square with one degree of freedom
 _FEWEST_PAIRS, _PAIRS_A_LAG = 6, 10  # of chunks; chunks of a log for each chunk of a lag, or a step is wander
-_NUS, _STUDENT_FROM = (4.0, 6.0, 10.0, 20.0, 1e3), 200  # from heavy tails to none; blocks that can tell them apart
-_LOCAL, _MOST_WEIGHT, _LEAST_POWER = 25, 3.0, 0.3  # blocks of a running median; uncapped weights accuse
 
 
 def level_of(errors: FloatArray, known: BoolArray, lively: FloatArray) -> FloatArray:
@@ -128,35 +124,3 @@ def wander_of(means: FloatArray, precisions: FloatArray, least: float) -> float:
             by_noise = float(np.median(1.0 / precisions[known]))
             power = max(power, 0.5 * float(np.quantile(apart, _QUANTILE)) / _OF_CHI - by_noise)
     return float(np.sqrt((count * power + 4.0 * least**2) / (count + 4.0)))
-
-
-def weights_of(white: FloatArray, known: BoolArray) -> FloatArray:
-    """Return Student's weights of white errors beside their running median, which a fault moves; shape (blocks,).
-
-    w = (nu + 1) / (nu + v^2 / s^2) / s^2, nu by likelihood, at most three times a usual one; then so that a block still
-    misfits by one at least.
-    """
-    if np.count_nonzero(known) < _STUDENT_FROM:
-        return np.ones(len(white))
-    half = _LOCAL // 2
-    padded = np.pad(np.where(known, white, np.nan), half, constant_values=np.nan)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, _LOCAL)
-    local = np.zeros(len(white))
-    there = np.isfinite(windows).any(axis=1)
-    local[there] = np.nanmedian(windows[there], axis=1)
-    own = np.where(known, white - local, 0.0)
-    power = np.square(own[known])
-    nu, scale = min((_student(power, nu) for nu in _NUS), key=lambda each: each[2])[:2]
-    scale = max(scale, _LEAST_POWER)
-    weights = np.where(known, np.minimum((nu + 1.0) / (nu + own**2 / scale) / scale, _MOST_WEIGHT), 1.0)
-    return np.asarray(weights / max(1.0, float(np.mean(weights[known] * np.minimum(white[known] ** 2, 9.0)))))
-
-
-def _student(power: FloatArray, nu: float) -> tuple[float, float, float]:
-    """Return the degrees of freedom, the scale that fits best with them, and how badly that fits."""
-    scale = float(np.median(power)) / 0.5 + 1e-12
-    for _ in range(15):
-        scale = float(np.mean((nu + 1.0) * power / (nu + power / scale))) + 1e-12
-    tail = float(np.sum(0.5 * (nu + 1.0) * np.log1p(power / (nu * scale))))
-    peak = 0.5 * np.log(scale) + lgamma(0.5 * nu) - lgamma(0.5 * (nu + 1.0)) + 0.5 * np.log(nu)
-    return nu, scale, tail + len(power) * float(peak)

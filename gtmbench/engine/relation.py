@@ -44,8 +44,6 @@ class Relation:
         Whether every gyro enters each of its equations.
     is_witness : bool
         Whether it has no say in a fault's size, and at most half of the evidence.
-    is_heavy_tailed : bool
-        Whether single blocks may be far off in health.
     """
 
     name: str
@@ -61,7 +59,6 @@ class Relation:
     regime: FloatArray | None = field(default=None, repr=False)
     is_shared: bool = False
     is_witness: bool = False
-    is_heavy_tailed: bool = False
 
     def answer(self, flight: Flight, effect: Effect, channel: int, constants: FloatArray) -> FloatArray | None:
         """Return what an effect adds to y - X theta of a channel, shape (blocks,); None for nothing."""

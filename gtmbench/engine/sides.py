@@ -39,16 +39,16 @@ def constants_of_gyro(model: Model, axis: int) -> tuple[float, float, float, flo
 
     The gain is k of y - w = k y; the errors are standard deviations. None where the attitude tells nothing of it.
     """
-    for sums in model.sums:
-        equation = sums.products.equation
-        if equation.relation.name == "attitude" and equation.channel == axis:
-            first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)
-            known = 1 + len(equation.constants)
-            squares = sums.known(first, last)[0, 1:known, 1:known]
-            spread = np.linalg.inv(squares + np.diag(equation.relation.prior**-2.0))
-            offset, gain = equation.constants[0], equation.constants[1 + axis]
-            return float(offset), float(gain), float(spread[0, 0] ** 0.5), float(spread[1 + axis, 1 + axis] ** 0.5)
-    return None
+    sums = model.own_axis(axis)
+    if sums is None:
+        return None
+    equation = sums.products.equation
+    first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)
+    known = 1 + len(equation.constants)
+    squares = sums.known(first, last)[0, 1:known, 1:known]
+    spread = np.linalg.inv(squares + np.diag(equation.relation.prior**-2.0))
+    offset, gain = equation.constants[0], equation.constants[1 + axis]
+    return float(offset), float(gain), float(spread[0, 0] ** 0.5), float(spread[1 + axis, 1 + axis] ** 0.5)
 
 
 def _constants(model: Model, place: int) -> dict[int, float]:

@@ -94,6 +94,10 @@ class SensorSpan:
         """How long it lasts."""
         return self.end_s - self.start_s
 
+    def meets(self, start_s: float, end_s: float) -> bool:
+        """Tell whether it shares time with a span."""
+        return self.start_s < end_s and start_s < self.end_s
+
     def covers(self, time_s: float) -> bool:
         """Tell whether a time lies in it; its end belongs to the next."""
         return self.start_s <= time_s < self.end_s
@@ -102,6 +106,9 @@ class SensorSpan:
 def unjudged(span_s: Span, reason: str) -> SensorSpan:
     """Return a span in which a sensor isn't judged, and why."""
     return SensorSpan(start_s=span_s[0], end_s=span_s[1], state=State.NOT_JUDGED, reason=reason)
+
+
+Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

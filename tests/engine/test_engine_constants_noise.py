@@ -13,7 +13,6 @@ from gtmbench.engine.noise import (
     taps_of,
     unit_of,
     wander_of,
-    weights_of,
 )
 from gtmbench.engine.relation import Relation
 from tests.engine.engine_flights import flight_from
@@ -222,38 +221,6 @@ def test_few_chunks_leave_wander_as_it_is_believed():
     assert wander_of(means, precisions, 0.3) < 0.4
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_blocks_that_are_far_off_weigh_less(seed):
-    random = np.random.default_rng(seed)
-    white = random.standard_normal(1000)
-    far = np.arange(50, 1000, 100)
-    white[far] += 8.0
-    weights = weights_of(white, np.ones(1000, dtype=bool))
-    assert weights[far].max() < 0.5 * np.median(weights)
-    assert (weights > 0.0).all()
-
-
-def test_blocks_of_a_normal_law_weigh_about_the_same():
-    weights = weights_of(np.random.default_rng(3).standard_normal(1000), np.ones(1000, dtype=bool))
-    assert np.ptp(weights) < 0.5
-    assert weights.mean() == pytest.approx(1.0, abs=0.2)
-
-
-def test_a_step_of_the_mean_does_not_lower_the_weights_of_what_follows():
-    white = np.random.default_rng(4).standard_t(3.0, 1000)
-    stepped = white + 4.0 * (np.arange(1000) >= 500)
-    every = np.ones(1000, dtype=bool)
-    ratio = weights_of(stepped, every) / weights_of(white, every)
-    inside = np.r_[0:480, 520:1000]
-    before, behind = ratio[:480].mean(), ratio[520:].mean()
-    assert behind == pytest.approx(before, rel=0.05)
-    assert ratio[inside].min() > 0.1
-
-
-def test_few_blocks_are_not_weighed():
-    assert weights_of(np.full(150, 9.0), np.ones(150, dtype=bool)).tolist() == [1.0] * 150
-
-
 # equations ---------------------------------------------------------------------------------------
 
 
@@ -306,17 +273,6 @@ def test_errors_have_unit_deviation_about_a_step_too(flight, seed):
     assert 0.85 < equation.errors[half + 10 :].std() < 1.15
     assert (np.abs(equation.constants - TRUE) < [0.3, 0.05, 0.05]).all()
     assert equation.wander < 0.5
-
-
-@pytest.mark.parametrize("is_weighted", [False, True])
-def test_heavy_tails_are_weighed_where_that_is_asked(flight, is_weighted):
-    random = np.random.default_rng(9)
-    _, columns = read_and_columns(9, len(flight))
-    values = columns @ TRUE + random.standard_t(2.5, len(flight))
-    equation = learn(flight, relation_of(flight, values, columns), 0, is_weighted=is_weighted)
-    assert (np.ptp(equation.weights) > 0.5) == is_weighted
-    power = np.square(equation.errors[equation.known])
-    assert (power.max() < 40.0) == is_weighted
 
 
 def test_what_is_explained_is_taken_away_before_anything_is_learnt(flight):

@@ -80,7 +80,7 @@ def test_kinds_are_called_as_faults_are(kind, size, told, named):
 
 def test_of_several_suspects_each_is_suspected():
     (finding,) = said(3.0).found
-    other = next(each for each in said(3.0).findings.model.explanations if each.suspect == "theta")
+    other = next(each for each in said(3.0).model.explanations if each.suspect == "theta")
     found = only(said(3.0), ranked=(*finding.ranked, (other, 1.0)))
     assert {(sensor, span.state) for sensor, span in found.accused} == {
         ("q", State.SUSPECTED),
@@ -111,7 +111,7 @@ def test_beside_a_doubt_no_error_is_excluded_that_is_as_large():
 
 def test_beside_a_doubt_of_a_gain_no_factor_is_excluded():
     (finding,) = said(3.0).found
-    gain = next(each for each in said(3.0).findings.model.explanations if each.name == "q scale")
+    gain = next(each for each in said(3.0).model.explanations if each.name == "q scale")
     doubted = replace(finding, ranked=((gain, 0.0),), size=0.3, doubt="it moves more there")
     sizes = clear_at(replace(said(), found=(doubted,)), 90.0).sizes
     assert sizes == replace(clear_at(said(), 90.0).sizes, factors=None)
@@ -151,7 +151,7 @@ def test_what_is_left_out_of_a_flight_is_asked_nothing():
     assert judged(flight.without([(57.0, np.inf)])).accused == ()
     assert flight.without([]) is flight
     assert {sensor for sensor, _ in judged(flight.without([(20.0, 30.0)])).accused} == {"q"}
-    assert set(judged(flight).hindsight().claims) == {*GYROS, *ATTITUDE}
+    assert set(judged(flight).cleared.claims) == {*GYROS, *ATTITUDE}
 
 
 # gyros that part and that nobody explains ----------------------------------------------------------------------------
@@ -166,7 +166,7 @@ def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimato
     whole = subject.findings_of(flight)
     of_q = tuple(each for each in whole.found if each.best.suspect == "q")
     assert of_q  # as if nothing had explained p
-    monkeypatch.setattr(subject, "findings_of", lambda *_, **__: replace(whole, found=of_q))
+    monkeypatch.setattr(subject, "findings_of", lambda _: replace(whole, found=of_q))
     monkeypatch.setattr(subject, "doubted", lambda _, found: found)
     (finding,) = judged(flight).found
     assert (finding.named == "q") is not is_driven

@@ -60,7 +60,7 @@ def products(flight, signatures, relations, beside):
 
     @cache
     def of(name, channel):
-        equation = learn(flight, relations[name], channel, is_weighted=relations[name].is_heavy_tailed)
+        equation = learn(flight, relations[name], channel)
         return products_of(signatures, equation, signatures.answers(equation), beside)
 
     return of

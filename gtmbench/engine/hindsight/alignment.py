@@ -42,9 +42,9 @@ class Alignment:
     ----------
     blocks : Blocks
     known : shape (blocks, 3)
-        Where each gyro's is asked to hold: nothing is missing, nothing excuses it, and nothing on that axis failed.
+        Where each gyro's is asked to hold: nothing is missing, and nothing on that axis failed.
     error : shape (blocks, 3)
-        e, in deg/s, where nothing is missing or excused, failed or not; NaN elsewhere.
+        e, in deg/s, where nothing is missing, failed or not; NaN elsewhere.
     offsets, gains : shape (3,)
         What each gyro reads more than the attitude turns over the whole log, in deg/s, and how many times as far it
         turns; NaN where too little is known.
@@ -75,16 +75,12 @@ class Alignment:
         return filled.reshape(count, own, *values.shape[1:])
 
 
-def alignment_of(
-    blocks: Blocks, excused_s: Sequence[Span] = (), failed_s: Sequence[Sequence[Span]] = ((), (), ())
-) -> Alignment:
+def alignment_of(blocks: Blocks, failed_s: Sequence[Sequence[Span]] = ((), (), ())) -> Alignment:
     """Return the relation of a log's gyros and attitude.
 
     Parameters
     ----------
     blocks : Blocks
-    excused_s : sequence of (start, end)
-        Where it isn't asked to hold.
     failed_s : sequence of sequences of (start, end)
         Where p or phi, q or theta, r or psi failed.
 
@@ -100,7 +96,6 @@ def alignment_of(
     """
     regressors = _regressors(blocks)
     there = np.isfinite(blocks.gyros).all(axis=1) & np.isfinite(blocks.rates).all(axis=1)
-    there &= ~blocks.within(excused_s)
     there &= ~_stands(blocks)
     known = np.column_stack([there & ~blocks.within(spans) for spans in failed_s])
     error = np.full(blocks.gyros.shape, np.nan)

@@ -112,7 +112,6 @@ def hindsight_of(
     *,
     is_driven: bool,
     is_sure: bool = False,
-    excused_s: Sequence[Span] = (),
     failures: Mapping[str, Sequence[Failure]] | None = None,
 ) -> Hindsight:
     """Return what the relation of gyros and attitude says over a whole log.
@@ -124,8 +123,6 @@ def hindsight_of(
         Whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
     is_sure : bool
         Whether that is known, and not assumed: then references pull the attitude about in health, the heading most.
-    excused_s : sequence of (start, end)
-        Where nothing is asked of the relation, such as a contact with the ground.
     failures : mapping of sensor to sequence of Failure
         Of p, q, r, phi, theta and psi.
 
@@ -146,11 +143,11 @@ def hindsight_of(
     """
     named = {} if failures is None else failures
     failed_s = [(each.start_s, each.end_s) for spans in named.values() for each in spans]
-    share, error = of_euler_rates(blocks, [*excused_s, *failed_s])
+    share, error = of_euler_rates(blocks, failed_s)
     if abs(share - 1.0) < _EULER and share > _CERTAIN * error:
         misread = unjudged(_span(blocks), "p, q, r are the rates of phi, theta, psi, not of a gyro")
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
-    alignment, gentle = _alignment(blocks, excused_s, named)
+    alignment, gentle = _alignment(blocks, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
     changes: list[Change] = []
     jumps = jumps_deg(alignment, gentle)
@@ -175,17 +172,15 @@ _AXES = tuple(zip(GYROS, ATTITUDE, strict=True))
 _CERTAIN, _EULER = 4.0, 0.3  # deviations, and by how much of it: gyros that read Euler rates
 
 
-def _alignment(
-    blocks: Blocks, excused_s: Sequence[Span], failures: Mapping[str, Sequence[Failure]]
-) -> tuple[Alignment, BoolArray]:
+def _alignment(blocks: Blocks, failures: Mapping[str, Sequence[Failure]]) -> tuple[Alignment, BoolArray]:
     """Return the relation where nothing failed, and whose errors tell of angles all the same, shape (blocks, 3)."""
     own = [[*failures.get(gyro, ()), *failures.get(angle, ())] for gyro, angle in _AXES]
-    alignment = alignment_of(blocks, excused_s, [[(each.start_s, each.end_s) for each in axis] for axis in own])
+    alignment = alignment_of(blocks, [[(each.start_s, each.end_s) for each in axis] for axis in own])
     broken = [[(each.start_s, each.end_s) for each in axis if not each.is_constant] for axis in own]
     return alignment, np.column_stack([~blocks.within(spans) for spans in broken])
 
 
-def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> float | None:
+def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None:
     """Return from when on a sensor that failed reads as it did before, for good; None where it never does.
 
     It takes that its error, its gain or its noise was another while it failed, and is again what it was before.
@@ -196,9 +191,8 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     sensor : str
         One of p, q, r, phi, theta and psi.
     failure : Failure
-    excused_s : sequence of (start, end)
     """
-    first, apart, alignment = _departures(blocks, sensor, failure, excused_s)
+    first, apart, alignment = _departures(blocks, sensor, failure)
     chunk_s = alignment.chunk_s
     off = np.flatnonzero(apart[first:])
     last = first + int(off[-1]) + 1 if len(off) else first
@@ -215,15 +209,15 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequ
     return end_s
 
 
-def shows(blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span] = ()) -> bool:
+def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
     """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
 
     Parameters
     ----------
-    blocks, sensor, failure, excused_s
+    blocks, sensor, failure
         As `agrees_from_s` takes them.
     """
-    first, apart, alignment = _departures(blocks, sensor, failure, excused_s)
+    first, apart, alignment = _departures(blocks, sensor, failure)
     stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
     return bool(apart[first:stop].any())
 
@@ -237,12 +231,10 @@ def axis_place(sensor: str) -> int:
     return next(place for place, names in enumerate(_AXES) if sensor in names)
 
 
-def _departures(
-    blocks: Blocks, sensor: str, failure: Failure, excused_s: Sequence[Span]
-) -> tuple[int, BoolArray, Alignment]:
+def _departures(blocks: Blocks, sensor: str, failure: Failure) -> tuple[int, BoolArray, Alignment]:
     """Return the chunk in which a failure begins, where its axis is another than before, and the alignment."""
     axis = axis_place(sensor)
-    alignment, _ = _alignment(blocks, excused_s, {sensor: [failure]})
+    alignment, _ = _alignment(blocks, {sensor: [failure]})
     whole = np.ones(len(blocks), dtype=bool)
     first = max(int((failure.start_s - blocks.start_s) / alignment.chunk_s), 0)
     own, beside, _ = noise_levels(alignment, axis, whole)

@@ -41,7 +41,6 @@ def relation(flight: Flight) -> Relation | None:
         response=response,
         is_shared=True,
         regime=others_rough(flight),
-        is_heavy_tailed=True,
     )
 
 

@@ -24,9 +24,8 @@ from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, Record, Span, runs
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
-Claim = tuple[str, SensorSpan]  # a sensor, and a span of it
 _PASSED = "its residual rose, and no fault explains it"
 _BESIDE = "too little is known before or behind it"  # to raise an alarm in time
 _SHORT_S = 0.5  # of what wasn't armed: a statistic looks back as far
@@ -122,6 +121,11 @@ def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> It
         if excuses(each):
             for sensor in sensors:
                 yield sensor, unjudged((each.start_s, each.end_s), each.reason)
+
+
+def excused_s(excursions: Iterable[Excursion]) -> list[Span]:
+    """Return the spans in which gyros and attitude are asked nothing."""
+    return [(each.start_s, each.end_s) for each in excursions if excuses(each)]
 
 
 def excuses(excursion: Excursion) -> bool:

@@ -39,25 +39,32 @@ def flight_of_log(
     origin : Origin
         Whether the gyros drive the attitude.
     """
-    found = _of_records(moving.segments)
+    own = None
     if f"psi={NONE}" not in mapping:
         with contextlib.suppress(InputError):
-            own = log_samples(read, _SIX, mapping)
-            found |= {name: Samples(each.time_s, each.values) for name, each in own.items()}
-    for each in sensors:
-        if set(FORCES) <= set(each.channels):
-            forces = zip(each.channels, np.transpose(each.values), strict=True)
-            found |= {name: Samples(each.time_s, values) for name, values in forces}
-            break
+            own = {name: Samples(each.time_s, each.values) for name, each in log_samples(read, _SIX, mapping).items()}
+    found = (own or _of_records(moving.segments, _SIX)) | (_forces(sensors) or _felt(moving.segments))
     return flight_of(found, is_driven=origin.is_driven, is_assumed=origin.is_assumed)
 
 
 def flight_of_records(records: Sequence[Record], *, is_driven: bool, is_assumed: bool) -> Flight:
     """Return the flight of records with gyros and attitude, such as those whose installation was undone."""
-    return flight_of(_of_records(records), is_driven=is_driven, is_assumed=is_assumed)
+    return flight_of(_of_records(records, _SIX) | _felt(records), is_driven=is_driven, is_assumed=is_assumed)
 
 
-def _of_records(records: Sequence[Record]) -> dict[str, Samples]:
-    names = (*_SIX, *FORCES) if all({*FORCES} <= set(each.channels) for each in records) else _SIX
+def _of_records(records: Sequence[Record], names: Sequence[str]) -> dict[str, Samples]:
     time_s = np.concatenate([record.time_s for record in records])
     return {name: Samples(time_s, np.concatenate([each[name] for each in records])) for name in names}
+
+
+def _felt(records: Sequence[Record]) -> dict[str, Samples]:
+    """Return what the accelerometers of records read; nothing where one hasn't them all."""
+    return _of_records(records, FORCES) if all({*FORCES} <= set(each.channels) for each in records) else {}
+
+
+def _forces(sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
+    """Return what the first accelerometers of a log read; nothing where it has none."""
+    felt = next((each for each in sensors if {*FORCES} <= set(each.channels)), None)
+    if felt is None:
+        return {}
+    return {name: Samples(felt.time_s, values) for name, values in zip(felt.channels, felt.values.T, strict=True)}

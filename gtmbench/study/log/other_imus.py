@@ -11,11 +11,11 @@ from gtmbench.engine.judged import judged
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.units import unit
-from gtmbench.study.log.claims import Claim
 from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.imu_comparison import channels_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record, Span
+from gtmbench.verdict.timeline import Claim
 
 
 def of_other_imus(
@@ -41,7 +41,7 @@ def of_other_imus(
             said = hindsight_of(flight.blocks, is_driven=is_driven)
             if said.changes:  # something shifted: the engine may say what
                 found = judged(flight)
-                said = Hindsight(claims=found.claims, changes=found.hindsight().changes)
+                said = Hindsight(claims=found.claims, changes=found.cleared.changes)
             yield imu.name, said
 
 

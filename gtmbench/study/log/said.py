@@ -18,12 +18,11 @@ from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
-from gtmbench.engine.flight import Flight
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
-from gtmbench.study.log.claims import excuses
+from gtmbench.study.log.claims import excused_s
 from gtmbench.study.log.contacts import crash_of
 from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
@@ -117,7 +116,8 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
-    said = replace(said, judged=_judged(said))
+    crash = crash_of(said.watches, said.excursions)
+    said = replace(said, judged=_judged(said, crash))
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -130,7 +130,6 @@ def doubted(said: Said, progress: Progress) -> Said:
     watches = tuple(beside(watches, comparison))
     if learnt.opened.bends:
         watches = _but_bent(watches)
-    crash = crash_of(watches, said.excursions)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, comparison=comparison, findings=findings)
@@ -146,18 +145,17 @@ def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     )
 
 
-def _judged(said: Said) -> Judged | None:
+def _judged(said: Said, crash: Excursion | None) -> Judged | None:
     """Return what the engine says; None where there is nothing to judge, or the log isn't what it is taken for."""
     opened = said.learnt.opened
     if opened.flight is None or said.check.causes:
         return None
-    flight: Flight = opened.flight
+    flight = opened.flight
     if said.installation is not None and said.installation.said and said.watches:
         records = [watch.record for watch in said.watches]
         flight = flight_of_records(records, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
-    crash = crash_of(said.watches, said.excursions)
-    excused_s = [(each.start_s, each.end_s) for each in said.excursions if excuses(each)]
-    return judged(flight.without([*excused_s, *([(crash.start_s, np.inf)] if crash else [])]))
+    after = [(crash.start_s, np.inf)] if crash else []
+    return judged(flight.without([*excused_s(said.excursions), *after]))
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:

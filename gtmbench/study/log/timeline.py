@@ -16,8 +16,7 @@ from gtmbench.engine.judged import Judged, failure_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
-    Claim,
-    excuses,
+    excused_s,
     motion_spans,
     of_alarm,
     of_certificate,
@@ -32,7 +31,7 @@ from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import Record, Span
-from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out, unjudged
+from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
 
 _LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
 _GAINS = ("scale_factor", "deadzone")
@@ -116,9 +115,12 @@ def timeline_of(evidence: Evidence) -> Timeline:
         claims += _cleared(evidence, claims)
     told = _told(evidence, claims)
     if evidence.imus is not None and not evidence.check.stops:
-        excused, imus = _excused(evidence), evidence.log.imus
         of_others = of_other_imus(
-            evidence.imus, imus, evidence.watched_imu, is_driven=evidence.is_driven, excused_s=excused
+            evidence.imus,
+            evidence.log.imus,
+            evidence.watched_imu,
+            is_driven=evidence.is_driven,
+            excused_s=excused_s(evidence.excursions),
         )
         for name, said in of_others:
             claims += claims_of(name, said)
@@ -168,7 +170,7 @@ def _as_one(own: Sequence[Claim], alarmed: Sequence[Claim]) -> list[Claim]:
 
 def _is_same(span: SensorSpan, other: SensorSpan) -> bool:
     both = span.state is other.state is State.FAILED
-    return both and _meet(span, other) and abs(span.start_s - other.start_s) < _SOON_S
+    return both and span.meets(other.start_s, other.end_s) and abs(span.start_s - other.start_s) < _SOON_S
 
 
 def _but_at_odds(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
@@ -187,7 +189,7 @@ def _but_at_odds(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]
 
 def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Collection[str]) -> str:
     """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says."""
-    meeting = {name for name, other in judged.accused if _meet(span, other)}
+    meeting = {name for name, other in judged.accused if span.meets(other.start_s, other.end_s)}
     if sensor in meeting:
         return ""
     others = sorted(meeting) or sorted({*changed} - {sensor})
@@ -208,16 +210,15 @@ def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan
     others = [
         other
         for other, its in claims
-        if other != sensor and its.state is State.FAILED and _meet(span, its) and _share_a_residual(sensor, other)
+        if other != sensor
+        and its.state is State.FAILED
+        and span.meets(its.start_s, its.end_s)
+        and _share_a_residual(sensor, other)
     ]
     if not others:
         return span
     suspects = tuple(dict.fromkeys([sensor, *others]))
     return replace(span, state=State.SUSPECTED, suspects=suspects, reason="they fail together, and share a residual")
-
-
-def _meet(span: SensorSpan, other: SensorSpan) -> bool:
-    return span.start_s < other.end_s and other.start_s < span.end_s
 
 
 def _share_a_residual(sensor: str, other: str) -> bool:
@@ -235,10 +236,6 @@ def _alarmed(evidence: Evidence, span_s: Span) -> Iterator[Claim]:
             if evidence.judged is not None and is_open:
                 agrees_s = agrees_from_s(evidence.judged.flight.blocks, sensor, failure_of(span))
             yield sensor, span if agrees_s is None else replace(span, end_s=agrees_s)
-
-
-def _excused(evidence: Evidence) -> list[Span]:
-    return [(each.start_s, each.end_s) for each in evidence.excursions if excuses(each)]
 
 
 def _cleared(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gtmbench.engine.blocks import blocks_of
+from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import (
     ERROR_FLOOR_DEG_S,
     alignment_of,
@@ -104,12 +105,12 @@ def test_constants_are_those_of_most_of_the_log(share):
 
 def test_what_failed_or_is_excused_bends_no_constant():
     broken = with_error(motion(), "r", from_on(40.0, 30.0))
-    alignment = alignment_of(blocks_of([broken]), (), ((), (), [(39.0, 121.0)]))
+    alignment = alignment_of(blocks_of([broken]), ((), (), [(39.0, 121.0)]))
     np.testing.assert_allclose(alignment.offsets, 0.0, atol=0.05)
     assert not alignment.known[200:, 2].any()
     assert alignment.known[:, :2].all()
     assert np.nanmedian(alignment.error[250:, 2]) == pytest.approx(30.0, abs=0.1)  # it is told all the same
-    excused = alignment_of(blocks_of([broken]), [(39.0, 121.0)])
+    excused = alignment_of(Flight(blocks=blocks_of([broken])).without([(39.0, 121.0)]).blocks)
     np.testing.assert_allclose(excused.offsets, 0.0, atol=0.05)
     assert not excused.known[200:].any()
     assert np.isnan(excused.error[200:]).all()
@@ -233,7 +234,7 @@ def test_a_gyro_that_failed_is_no_measure_of_the_others_noise_and_makes_no_step(
     blocks = blocks_of([record])
     failed_s = [(), (), ()]
     failed_s[axis] = [(60.0, 121.0)]
-    alignment = alignment_of(blocks, (), failed_s)
+    alignment = alignment_of(blocks, failed_s)
     for other in {0, 1, 2} - {axis}:
         values = noise_level(alignment, other, alignment.known[:, other]).values
         assert np.median(values[30:]) - np.median(values[:30]) == pytest.approx(0.0, abs=0.3)
@@ -303,7 +304,7 @@ def test_no_angle_jumps_in_health(seed):
 
 def test_a_bias_of_a_gyro_is_no_jump_of_its_angle():
     blocks = blocks_of([with_error(motion(), "p", from_on(70.0, 8.0))])
-    alignment = alignment_of(blocks, (), ([(69.0, 121.0)], (), ()))
+    alignment = alignment_of(blocks, ([(69.0, 121.0)], (), ()))
     jump, usual, _ = jumps_deg(alignment, np.ones((len(blocks), 3), dtype=bool))
     far = np.abs(blocks.time_s - 70.0) > 5.0
     assert np.nanmax(jump[far, 0][np.isfinite(jump[far, 0])]) < 3.0

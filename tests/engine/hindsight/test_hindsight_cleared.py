@@ -8,6 +8,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.engine.blocks import blocks_of
+from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import Failure, agrees_from_s, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
@@ -26,8 +27,9 @@ ONSETS_S = (14.0, 61.3, 96.0)
 END_S = 120.0
 
 
-def said_of(record, *, is_driven=False, **options):
-    return hindsight_of(blocks_of([record]), is_driven=is_driven, **options)
+def said_of(record, *, is_driven=False, without=(), **options):
+    blocks = Flight(blocks=blocks_of([record])).without(without).blocks
+    return hindsight_of(blocks, is_driven=is_driven, **options)
 
 
 @cache
@@ -395,7 +397,7 @@ def test_a_jump_that_is_named_leaves_its_gyro_clear_before_it():
 
 def test_excused_spans_are_not_judged_and_do_not_bend_what_is_said_beside_them():
     hit = with_error(motion(), "p", from_on(50.0, 60.0, 58.0))
-    said = said_of(hit, excused_s=[(49.9, 58.1)])
+    said = said_of(hit, without=[(49.9, 58.1)])
     assert said.changes == ()
     for name in SENSORS:
         assert name in GYROS or not is_clear(said, name, 52.1, 56.0)  # a gyro's fault that stays shows behind it
@@ -406,7 +408,7 @@ def test_excused_spans_are_not_judged_and_do_not_bend_what_is_said_beside_them()
 
 def test_a_fault_that_goes_on_after_an_excuse_shows():
     broken = with_error(motion(), "p", from_on(50.0, 2.0))
-    said = said_of(broken, excused_s=[(49.0, 60.0)])
+    said = said_of(broken, without=[(49.0, 60.0)])
     assert [change.axis for change in said.changes] == [0]
     assert not is_clear(said, "p")
 
