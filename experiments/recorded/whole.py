@@ -27,6 +27,7 @@ from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import Said, doubted, first_alarms, listened
+from gtmbench.study.log.swap import crossed
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
@@ -122,9 +123,9 @@ def watch_whole(path: Path) -> Whole:
         false_alarms_per_hour=None,
         attitude=FROM_LOG,
     )
-    known = learnt(chosen(opened(question)), silent)
+    known, swap = crossed(learnt(chosen(opened(question)), silent), silent)
     said = said_of(known)
-    watched = concluded(said)
+    watched = concluded(said, swap)
     return Whole(path=path, learnt=known, said=said, watched=watched, cpu_s=time.process_time() - began)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,12 +11,22 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, check_screen, claim_file, common_options, echo, map_option
+from gtmbench.cli.output import (
+    attitude_option,
+    check_screen,
+    claim_file,
+    common_options,
+    echo,
+    map_option,
+    screen_width,
+)
 from gtmbench.errors import InputError
 from gtmbench.files.plain import dumps
+from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
+    from gtmbench.detectors.alarm import Alarm
     from gtmbench.link.events import LiveEvent
     from gtmbench.link.live import Live
 
@@ -89,9 +100,10 @@ def live_command(
     for lines of CSV on standard input: header first, names and units as in logs. Try it with
     `gtmbench fly --live udp:127.0.0.1:14550` in another terminal.
 
-    The monitor is the one of `gtmbench monitor`, and reads the samples as they come. With --json each event is one line
+    The monitor is the one of `gtmbench monitor`, and reads the samples as they come. At the end all that arrived is
+    judged as a log: the verdict is that of `gtmbench monitor` on the saved file. With --json each event is one line
     of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 0 nothing found, 3 can't
-    tell, 2 bad input, 130 Ctrl-C (after the verdict so far).
+    tell, 2 bad input, 130 Ctrl-C (after the verdict; a second Ctrl-C doesn't wait for it).
     """
     _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
     _claim(source, save, record, force=force)
@@ -134,8 +146,10 @@ def live_command(
                     _print_event(event, link, as_json=as_json)
         except KeyboardInterrupt:
             interrupted = True
+        with progress_bar(silent=as_json or quiet) as tell:
+            link.close(tell)
     code = _INTERRUPTED if interrupted else int(link.outcome)
-    _print_end(link, source, save, code, as_json=as_json, quiet=quiet)
+    _print_end(link, source, save, detector, code, as_json=as_json, quiet=quiet)
     return code
 
 
@@ -195,17 +209,38 @@ def _print_event(event: LiveEvent, link: Live, *, as_json: bool) -> None:
     echo(str(event), bold=event.kind in ("alarm", "named"))
 
 
-def _print_end(link: Live, source: str, save: Path | None, code: int, *, as_json: bool, quiet: bool) -> None:
+def _print_end(
+    link: Live, source: str, save: Path | None, detector: str | None, code: int, *, as_json: bool, quiet: bool
+) -> None:
     if as_json:
         click.echo(
             dumps(envelope("live", link.verdict, _ended(link, source, save), exit_code=code, findings=_found(link)))
         )
     elif not quiet:
-        echo(link.verdict)
+        for line in _closing_lines(link):
+            echo(line)
         echo(f"link: {link.counts}")
         if save is not None:
-            echo(f"saved: {save}    watch it again: gtmbench live {save}")
+            echo(f"saved: {save}    look closer: gtmbench monitor {save} {_asked(detector)} --details")
         _print_drawn(link)
+
+
+def _closing_lines(link: Live) -> list[str]:
+    """Return what the flight comes to, as `gtmbench monitor` says it, and the alarms that this doesn't hold."""
+    from gtmbench.report.words.judgement import alarm_text
+    from gtmbench.report.words.verdict import labelled, verdict_lines
+
+    closing = link.closing
+    if closing is None or closing.watched is None:
+        return [link.verdict]
+    doubtful = [f"unconfirmed: {alarm_text(alarm)}" for alarm in closing.unconfirmed]
+    labels = [(label, text) for label, text in labelled(closing.watched) if label != "Next"]
+    return [*verdict_lines(closing.verdict, labels, screen_width()), *doubtful]
+
+
+def _asked(detector: str | None) -> str:
+    """Return the option of `gtmbench monitor` that asks the same."""
+    return f"--detector {'auto' if detector is None else shlex.quote(detector)}"
 
 
 def _print_drawn(link: Live) -> None:
@@ -237,14 +272,17 @@ def _recorded(link: Live) -> list[Path]:
 def _found(link: Live) -> list[dict[str, object]]:
     from gtmbench.report.words.judgement import alarm_text
 
-    return [
-        {
+    doubtful: tuple[Alarm, ...] = () if link.closing is None else link.closing.unconfirmed
+
+    def told(alarm: Alarm) -> dict[str, object]:
+        return {
             "text": alarm_text(alarm),
             "time_s": alarm.time_s,
             "onset_s": alarm.onset_s,
             "sensor": alarm.sensor,
             "candidates": list(alarm.candidates),
             "ended_s": alarm.ended_s,
+            "is_confirmed": alarm.accuses and not any(alarm is each for each in doubtful),
         }
-        for alarm in link.alarms
-    ]
+
+    return [told(alarm) for alarm in link.alarms]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.virtual import ANGLES
 
@@ -82,6 +82,10 @@ class Judgement:
             return f"can't tell: {self.doubt}"
         return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"
 
+    def doubted(self, why: str) -> Judgement:
+        """Return it as one that accuses nobody, and why; what it says by its own residual is its reason."""
+        return replace(self, sensor=None, partner=None, doubt=why, reason=f"{self.verdict} by its own residual")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
@@ -138,6 +142,11 @@ class Alarm:
     def __post_init__(self) -> None:
         if self.fault < 0:
             object.__setattr__(self, "fault", self.number)
+
+    def disbelieved(self, why: str) -> Alarm:
+        """Return it as one that never accuses anybody, and why; what is doubted of its own stays so."""
+        judged = (each.doubted(why) if each.candidates and not each.doubt else each for each in self.judgements)
+        return replace(self, judgements=tuple(judged))
 
     @property
     def is_first(self) -> bool:

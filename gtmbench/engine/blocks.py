@@ -56,6 +56,11 @@ class Blocks:
         """When each begins, shape (blocks,)."""
         return np.asarray(self.start_s + self.period_s * np.arange(len(self)), dtype=np.float64)
 
+    @property
+    def end_s(self) -> float:
+        """When the last ends."""
+        return self.start_s + self.period_s * len(self)
+
     def within(self, spans: Sequence[Span]) -> BoolArray:
         """Tell which lie in any of some spans, or touch one, shape (blocks,)."""
         found = np.zeros(len(self), dtype=bool)

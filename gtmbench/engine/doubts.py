@@ -164,14 +164,20 @@ def _own_axis(finding: Finding) -> list[str]:
 
 
 def _regime(model: Model, finding: Finding) -> list[str]:
-    """Judge nothing in motion that the rest of the log hasn't seen, as far as it takes to show."""
+    """Judge nothing in motion that the rest of the log hasn't seen: as far as it takes to show, or all of a factor.
+
+    A factor shows by motion alone: one of the whole flight is how its sensor is, or its reference.
+    """
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
     own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
     lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
     inside = np.zeros(len(flight), dtype=bool)
-    shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s)) if finding.lasts else finding.last
-    inside[finding.first * CELL : max(min(shows, finding.last), finding.first + 1) * CELL] = True
+    last = finding.last
+    if finding.lasts and not finding.best.is_gain:
+        shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))
+        last = max(min(shows, last), finding.first + 1)
+    inside[finding.first * CELL : last * CELL] = True
     sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
     if all(_is_seen(flight, lively, inside=each) for each in sides):
         return []

@@ -57,6 +57,10 @@ class Finding:
         By when as much of it was seen as names anybody, with constants of the whole log.
     lasts : bool
         Whether it goes on to the log's end.
+    chances : tuple of (suspect, kind, probability)
+        Of the likeliest explanations, of all that the flight allows.
+    shown_by : tuple of (relation, channel, nats)
+        The equations that show it most.
     """
 
     first: int
@@ -75,6 +79,8 @@ class Finding:
     others: tuple[str, ...] = ()
     shows_s: float = -np.inf
     lasts: bool = False
+    chances: tuple[tuple[str, str, float], ...] = ()
+    shown_by: tuple[tuple[str, int, float], ...] = ()
 
     @property
     def best(self) -> Explanation:

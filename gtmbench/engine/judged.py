@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.doubts import doubted
+from gtmbench.engine.equation import Equation
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
@@ -25,23 +26,30 @@ _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 # a smaller difference that nobody explains bends nothing far; of what the finding itself is
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5
+_MOST_CURVES = 3  # of a finding
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """What a gyro reads more than its attitude turns and its constants tell, and what a finding makes of it.
+    """What a relation is off by beside its constants, and what a finding makes of it.
 
     Attributes
     ----------
-    sensor : str
-    time_s, measured_deg_s, predicted_deg_s : shape (blocks,)
+    sensor, kind : str
+        What the finding makes of it: which fault of whom.
+    said, unit : str
+        What the relation is off by, in words, and in which unit.
+    time_s, measured, predicted : shape (blocks,)
     """
 
     sensor: str
+    kind: str
+    said: str
+    unit: str
     time_s: FloatArray = field(repr=False)
-    measured_deg_s: FloatArray = field(repr=False)
-    predicted_deg_s: FloatArray = field(repr=False)
+    measured: FloatArray = field(repr=False)
+    predicted: FloatArray = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,25 +132,40 @@ class Judged:
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """What the own axis of everybody who is accused shows, beside what the finding makes of it."""
-        return tuple(curve for each in self.found if each.accuses if (curve := self._curve(each)) is not None)
+        """What shows that somebody may have failed, an equation each, beside what a finding makes of it.
 
-    def _curve(self, finding: Finding) -> Curve | None:
-        axis = axis_number(finding.best.suspect)
-        sums = None if finding.is_frozen else self.model.own_axis(axis)
-        if sums is None:
-            return None
-        equation, signatures = sums.products.equation, self.model.signatures
+        Those that accuse come first.
+        """
+        faults = [each for each in self.found if not (each.best.is_healthy or each.is_frozen)]
+        return tuple(
+            curve for each in sorted(faults, key=lambda each: not each.accuses) for curve in self._curves(each)
+        )
+
+    def _curves(self, finding: Finding) -> Iterator[Curve]:
+        equations = {
+            (each.equation.relation.name, each.equation.channel): each.equation for each in self.model.products
+        }
+        for name, channel, _ in finding.shown_by[:_MOST_CURVES]:
+            equation = equations.get((name, channel))
+            curve = None if equation is None else self._curve(finding, equation)
+            if curve is not None:
+                yield curve
+
+    def _curve(self, finding: Finding, equation: Equation) -> Curve | None:
+        relation, channel, signatures = equation.relation, equation.channel, self.model.signatures
         place = signatures.place_of(finding.best)
-        shape = signatures.over(equation.relation, axis, equation.constants, place, finding.first, finding.last)
+        shape = signatures.over(relation, channel, equation.constants, place, finding.first, finding.last)
         if shape is None:
             return None
-        there = np.isfinite(equation.relation.values[:, axis])
+        there = np.isfinite(relation.values[:, channel])
         return Curve(
             sensor=finding.best.suspect,
+            kind=judgement_of(finding, finding.end_s).kind or finding.best.kind,
+            said=relation.said.format(relation.channels[channel]),
+            unit=relation.unit,
             time_s=self.flight.blocks.start_s + self.flight.time_s,
-            measured_deg_s=np.where(there, equation.left + finding.size * shape, np.nan),
-            predicted_deg_s=finding.size * shape,
+            measured=np.where(there, equation.left + finding.size * shape, np.nan),
+            predicted=finding.size * shape,
         )
 
     def _of(self, finding: Finding) -> Iterator[Claim]:

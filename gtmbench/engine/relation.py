@@ -21,6 +21,8 @@ class Relation:
     name : str
     channels : tuple of str
         Whose equation each is.
+    said, unit : str
+        What y is, in words, {} for the channel, and its unit; "" of a number.
     values : shape (blocks, channels)
         y; NaN where it isn't known.
     regressors : shape (blocks, channels, constants)
@@ -48,6 +50,8 @@ class Relation:
 
     name: str
     channels: tuple[str, ...]
+    said: str
+    unit: str
     values: FloatArray = field(repr=False)
     regressors: FloatArray = field(repr=False)
     prior: FloatArray = field(repr=False)

@@ -28,6 +28,7 @@ _ENDS = 6.0  # nats: a fault that ends is rarer than one that stays
 _ENDS_TRIED = 30  # by when it shows, to a tenth of the time
 _NEAR_S = 12.0  # about an onset that is dated again
 _SHAPE = 0.1  # of a size behind an estimator: it is none of three of the first order
+_TOLD, _LEAST_CHANCE = 5, 0.001  # explanations and equations that are told
 _MORE = 0.5  # of the bound, for each earlier finding
 
 
@@ -260,7 +261,29 @@ class Search:
             own_axis=self._own_axis(one, place),
             shown=float(np.maximum(one.by_equation[~model.is_witness, 0, place], 0.0).sum()),
             lasts=last >= model.cells,
+            chances=self._chances(totals.max(axis=0), margin),
+            shown_by=self._shown_by(one, place),
         )
+
+    def _chances(self, best: FloatArray, margin: float) -> tuple[tuple[str, str, float], ...]:
+        """Return how likely explanations are, the likeliest first: what lies a margin behind has odds of 1 to 100."""
+        odds = np.exp((best - best.max()) * DECISIVE / margin)
+        sums: dict[tuple[str, str], float] = {}
+        for each, share in zip(self.model.explanations, odds / odds.sum(), strict=True):
+            key = each.suspect, each.kind
+            sums[key] = sums.get(key, 0.0) + float(share)
+        likeliest = sorted(sums.items(), key=lambda told: -told[1])[:_TOLD]
+        return tuple((*key, chance) for key, chance in likeliest if chance >= _LEAST_CHANCE)
+
+    def _shown_by(self, one: Evidence, place: int) -> tuple[tuple[str, int, float], ...]:
+        """Return the equations that show it most, with what each shows in nats, the strongest first."""
+        nats = one.by_equation[:, 0, place]
+        told = [
+            (each.equation.relation.name, each.equation.channel, float(shown))
+            for each, shown in zip(self.model.products, nats, strict=True)
+            if shown > DECISIVE
+        ]
+        return tuple(sorted(told, key=lambda each: -each[2])[:_TOLD])
 
     def _own_axis(self, one: Evidence, place: int) -> float:
         """Return what the suspect's own axis of gyro and attitude shows, in nats; all of them of what has no axis."""

@@ -135,6 +135,8 @@ class FlightLog:
         Its gyros of three axes, each sampled often enough to be compared.
     attitude_from_gyros : bool
         Whether its format documents that the gyros drive the attitude.
+    is_received : bool
+        Whether a radio received it, so that what is missing may be the link's loss and no sensor's.
     unread : tuple of Unread
         Every span of the log that is in no segment, and why, in time. The segments and these cover ``span_s`` without a
         hole that is longer than a sample.
@@ -165,6 +167,7 @@ class FlightLog:
     injections: tuple[Injection, ...] = ()
     imus: tuple[Imu, ...] = ()
     attitude_from_gyros: bool = False
+    is_received: bool = False
     unread: tuple[Unread, ...] = ()
     periods_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 

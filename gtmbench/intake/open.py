@@ -158,6 +158,7 @@ def _opened(
         injections=_injections(path, raw, breaks_s, segments),
         imus=imus_of(raw),
         attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
+        is_received=raw.is_received,
         unread=made.unread,
         periods_s=_periods_s(made, apart, beyond),
     )

@@ -1,67 +1,112 @@
-"""The closing word on a link: the verdict of what was watched while it flew, by the same function as a log's."""
+"""The closing word on a link: what arrived is a log, and judged as one, by the same function; until then, its alarms.
+
+While it flies, an alarm accuses; nobody is clear before the flight is over, for only all of it tells what is usual.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.predicting import predicts
+from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.study.log.claims import of_alarm
+from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress
+from gtmbench.study.log.claims import began_s, of_alarm
+from gtmbench.study.log.watch import watch_log
+from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
-from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out, unjudged
+from gtmbench.verdict.timeline import SensorSpan, laid_out
 from gtmbench.verdict.verdict import LogVerdict, verdict_of
 
-_UNARMED = "a test could not have alarmed here"
+_ABOUT_S = 15.0  # of its onset: what a verdict dates so is the failure that an alarm told of
+FLYING = "who is clear is told when the flight is over"
 
 
-def closing_verdict(
-    monitor: Monitor, heard_s: Sequence[Span], armed_s: Sequence[Span], alarms: Sequence[Alarm], why_not: str = ""
-) -> LogVerdict:
-    """Return the verdict so far on a link.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Closing:
+    """What a flight comes to once it is over.
 
-    A monitor was calibrated elsewhere, and states its sizes there: spans are clear without any.
+    Attributes
+    ----------
+    verdict : LogVerdict
+    watched : WatchedLog or None
+        The log of what arrived, as `gtmbench monitor` watches it; None where that can't be judged.
+    unconfirmed : tuple of Alarm
+        Those that accused a sensor while it flew, and that the verdict doesn't hold.
+    """
+
+    verdict: LogVerdict
+    watched: WatchedLog | None = field(default=None, repr=False)
+    unconfirmed: tuple[Alarm, ...] = ()
+
+
+def verdict_so_far(sensors: Sequence[str], span_s: Span, alarms: Sequence[Alarm], why: str = FLYING) -> LogVerdict:
+    """Return a verdict that knows the alarms alone: nobody is clear.
 
     Parameters
     ----------
-    monitor : Monitor
-    heard_s, armed_s : sequence of (start, end)
-        Where rows were read, and where every test of the monitor could have alarmed.
+    sensors : sequence of str
+        Those that are watched.
+    span_s : (start, end)
+        Of what has arrived.
     alarms : sequence of Alarm
         The first of each fault.
-    why_not : str
-        Why nothing of it can be judged; "" where it can.
+    why : str
+        Why nothing else is judged.
     """
-    sensors = monitor.suspects or monitor.channels
-    timeline = _timeline(monitor, sensors, heard_s, armed_s, alarms, why_not)
-    return verdict_of(timeline, Scope(sensors=sensors))
-
-
-def _timeline(
-    monitor: Monitor,
-    sensors: Sequence[str],
-    heard_s: Sequence[Span],
-    armed_s: Sequence[Span],
-    alarms: Sequence[Alarm],
-    why_not: str,
-) -> Timeline:
-    if not heard_s:
-        return laid_out((0.0, 0.0), dict.fromkeys(sensors, ()))
-    span_s = min(start_s for start_s, _ in heard_s), max(end_s for _, end_s in heard_s)
     claims: dict[str, list[SensorSpan]] = {sensor: [] for sensor in sensors}
     for alarm in alarms:
         for sensor, span in of_alarm(alarm, span_s[1], sensors, ""):
             claims.setdefault(sensor, []).append(span)
-    for sensor in sensors:
-        claims[sensor] += _of_silence(monitor, span_s, armed_s, why_not)
-    return laid_out(span_s, claims, motion_s=tuple(heard_s), otherwise=_UNARMED)
+    return verdict_of(laid_out(span_s, claims, motion_s=(span_s,), otherwise=why), Scope(sensors=tuple(sensors)))
 
 
-def _of_silence(monitor: Monitor, span_s: Span, armed_s: Sequence[Span], why_not: str) -> Iterator[SensorSpan]:
-    silent = f"{monitor.name} states no size that it would find, so its silence says nothing"
-    why = why_not or ("" if predicts(monitor) else silent)
-    if why:
-        yield unjudged(span_s, why)
-    for start_s, end_s in armed_s:
-        yield SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR)
+def closed(
+    log: Path,
+    monitor: Monitor | None,
+    alarms: Sequence[Alarm],
+    *,
+    mapping: Sequence[str],
+    attitude: str,
+    progress: Progress,
+) -> Closing:
+    """Judge what has arrived, as ``gtmbench monitor LOG --detector FILE`` does; without a monitor, as ``auto``.
+
+    Parameters
+    ----------
+    log : Path
+        What was kept of it.
+    monitor : Monitor or None
+        The one that was given; None where it was learnt from the link: knowing all of it, another may be better.
+    alarms : sequence of Alarm
+        The first of each fault, as they were told while it flew.
+    mapping, attitude, progress
+        As `watch_log` takes them.
+
+    Raises
+    ------
+    InputError
+        Where it can't be judged.
+    """
+    watched = watch_log(log, monitor or AUTO, mapping=mapping, attitude=attitude, progress=progress)
+    doubtful = tuple(alarm for alarm in alarms if alarm.accuses and not _is_held(alarm, watched.verdict))
+    return Closing(verdict=watched.verdict, watched=watched, unconfirmed=doubtful)
+
+
+def why_not(error: InputError, log: Path) -> str:
+    """Return why what was kept can't be judged, for who doesn't know the file."""
+    return str(error).replace(f"{log}: ", "").replace(str(log), "the link")
+
+
+def _is_held(alarm: Alarm, verdict: LogVerdict) -> bool:
+    """Tell whether a verdict accuses somebody of whom an alarm told, at about that time."""
+    start_s = min(began_s(alarm), alarm.onset_s) - _ABOUT_S
+    end_s = math.inf if alarm.ended_s is None else max(alarm.ended_s, alarm.time_s)
+    named = {*alarm.candidates, *([] if alarm.sensor is None else [alarm.sensor])}
+    accused = [*verdict.failed, *verdict.suspected]
+    return any((not named or sensor in named) and span.meets(start_s, end_s) for sensor, span in accused)

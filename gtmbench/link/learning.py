@@ -22,6 +22,7 @@ from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
+from gtmbench.verdict.timeline import Claim
 
 _MOST = 2_000_000  # packets or lines
 
@@ -93,7 +94,11 @@ class Lesson:
                     false_alarms_per_hour=None,
                     attitude=self._attitude,
                 )
-                taught = learnt(chosen(opened(question)), silent)
+                link = opened(question)
+                if link.judged is not None and link.judged.accused:
+                    self._forget()
+                    return None, _accused_text(link.judged.accused)
+                taught = learnt(chosen(link), silent)
             except InputError as error:
                 self._forget()
                 return None, str(error).replace(f"{path}: ", "").replace(str(path), "the link")
@@ -116,3 +121,12 @@ class Lesson:
             self._parts.popleft()
         if self._first_s is not None:
             self._first_s += 0.5 * (self._newest_s - self._first_s)
+
+
+def _accused_text(accused: Sequence[Claim]) -> str:
+    """Say whom the engine accuses in what a monitor would be learnt from."""
+    who = ", ".join(dict.fromkeys(sensor for sensor, _ in accused))
+    since_s = min(span.start_s for _, span in accused)
+    return (
+        f"{who} {'failed' if len({sensor for sensor, _ in accused}) == 1 else 'may have failed'} since {since_s:.0f} s"
+    )

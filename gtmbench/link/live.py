@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import ExitStack
@@ -15,6 +16,8 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.link.closing import Closing, closed, verdict_so_far, why_not
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.learning import Lesson
 from gtmbench.link.opening import source_of
@@ -59,14 +62,19 @@ class LinkOptions:
 class Live:
     """A link that is being watched: iterate over its events; close it, or use it in a ``with`` block.
 
+    Once it has ended, or is closed, what arrived is judged as a whole, as ``gtmbench monitor`` judges the log that was
+    kept of it.
+
     Attributes
     ----------
     counts : LinkCounts
         The treatment of the link's messages so far.
     outcome : Outcome
-        The verdict so far.
+        The verdict: so far failed, or unknown, for nobody is clear before the flight is over.
     verdict : str
-        The verdict so far in one sentence.
+        The verdict in one sentence.
+    closing : Closing or None
+        What the flight comes to; None while it lasts.
     monitor : Monitor or None
         The monitor that watches; None while one is learnt.
 
@@ -81,7 +89,7 @@ class Live:
     ...     gb.send_live(record, Path(folder, "flight.tlog"))
     ...     with gb.live(f"{folder}/flight.tlog", monitor) as link:
     ...         print(len(list(link)), link.verdict, link.counts)
-    0 Cannot tell: nothing could be watched. 1000 messages read
+    0 Cannot tell: nothing moves. 1000 messages read
     """
 
     def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
@@ -89,6 +97,9 @@ class Live:
         with ExitStack() as stack:
             stack.callback(source.close)  # also where nothing can be watched
             self.monitor = monitor
+            self._given = monitor
+            self._closing: Closing | None = None
+            self._is_over = False
             self._reader = self._reader_of(monitor)
             self._session: Session | None = None
             self._learn: Lesson | None = None
@@ -103,15 +114,16 @@ class Live:
                 )
             else:
                 self._session = self._session_of(monitor)
-            self._saving: SavedLink | None = None
             self._saying: Saying | None = None
             self._said = ""
             self._has_dropped = False
             self._asks = options.request_hz is not None
             self._arrived_s = 0.0
             self._at_once = 1
-            if options.save is not None:
-                self._saving = stack.enter_context(SavedLink(options.save))
+            folder = stack.enter_context(tempfile.TemporaryDirectory())
+            kept = Path(folder, "link.csv" if source.is_table else "link.tlog")
+            self._kept = stack.enter_context(SavedLink(options.save or kept, is_table=source.is_table))
+            self._has_told_loss = False
             self._stack = stack.pop_all()
         self._events = self._watched()
 
@@ -139,16 +151,62 @@ class Live:
         return self
 
     def __exit__(
-        self, _type: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+        self, _type: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
     ) -> None:
-        """Close it."""
+        """Close it; what an error ended isn't judged."""
+        if error is not None:
+            self._closing = self._unjudged("the watch ended by an error")
         self.close()
 
-    def close(self) -> None:
-        """Stop listening, and finish what is saved and recorded."""
+    def close(self, progress: Progress = silent) -> None:
+        """Stop listening, judge what has arrived, and finish what is saved and recorded.
+
+        Parameters
+        ----------
+        progress : callable
+            While it is judged: called with the step, the number done and the total.
+        """
         self._events.close()
+        self._source.close()
+        self._over()
+        if self._closing is None:
+            self._closing = self._closed(progress)
         self._stack.close()
         self._pictures.end({"verdict": self.verdict, "outcome": self.outcome.name.lower()})
+
+    def _over(self) -> None:
+        """Nothing arrives any more: what was kept is a whole log."""
+        self._kept.close()
+        self._is_over = True
+
+    @property
+    def closing(self) -> Closing | None:
+        """What the flight comes to; None while it lasts."""
+        if self._closing is None and self._is_over:
+            self._closing = self._closed(silent)
+        return self._closing
+
+    def _closed(self, progress: Progress) -> Closing:
+        """Return what the flight comes to; where its log can't be judged, what the alarms say, and why."""
+        options, kept = self._options, self._kept
+        if kept.failure:
+            return self._unjudged(f"what arrived isn't all saved: {kept.failure}")
+        if not self._arrived_s:
+            return self._unjudged("nothing came")
+        of_system = self._source.is_table or options.system is None
+        log = kept.path if of_system else Path(f"{kept.path}:{options.system}")
+        told = () if self._session is None else self._session.alarms_told
+        try:
+            return closed(log, self._given, told, mapping=options.mapping, attitude=options.attitude, progress=progress)
+        except InputError as error:
+            return self._unjudged(why_not(error, kept.path))
+        except KeyboardInterrupt:  # nobody wants to wait for it
+            return self._unjudged("it was ended before all that arrived was judged")
+
+    def _unjudged(self, why: str) -> Closing:
+        if self._session is None:
+            return Closing(verdict=verdict_so_far(GYROS, (0.0, 0.0), (), why))
+        return Closing(verdict=self._session.verdict_but(why))
 
     @property
     def drawn(self) -> tuple[Drawn, ...]:
@@ -162,7 +220,9 @@ class Live:
 
     @property
     def outcome(self) -> Outcome:
-        """The verdict so far: failed, healthy, or unknown."""
+        """The verdict: so far failed, or unknown, for nobody is clear before the flight is over."""
+        if self.closing is not None:
+            return self.closing.verdict.outcome
         return Outcome.UNKNOWN if self._session is None else self._session.outcome
 
     @property
@@ -177,13 +237,10 @@ class Live:
 
     @property
     def verdict(self) -> str:
-        """The verdict so far in one sentence."""
-        session = self._session
-        if session is None:
-            return "Cannot tell: the link ended before a monitor was learnt."
-        if not session.watched_s:
-            return "Cannot tell: nothing could be watched."
-        return first_line(session.verdict)
+        """The verdict in a sentence or two."""
+        if self.closing is not None:
+            return first_line(self.closing.verdict)
+        return "Cannot tell yet: no monitor is learnt." if self._session is None else first_line(self._session.verdict)
 
     def _watched(self) -> Generator[LiveEvent, None, None]:
         for event in self._heard():
@@ -213,6 +270,7 @@ class Live:
             yield from self._session.end()
         if self._source.ended:
             yield self._event(LiveKind.NOTE, self._source.ended)
+        self._over()
 
     def _begin(self, monitor: Monitor) -> None:
         self._pictures.begin(monitor, waits=not self._source.is_live)
@@ -230,8 +288,7 @@ class Live:
     def _read(self, delivery: Delivery, *, is_last: bool = False) -> Iterator[LiveEvent]:
         reader = self._reader
         messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
-        if self._saving is not None:
-            yield from self._saved(delivery.arrived_s)
+        yield from self._saved(delivery.arrived_s)
         self._speak()
         if self._session is None:
             yield from self._learning(delivery.arrived_s, messages)
@@ -244,14 +301,11 @@ class Live:
             yield self._session.note("the link brings more than can be watched: parts of it are dropped, and counted")
 
     def _saved(self, arrived_s: float) -> Iterator[LiveEvent]:
-        saving = self._saving
-        if saving is None:
-            return
-        for packet in self._reader.taken:
-            saving.put(arrived_s, packet)
-        if saving.failure:
-            self._saving = None
-            yield self._event(LiveKind.NOTE, saving.failure)
+        for part in self._reader.taken:
+            self._kept.put(arrived_s, part)
+        if self._kept.failure and not self._has_told_loss:
+            self._has_told_loss = True
+            yield self._event(LiveKind.NOTE, self._kept.failure)
 
     def _speak(self) -> None:
         """Begin to speak on the link, once it is known whose it is."""
@@ -335,7 +389,7 @@ def live(
         For lines: as `open_log` takes it.
     attitude : str
         "own" where no estimator makes it of the gyros, as in a simulation; else it is taken for an estimator's
-        ("driven"), and a monitor that was calibrated for one of its own is believed a first fault only.
+        ("driven"), and a monitor that was calibrated for one of its own is believed a first fault only, while it flies.
     key : bytes, optional
         The 32 bytes of a signing key; MAVLink that isn't signed by it is refused.
     save : str or Path, optional

@@ -13,15 +13,17 @@ from dataclasses import dataclass
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.link.closing import closing_verdict
+from gtmbench.link.closing import FLYING, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.order import LONGEST_S
+from gtmbench.link.recent import Recent
 from gtmbench.link.senders import SenderClock
 from gtmbench.link.story import Story
 from gtmbench.link.table import Table
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
+from gtmbench.study.log.self_check.outcome import rests_on_motion
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.verdict import LogVerdict, Outcome
 
@@ -103,7 +105,8 @@ class Session:
     ) -> None:
         self._monitor, self._reader, self._shows = monitor, reader, shows
         self._clock, self._guard = SenderClock(), SenderClock()
-        self._watcher = Watcher(monitor, reader, shows=shows)
+        self._is_own = is_own
+        self._watcher = Watcher(monitor, reader, shows=shows, recent=self._recent())
         self._bends = basis_of(monitor).attitude_from_gyros is False and not is_own
         self._story = Story(bends=self._bends)
         self._strays: list[Message] = []
@@ -116,9 +119,8 @@ class Session:
         self._sparse, self._excused = False, 0  # looks after a silence, which has been told
         self._looked = (0.0, 0, 0)  # when it was looked at how much is missing, rows and those left out then
         self._past = LinkCounts()
-        self._watched = self._heard = 0
-        self._past_heard_s: list[Span] = []
-        self._past_armed_s: list[Span] = []
+        self._watched = 0
+        self._span_s: Span | None = None
         self.read = 0
         self.dropped = 0
         self.at_once = 1
@@ -144,11 +146,6 @@ class Session:
         return (self._watched + self._watcher.watched) * float(self._monitor.sample_period_s or 0.0)
 
     @property
-    def heard_s(self) -> float:
-        """How long the rows are that the monitor read."""
-        return (self._heard + self._watcher.heard) * float(self._monitor.sample_period_s or 0.0)
-
-    @property
     def time_s(self) -> float | None:
         """The newest stamp of the sender's clock."""
         return self._clock.newest_s
@@ -160,11 +157,23 @@ class Session:
 
     @property
     def verdict(self) -> LogVerdict:
-        """The verdict so far: what failed, and whether most of the flight was watched by every test."""
-        heard_s = [*self._past_heard_s, *self._watcher.heard_s]
-        armed_s = [*self._past_armed_s, *self._watcher.armed_s]
-        why_not = self._reader.is_open or ("" if self._mixed_until_s is None else "two senders are mixed on this link")
-        return closing_verdict(self._monitor, heard_s, armed_s, self._story.first, why_not)
+        """The verdict so far: what alarms say."""
+        return self.verdict_but()
+
+    def verdict_but(self, why: str = FLYING) -> LogVerdict:
+        """Return what alarms say, where nothing else is judged, and why it isn't."""
+        sensors = self._monitor.suspects or self._monitor.channels
+        return verdict_so_far(sensors, self._span_s or (0.0, 0.0), self.alarms_told, self.disbelieved or why)
+
+    @property
+    def alarms_told(self) -> list[Alarm]:
+        """The first alarm of each fault so far."""
+        return self._story.first
+
+    @property
+    def disbelieved(self) -> str:
+        """Why nothing of the link can be believed; "" where it can."""
+        return self._reader.is_open or ("" if self._mixed_until_s is None else "two senders are mixed on this link")
 
     @property
     def outcome(self) -> Outcome:
@@ -218,6 +227,9 @@ class Session:
 
     def _fed(self, messages: list[Message]) -> Iterator[LiveEvent]:
         if messages:
+            at_s = [message.time_s for message in messages]
+            first_s, last_s = self._span_s or (at_s[0], at_s[0])
+            self._span_s = min(first_s, *at_s), max(last_s, *at_s)
             told = self._watcher.push(messages, self.at_once)
             yield from self._states(has_alarmed=bool(told))
             yield from self._told(told)
@@ -319,6 +331,13 @@ class Session:
         )
         yield from self._state_is(LiveKind.CANNOT_TELL, text)
 
+    def _recent(self) -> Recent | None:
+        """Return what judges the last minutes; None where nothing rests on gyros and attitude."""
+        if not rests_on_motion(self._monitor):
+            return None
+        is_assumed = isinstance(self._reader, Table) and not self._is_own  # MAVLink's attitude is an estimator's
+        return Recent(is_driven=not self._is_own, is_assumed=is_assumed)
+
     def _jumped(self) -> Iterator[LiveEvent]:
         """Begin anew on another clock, or behind a silence."""
         strays, self._strays = self._strays, []
@@ -339,10 +358,8 @@ class Session:
         yield from self._told(self._watcher.end())
         self._past = self.counts
         self._watched += self._watcher.watched
-        self._heard += self._watcher.heard
-        self._past_heard_s += self._watcher.heard_s
-        self._past_armed_s += self._watcher.armed_s
-        self._watcher = Watcher(self._monitor, self._reader, self._watcher.learner if keep else None, self._shows)
+        learner = self._watcher.learner if keep else None
+        self._watcher = Watcher(self._monitor, self._reader, learner, self._shows, self._recent())
         self._story.begin()
         self._looked, self._sparse, self._state, self._ever = (0.0, 0, 0), False, "", set()
         yield self._event(LiveKind.NOTE, text)

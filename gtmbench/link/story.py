@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
+from gtmbench.engine.named import WHOLE
 from gtmbench.link.events import LiveKind
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.timeline import sensor_text
 from gtmbench.study.log.bent import BENT, are_bent
-from gtmbench.study.log.imu_comparison import doubted
 
 MOST_LINES = 12
 """What is said of one fault, its end included."""
@@ -50,7 +50,7 @@ class Story:
 
     def __init__(self, *, bends: bool = False) -> None:
         self._bends = bends
-        self._faults: dict[tuple[int, int], _Fault] = {}
+        self._faults: dict[tuple[int, str, int], _Fault] = {}
         self._stretch = self._count = 0
 
     def begin(self) -> None:
@@ -59,7 +59,11 @@ class Story:
 
     def number_of(self, alarm: Alarm) -> int:
         """Return the number of an alarm's fault."""
-        return self._faults[self._stretch, alarm.number].number
+        return self._faults[self._key(alarm)].number
+
+    def _key(self, alarm: Alarm) -> tuple[int, str, int]:
+        """Return what tells its fault from all others: the engine counts its alarms by itself."""
+        return self._stretch, WHOLE if alarm.test == WHOLE else "", alarm.number
 
     def lines(self, told: Iterable[Alarm]) -> list[Line]:
         """Return what is new in some alarms, line by line, in time: the same in however many pieces they are told."""
@@ -68,13 +72,13 @@ class Story:
             if alarm.is_first:
                 lines += self._of(alarm)
             else:  # it belongs to a fault that has been told
-                fault = self._faults.get((self._stretch, alarm.number))
+                fault = self._faults.get(self._key(alarm))
                 if fault is not None:
                     fault.alarm = alarm
         return sorted(lines, key=lambda line: line[1])
 
     def _of(self, raw: Alarm) -> Iterator[Line]:
-        key = self._stretch, raw.number
+        key = self._key(raw)
         fault = self._faults.get(key)
         alarm = self._believed([*(of.alarm for at, of in self._faults.items() if at != key), raw])[-1]
         if fault is None:
@@ -115,15 +119,9 @@ class Story:
         """Return alarms as they can be believed, those so far together."""
         if not self._bends:
             return told
-        first = [alarm for alarm in told if alarm.is_first]
+        first = [alarm for alarm in told if alarm.is_first and alarm.test != WHOLE]  # the engine knows
         bent = {id(alarm) for alarm, is_bent in zip(first, are_bent(first), strict=True) if is_bent}
-        return [_doubted(alarm) if id(alarm) in bent else alarm for alarm in told]
-
-
-def _doubted(alarm: Alarm) -> Alarm:
-    """Return an alarm that accuses nobody: the attitude that it rests on may be bent."""
-    judged = [doubted(each, BENT) if each.candidates and not each.doubt else each for each in alarm.judgements]
-    return replace(alarm, judgements=tuple(judged))
+        return [alarm.disbelieved(BENT) if id(alarm) in bent else alarm for alarm in told]
 
 
 def _until(alarm: Alarm, count: int) -> Alarm:
@@ -134,6 +132,9 @@ def _until(alarm: Alarm, count: int) -> Alarm:
 def _raised(alarm: Alarm) -> Line:
     if alarm.test == MISSING:
         text = f"samples of the {sensor_text(alarm.source)} are missing since {alarm.onset_s:.2f} s"
+        return LiveKind.ALARM, alarm.time_s, text, alarm
+    if alarm.test == WHOLE:
+        text = f"{alarm.source} parts from its attitude in all that came last, since about {alarm.onset_s:.0f} s"
         return LiveKind.ALARM, alarm.time_s, text, alarm
     if alarm.test == OUTSIDE:
         text = f"motion beyond what the monitor knows; {alarm.source} isn't judged there"

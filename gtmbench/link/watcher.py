@@ -20,11 +20,13 @@ from gtmbench.errors import InputError
 from gtmbench.intake.live import is_too_seldom
 from gtmbench.link.order import InOrder
 from gtmbench.link.readings import Sample
+from gtmbench.link.recent import Recent
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
+from gtmbench.study.log.said import beyond
 from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import Record, Span, joined
+from gtmbench.values.record import Record, joined
 
 _PROBED_S = 1.5  # in which rates are measured
 _PATIENCE_S = 2.5  # until a message that is needed has to be there
@@ -64,6 +66,8 @@ class Watcher:
         What is known of the installation, from before a silence.
     shows : callable, optional
         Given the rows that are judged.
+    recent : Recent, optional
+        What judges the last of them together.
 
     Raises
     ------
@@ -77,6 +81,7 @@ class Watcher:
         reader: Reader,
         learner: Learner | None = None,
         shows: Callable[[Record], object] | None = None,
+        recent: Recent | None = None,
     ) -> None:
         if monitor.sample_period_s is None or not monitor.channels:
             raise InputError(f"{monitor.name} has no rate, or no channels, of its own; calibrate it on flights first")
@@ -91,6 +96,7 @@ class Watcher:
         if learner is not None and not learner.is_settled and rests_on_motion(monitor):
             self._unchecked = []  # the first rows, whose wiring is checked before any is judged
         self._stream: Stream = monitor.stream()
+        self._recent = recent
         self._probed: list[Message] = []
         self._channels: dict[str, tuple[str, ...]] = {}
         self._rows: LinkRows | None = None
@@ -98,9 +104,6 @@ class Watcher:
         """Samples that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
-        self.heard_s: list[Span] = []
-        self.armed_s: list[Span] = []
-        """Where rows were read, and where every test could have alarmed, in time."""
         self.problem = ""
         """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
 
@@ -238,12 +241,10 @@ class Watcher:
             for part in [piece] if self.watched else self._seconds(piece):
                 told += self._stream.push(part)
                 self.heard += len(part)
-                span = part.start_s, part.end_s + part.sample_period_s
-                _go_on(self.heard_s, span)
-                if all(self._stream.armed.values()):
-                    _go_on(self.armed_s, span)
                 if any(self._stream.armed.values()):
                     self.watched += len(part) - self._missing(part)
+            if self._recent is not None:
+                told += beyond([alarm for alarm in self._stream.alarms if alarm.is_first], self._recent.push(piece))
         return tuple(told)
 
     def _missing(self, part: Record) -> int:
@@ -256,11 +257,3 @@ class Watcher:
         """Return a piece second by second: until something is armed, nothing of it counts as watched."""
         rows = max(round(1.0 / self._period_s), 1)
         return [piece.part(range(k, min(k + rows, len(piece)))) for k in range(0, len(piece), rows)]
-
-
-def _go_on(spans: list[Span], span: Span) -> None:
-    """Add a span to some that lie before it; it goes on where the last one ends."""
-    if spans and span[0] <= spans[-1][1] + 1e-6:
-        spans[-1] = spans[-1][0], span[1]
-    else:
-        spans.append(span)

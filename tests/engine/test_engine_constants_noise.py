@@ -238,6 +238,8 @@ def relation_of(flight, values, columns, **rest):
     return Relation(
         name="made",
         channels=("one",),
+        said="what is made of {}",
+        unit="deg/s",
         values=values[:, np.newaxis],
         regressors=columns[:, np.newaxis],
         prior=PRIOR,

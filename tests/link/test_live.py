@@ -404,6 +404,16 @@ def test_what_cannot_be_learnt_from_is_said():
     assert link.outcome == Outcome.UNKNOWN
 
 
+def test_nothing_is_learnt_from_a_span_in_which_somebody_failed():
+    """It would be taken for how the gyro is; the verdict at the end has it all the same."""
+    early = gb.Bias(channel="q", onset_s=25.0, size=4.0)
+    record = gb.inject(monitors.record(3200, seed=21), early)
+    events, link = links.said(gb.live(Given(links.packets(record)), None, learn_s=50.0))
+    assert [kinds(events)[0], kinds(events)[1]] == ["learning", "cannot tell"]
+    assert re.search(r"yet: q failed since 3[3-7] s$", events[1].text), events[1].text
+    assert re.match(r"The pitch gyro \(q\) failed from 3[4-6]\.\d s on: bias ", link.verdict), link.verdict
+
+
 class Answered(Given):
     """A source that keeps what is sent back."""
 
@@ -586,7 +596,7 @@ def test_a_clock_since_1970_beside_one_since_boot(tmp_path):
     assert any("SYSTEM_TIME" in note for note in gb.open_log(saved).method)
 
 
-def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
+def test_ctrl_c_prints_the_verdict_on_what_arrived(tmp_path):
     """With the exit code of an interruption; what was saved is a whole log."""
     gb.save_monitor(monitors.monitor(), tmp_path / "monitor.json")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -610,6 +620,7 @@ def test_ctrl_c_prints_the_verdict_so_far(tmp_path):
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (130, "")
-    assert re.match(r"The pitch gyro \(q\) failed from \d+\.\d s on: bias ", out.splitlines()[-3]), out
+    assert re.match(r"The pitch gyro \(q\) failed from \d+\.\d s on: bias ", out[out.index("The pitch") :]), out
+    assert "\nlink: " in out
     again, _ = links.said(gb.live(str(tmp_path / "saved.tlog"), monitors.monitor()))
     assert "named" in kinds(again)

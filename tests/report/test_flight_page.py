@@ -171,11 +171,12 @@ def test_buttons_keys_and_the_mouse_zoom_and_read(opened, watched):
     near = window(tab)
     assert near[0] < 80.0 < near[0] + near[2]
     assert near[2] < 0.5 * whole[2]
-    panel = tab.locator(".panel svg").nth(4)  # the pitch gyro
+    pitch = tab.locator("figure.panel", has_text="Pitch gyro (q)")
+    panel = pitch.locator("svg")
     panel.focus()
     for _ in range(3):
         tab.keyboard.press("ArrowRight")
-    said = tab.locator(".panel output").nth(3).inner_text()
+    said = pitch.locator("output").inner_text()
     time_s, value = map(float, re.match(r"([\d.]+) s: measured (-?[\d.]+)", said).groups())
     record = watched.log.segments[0]
     assert abs(record["q"][np.abs(record.time_s - time_s).argmin()] - value) < 0.05 * np.ptp(record["q"])

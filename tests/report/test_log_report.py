@@ -194,7 +194,7 @@ def test_the_figure_has_something_on_it(case, tmp_path):
     assert np.std(picture) > 0.05  # a blank page has none
 
 
-def test_the_figure_shows_what_a_gyro_reads_more_beside_what_the_fault_makes_of_it(tmp_path):
+def test_the_figure_shows_what_a_gyro_reads_more_beside_what_is_predicted_for_its_fault(tmp_path):
     flight = MECHANISMS["plain"](3).record.select(["p", "q", "r", "phi", "theta", "psi"])
     broken = gb.inject(flight, gb.Bias(channel="p", onset_s=flight.end_s - 70.0, size=1.5))
     gb.write_log(AttitudeEstimator(time_constant_s=5.0).bent(flight, broken), tmp_path / "log.csv")
@@ -203,7 +203,7 @@ def test_the_figure_shows_what_a_gyro_reads_more_beside_what_the_fault_makes_of_
     panel = next(axis for axis in log_figure(said).axes if axis.get_ylabel().startswith("p less"))
     lines = {line.get_label(): line.get_ydata() for line in panel.get_lines()}
     (mean,) = (values for label, values in lines.items() if "its mean over" in label)
-    (made,) = (values for label, values in lines.items() if label == "what the fault that was found makes of it")
+    (made,) = (values for label, values in lines.items() if label == "predicted for bias of p")
     assert np.nanmax(mean) == pytest.approx(np.nanmax(made), abs=0.6)
     assert np.nanmax(made) > 0.8
 

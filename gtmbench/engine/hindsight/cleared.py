@@ -401,4 +401,4 @@ def _chunks_known(alignment: Alignment, known: BoolArray) -> BoolArray:
 
 
 def _span(blocks: Blocks) -> Span:
-    return blocks.start_s, blocks.start_s + blocks.period_s * len(blocks)
+    return blocks.start_s, blocks.end_s

@@ -32,6 +32,8 @@ def relation(flight: Flight) -> Relation | None:
     return Relation(
         name="attitude",
         channels=GYROS,
+        said="{} less the attitude's rate",
+        unit="deg/s",
         values=blocks.gyros - blocks.rates,
         regressors=np.stack(columns, axis=1),
         prior=_PRIOR,

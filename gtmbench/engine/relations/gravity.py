@@ -28,6 +28,8 @@ def relation(flight: Flight) -> Relation | None:
     return Relation(
         name="gravity",
         channels=("roll", "pitch"),
+        said="{} by the attitude, less by the specific force",
+        unit="deg",
         values=lean,
         regressors=np.stack([columns, columns], axis=1),
         prior=np.full(4, 10.0),

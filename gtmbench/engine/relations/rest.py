@@ -26,6 +26,8 @@ def relation(flight: Flight) -> Relation | None:
     return Relation(
         name="rest",
         channels=GYROS,
+        said="{} while the aircraft stands",
+        unit="deg/s",
         values=np.where(stands[:, np.newaxis], flight.blocks.gyros, np.nan),
         regressors=np.ones((len(flight), 3, 1)),
         prior=np.array([_OFFSET_DEG_S]),

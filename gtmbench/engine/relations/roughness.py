@@ -28,6 +28,8 @@ def relation(flight: Flight) -> Relation | None:
     return Relation(
         name="roughness",
         channels=GYROS,
+        said="roughness of {}, as a logarithm",
+        unit="",
         values=log_rough(flight),
         regressors=np.stack(columns, axis=1),
         prior=_PRIOR,

@@ -107,6 +107,8 @@ class RawLog:
         What shows the time's column or unit, where nothing states it; of several tables, with their columns.
     attitude_from_gyros : bool
         Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
+    is_received : bool
+        Whether a radio received it, so that what is missing may be the link's loss and no sensor's.
     events : function
         Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
     injections : function
@@ -124,6 +126,7 @@ class RawLog:
     time: tuple[str, str] | None = None
     time_guessed: str = ""
     attitude_from_gyros: bool = False
+    is_received: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
     injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
     batches: Callable[[Sequence[str]], Iterator[Mapping[str, NDArray[Any]]]] | None = field(default=None, repr=False)

@@ -97,6 +97,7 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
         ),
         by_name=False,
         attitude_from_gyros=True,
+        is_received=True,
     )
 
 

@@ -26,6 +26,7 @@ from gtmbench.report.log_findings import (
 from gtmbench.report.score_units import LOWEST, level, part
 from gtmbench.report.style import COLOURS, EVENTS, STATES, VERDICTS, colours
 from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.findings import made_text
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
 from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut
@@ -195,17 +196,16 @@ def _curves(watched: WatchedLog) -> Sequence[Curve]:
 
 
 def _evidence(axis: Axes, watched: WatchedLog, curve: Curve, span: Span) -> None:
-    """Draw what a gyro reads more than the attitude turns, its mean, and what the fault that was found makes of it."""
+    """Draw what a relation is off by, its mean, and what a fault makes of it."""
     tint = tints_of(watched).get(curve.sensor, COLOURS["virtual"])
-    mean = trailing_means(curve.measured_deg_s, max(round(_MEAN_S / float(np.diff(curve.time_s[:2])[0])), 1), 0.5)
-    of = f"{curve.sensor} less attitude's rate"
-    _line(axis, curve.time_s, curve.measured_deg_s, span, COLOURS["healthy"], of)
-    _line(axis, curve.time_s, mean, span, tint, f"{curve.sensor}: its mean over {_MEAN_S:g} s", width=1.8)
-    _line(axis, curve.time_s, curve.predicted_deg_s, span, "k", "what the fault that was found makes of it")
-    shown = np.concatenate([part(curve.time_s, values, span)[1] for values in (mean, curve.predicted_deg_s)])
+    mean = trailing_means(curve.measured, max(round(_MEAN_S / float(np.diff(curve.time_s[:2])[0])), 1), 0.5)
+    _line(axis, curve.time_s, curve.measured, span, COLOURS["healthy"], curve.said)
+    _line(axis, curve.time_s, mean, span, tint, f"its mean over {_MEAN_S:g} s", width=1.8)
+    _line(axis, curve.time_s, curve.predicted, span, "k", f"predicted for {made_text(curve)}")
+    shown = np.concatenate([part(curve.time_s, values, span)[1] for values in (mean, curve.predicted)])
     most = float(np.nanmax(np.abs(shown), initial=LOWEST))
     axis.set_ylim(-1.5 * most, 1.5 * most)
-    axis.set_ylabel(f"{curve.sensor} less the\nattitude's rate\n(deg/s)")
+    axis.set_ylabel(textwrap.fill(with_unit(curve.said, curve.unit), 22))
 
 
 def _signal(axis: Axes, watched: WatchedLog, name: str, span: Span) -> None:

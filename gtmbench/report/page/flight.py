@@ -30,6 +30,8 @@ from gtmbench.report.words.certificate import (
     certificate_table,
     certificate_title,
 )
+from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
+from gtmbench.report.words.findings import finding_rows, made_text
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import sensor_lines
@@ -43,6 +45,7 @@ from gtmbench.values.record import Span
 from gtmbench.version import __version__
 
 _MOST_FAULTS = 4  # that are shown large
+_MOST_CURVES = 6  # of evidence
 _MOST_ROWS = 40  # of a table
 _MOST_LEVELS = 6  # test statistics in one panel
 _MEASURED, _PREDICTED, _RESIDUAL = "measured", "predicted", "residual"
@@ -96,6 +99,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
+        explained=(FINDING_COLUMNS, finding_rows(watched.judged)),
         events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         table_of=(HEAD, timeline_rows(watched.verdict)),
@@ -114,7 +118,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
 def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
     """Return what is drawn: test statistics over their thresholds, then every sensor and its residual."""
-    made = _level_panels(watched, span, close)
+    made = [*_level_panels(watched, span, close), *_evidence_panels(watched, span, close)]
     for name in signals_of(watched):
         unit = unit_of(name)
         lines: list[tuple[str, str, Series]] = [
@@ -166,6 +170,21 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
             description=described,
         )
     ]
+
+
+def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
+    """Return what shows that somebody may have failed, an equation each, beside what the failure makes of it."""
+    curves = () if watched.judged is None else watched.judged.curves
+    made = []
+    for curve in curves[:_MOST_CURVES]:
+        lines: list[tuple[str, str, Series]] = [
+            (_MEASURED, _MEASURED, [(curve.time_s, curve.measured)]),
+            (_PREDICTED, _PREDICTED, [(curve.time_s, curve.predicted)]),
+        ]
+        title = f"{curve.said}, and predicted for {made_text(curve)}"
+        own_bands = bands(watched, curve.sensor)
+        made.append(panel(title, curve.unit, lines, span, close, bands=own_bands, description=f"{title}."))
+    return made
 
 
 def bands(watched: WatchedLog, sensor: str) -> list[Mark]:

@@ -11,6 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Watch
+from gtmbench.engine.finding import Finding
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
@@ -47,6 +48,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "outcome": watched.verdict.outcome.name.lower(),
         "timeline": timeline_table(watched.verdict),
         "reasons": watched.reasons,
+        "explained": [] if watched.judged is None else [_explained(each) for each in watched.judged.found],
         "certificate": _certificate(watched.certificate),
         "louder_than_learnt": [asdict(each) for each in watched.louder],
         "watched_hours": watched.armed_hours,
@@ -69,6 +71,27 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
     }
     code, findings = watched.verdict.exit_code, _findings(watched)
     return envelope("monitor", verdict_text(watched), own, exit_code=code, findings=findings)
+
+
+def _explained(finding: Finding) -> Mapping[str, Any]:
+    """Return what the engine found; sizes are in the unit of its kind, as in `timeline`."""
+    return {
+        "start_s": finding.onset_s,
+        "end_s": finding.end_s,
+        "onset_range_s": finding.onset_range_s,
+        "kind": finding.best.kind,
+        "suspects": finding.suspects,
+        "names": finding.named,
+        "doubt": finding.doubt,
+        "evidence_nats": finding.evidence,
+        "explanations": [
+            {"suspect": suspect, "kind": kind, "probability": chance} for suspect, kind, chance in finding.chances
+        ],
+        "shown_by": [
+            {"relation": relation, "channel": channel, "evidence_nats": nats}
+            for relation, channel, nats in finding.shown_by
+        ],
+    }
 
 
 def contents_results(contents: LogContents) -> dict[str, Any]:

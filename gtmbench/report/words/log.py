@@ -19,6 +19,7 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines
+from gtmbench.report.words.findings import finding_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
@@ -56,6 +57,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *_monitor_lines(watched),
         "",
         *_alarms_lines(watched),
+        *finding_lines(watched.judged),
         *imu_lines(watched),
         *autopilot_lines(watched),
         *injection_lines(watched),
@@ -244,7 +246,7 @@ def _watched_text(name: str, watches: Sequence[Watch]) -> str:
 
 
 def _alarms_lines(watched: WatchedLog) -> list[str]:
-    told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults]
+    told = watched.raised
     lines = [line for alarm, watch in told[:_MOST] for line in _alarm_lines(alarm, watch)]
     lines += [line for alarm in watched.whole_alarms for line in _whole_lines(alarm)]
     return [*lines, f"{len(told) - _MOST} alarms more"] if told[_MOST:] else lines

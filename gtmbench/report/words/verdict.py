@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from gtmbench.checks import listed
+from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
@@ -295,11 +296,13 @@ def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | N
 def _why(watched: WatchedLog) -> list[str]:
     if watched.check.causes:
         return [_sentence(cause.why) for cause in watched.check.causes[:1]]
-    told = [(alarm, watch) for watch in watched.watches for alarm in watch.faults if not alarm.has_passed]
+    told = [(alarm, watch) for alarm, watch in watched.raised if not alarm.has_passed]
     lines = []
     for alarm, watch in told[:_MOST]:
         source = source_text(alarm, watch) or "test statistic"
-        reason = "" if alarm.last is None or not alarm.last.reason else f": {alarm.last.reason}"
+        last = alarm.last
+        why = "" if last is None else last.doubt if alarm.test == MISSING else last.reason
+        reason = f": {why}" if why else ""
         named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
         lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
     lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
@@ -342,6 +345,8 @@ def _learnt(watched: WatchedLog) -> list[str]:
         return [f"Nothing: {title} was not calibrated."]
     if spans:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
+        failed = {name for name, each in watched.verdict.failed for span in spans if each.meets(*span)}
+        chosen = f", in which {_listed(sorted(failed))} failed" if failed else chosen
         return [f"{_spans(spans)} of this log{chosen} ({title})."]
     logs = monitor.provenance.get("logs")
     named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []

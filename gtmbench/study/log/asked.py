@@ -10,7 +10,7 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
-from gtmbench.study.log.origin import FROM_LOG, check_attitude
+from gtmbench.study.log.origin import check_attitude
 from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
@@ -93,7 +93,7 @@ def asked(
     check_attitude(attitude)
     Scope(sensors=()).with_limits(limits)  # a limit that is none is refused before anything is read
     if is_ready(watcher):
-        _check_ready(watcher, healthy, rate_hz, attitude)
+        _check_ready(watcher, healthy, rate_hz)
     others = tuple(Path(given) for given in healthy if isinstance(given, (str, Path)))
     for other in others:
         if other.exists() and Path(path).exists() and other.samefile(path):
@@ -114,13 +114,8 @@ def asked(
     )
 
 
-def _check_ready(monitor: Monitor, healthy: Sequence[object], rate_hz: float | None, attitude: str) -> None:
+def _check_ready(monitor: Monitor, healthy: Sequence[object], rate_hz: float | None) -> None:
     """Refuse what a calibrated monitor has its own of."""
-    if attitude != FROM_LOG:
-        raise InputError(
-            f"attitude is '{attitude}'; a calibrated monitor keeps what it was calibrated with, so leave it out, or "
-            "give a bank"
-        )
     if healthy:
         raise InputError("a calibrated monitor isn't identified anew; leave out what is healthy, or give a bank")
     if monitor.sample_period_s is not None and rate_hz is not None:

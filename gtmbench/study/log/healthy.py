@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
-from gtmbench.study.log.mishaps import flying_part_but
+from gtmbench.study.log.mishaps import clear_parts, flying_part_but, is_enough, left_of
 from gtmbench.study.log.opened import Opened
-from gtmbench.study.log.records import healthy_spans, whole_s, within
+from gtmbench.study.log.records import healthy_spans, lively_seconds, whole_s, within
 from gtmbench.study.log.self_check.outcome import Part
 from gtmbench.values.record import Span
+from gtmbench.verdict.timeline import Claim
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,8 +54,16 @@ class Healthy:
         }
 
 
-def chosen(opened: Opened) -> Healthy:
+def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
     """Choose what is healthy: what was said to be, or else the first part of the log in which it moves, but no mishap.
+
+    Where the engine accuses anybody, nothing is learnt.
+
+    Parameters
+    ----------
+    opened : Opened
+    broken_s : sequence of (start, end)
+        Where somebody else accuses.
 
     Raises
     ------
@@ -64,12 +74,30 @@ def chosen(opened: Opened) -> Healthy:
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)
     log, findings, doubt = opened.log, opened.findings, ""
     spans = healthy_spans(log, opened.asked.spans)
-    if not opened.asked.says_healthy:
-        motion = opened.own.motion
-        span, doubt = flying_part_but(log, () if motion is None else motion.segments)
-        spans = (span,)
-        findings += (f"{spans[0][0]:g}..{spans[0][1]:g} s were taken as healthy, for nothing else was said",)
+    accused = () if opened.judged is None else opened.judged.accused
+    broken = [*broken_s, *((span.start_s, span.end_s) for _, span in accused)]
+    moving = () if opened.own.motion is None else opened.own.motion.segments
+    if opened.asked.says_healthy:
+        findings += _contradicting(accused, spans)
+        left = tuple(part for span in spans for part in left_of(span, broken))
+        spans = left if any(is_enough(log, lively_seconds(moving), part) for part in left) else spans
+    else:
+        span, doubt = flying_part_but(log, moving)
+        spans = clear_parts(log, moving, span, broken)
+        if not spans:
+            why = "nothing is left to learn a bank from but what failed, so only the whole log is judged"
+            return Healthy(opened=opened, spans=(), stretches=None, findings=(*findings, why))
+        taken = " and ".join(f"{start_s:g}..{end_s:g} s" for start_s, end_s in spans)
+        findings += (f"{taken} were taken as healthy, for nothing else was said",)
     of_logs = [(other.log, other.log.segments) for other in opened.others]
     of_logs += [(log, tuple(within(log, spans)))] if spans else []
     stretches, too_short = healthy_stretches(of_logs, opened.watcher.channels)
     return Healthy(opened=opened, spans=spans, stretches=stretches, findings=(*findings, *too_short), doubt=doubt)
+
+
+def _contradicting(accused: Sequence[Claim], spans: Sequence[Span]) -> tuple[str, ...]:
+    """Say whom the engine accuses in a span that was given as healthy."""
+    told = [(sensor, failed) for sensor, failed in accused if any(failed.meets(*span) for span in spans)]
+    return tuple(
+        f"{sensor} fails from {failed.start_s:.1f} s on, in a span that was given as healthy" for sensor, failed in told
+    )

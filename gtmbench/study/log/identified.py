@@ -36,7 +36,7 @@ _LEAST_THERE = 2.0 / 3.0  # of a stretch
 _LONG_ENOUGH = 0.2  # of the longest stretch
 _SHORTEST_S = 5.0  # that a bank is calibrated on
 _BLOCK_S, _FEWEST = 2.0, 6
-_BEYOND = 6.0  # times what such motion leaves elsewhere
+_BEYOND, _STANDS_OUT = 6.0, 3.0  # times what such motion leaves elsewhere
 _TOUCHING_S = 0.25
 _ALIKE = 1.0 / 3.0  # of the blocks: those whose motion is nearest
 
@@ -163,8 +163,7 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
         Where one is too short.
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
-    specs = [] if bank is None else [spec for spec in bank.residuals if spec.is_kinematic]
-    if bank is None or not specs:
+    if bank is None or not _kinematic(bank):
         return stretches
     check_long(stretches.records)
     period_s = stretches.records[0].sample_period_s
@@ -174,12 +173,35 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
         enough = max(least, _ENOUGH_S / period_s) if doubt.why == GROUND else least
         stretches = left if left.dense and enough <= left.samples < stretches.samples else stretches
     motion_left = 1.0
-    for doubt, share in _beyond(stretches, bank, specs):
+    for doubt, share in _beyond(stretches, bank, _BEYOND):
         left = stretches.without(doubt)
         kept = left.dense and left.samples >= least and len(left.records) == len(stretches.records)
         if kept and motion_left - share >= _LEAST_MOTION:
             stretches, motion_left = left, motion_left - share
     return stretches
+
+
+def stands_out(detector: Detector, log: FlightLog, spans: Sequence[Span]) -> bool:
+    """Tell whether in some spans of a log a residual is large beside what the same motion leaves elsewhere in it.
+
+    Three times so is little, and says no more than that somebody should look there who wasn't learnt on it.
+
+    Parameters
+    ----------
+    detector : Detector
+    log : FlightLog
+    spans : sequence of (start, end)
+    """
+    bank = detector.bank if isinstance(detector, BankDetector) else None
+    if bank is None or not _kinematic(bank):
+        return True  # nobody knows
+    stretches, _ = healthy_stretches([(log, log.segments)], detector.channels)
+    found = [left.span for left, _ in _beyond(stretches, bank, _STANDS_OUT)]
+    return any(start_s < of[1] and end_s > of[0] for start_s, end_s in found for of in spans)
+
+
+def _kinematic(bank: Bank) -> list[ResidualSpec]:
+    return [spec for spec in bank.residuals if spec.is_kinematic]
 
 
 def _without(record: Record, span: Span) -> list[Record]:
@@ -249,10 +271,10 @@ def _on_ground(log: FlightLog) -> list[Span]:
     return spans
 
 
-def _beyond(stretches: Stretches, bank: Bank, specs: Sequence[ResidualSpec]) -> list[tuple[LeftOut, float]]:
+def _beyond(stretches: Stretches, bank: Bank, times: float) -> list[tuple[LeftOut, float]]:
     """Return the blocks whose residuals are too large beside their motion, worst first, and their share of motion."""
     spans, logs, squares = [], [], []
-    operators = {spec.output: identified(stretches.records, spec, Bayesian())[0] for spec in specs}
+    operators = {spec.output: identified(stretches.records, spec, Bayesian())[0] for spec in _kinematic(bank)}
     for record, log in zip(stretches.records, stretches.logs, strict=True):
         residuals = residuals_of(bank, record, operators, operators)
         columns = [(residuals.raw[name], residuals.predicted[name], record[name]) for name in operators]
@@ -271,7 +293,7 @@ def _beyond(stretches: Stretches, bank: Bank, specs: Sequence[ResidualSpec]) -> 
     blocks = np.sqrt(np.array(squares))
     beyond = ratios(blocks[:, :-1], blocks[:, -1])
     energy = blocks[:, -1] ** 2 / max(float(np.sum(blocks[:, -1] ** 2)), 1e-300)
-    worst = [int(place) for place in np.argsort(-beyond) if beyond[place] > _BEYOND]
+    worst = [int(place) for place in np.argsort(-beyond) if beyond[place] > times]
     return [(LeftOut(log=logs[place], span=spans[place], why=RESIDUAL), float(energy[place])) for place in worst]
 
 

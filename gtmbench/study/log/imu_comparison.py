@@ -227,14 +227,8 @@ def of_watched(alarm: Alarm, comparison: Comparison | None) -> Alarm:
 
 def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
     """Return an alarm that may be no fault after all, and why."""
-    judged = doubted(alarm.judgements[-1], doubt)
+    judged = alarm.judgements[-1].doubted(doubt)
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
-
-
-def doubted(judgement: Judgement, doubt: str) -> Judgement:
-    """Return a judgement that accuses nobody, and why; what it said of its own is its reason."""
-    reason = f"{judgement.verdict} by its own residual"
-    return replace(judgement, sensor=None, partner=None, doubt=doubt, reason=reason)
 
 
 def watched_imu(log: FlightLog, imus: Sequence[Imu]) -> Imu | None:

@@ -94,8 +94,11 @@ def _but_r(found: Learnt, others: Learnt) -> Learnt:
 
 def _learnt(healthy: Healthy, progress: Progress) -> Learnt:
     opened, watcher, stretches = healthy.opened, healthy.opened.watcher, healthy.stretches
-    if stretches is None or not is_recipe(watcher):
+    if not is_recipe(watcher):
         return Learnt(opened=opened, monitor=watcher, findings=healthy.findings)
+    if stretches is None:  # what is left is too little, and the whole log shows how it is wired
+        wired = check_wiring(watcher, [opened.own.part([whole_s(opened.log)])], ALL)
+        return Learnt(opened=opened, monitor=watcher, check=wired, findings=healthy.findings)
     monitor: Monitor | Detector = watcher
     findings, parts = healthy.findings, healthy.parts
     check = check_wiring(watcher, parts, IDENTIFIED)

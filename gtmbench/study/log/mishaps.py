@@ -7,21 +7,23 @@ is learnt from costs nothing, for it is watched.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gtmbench.intake.events import Event, EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.spans import union
 from gtmbench.study.log.records import flying_part, lively_seconds, within
 from gtmbench.study.log.seconds import SECOND_S, of_seconds
 from gtmbench.values.channels import ACCELEROMETERS
-from gtmbench.values.record import FloatArray, Record, Span, runs
+from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
 
 _LIES_DEG, _LIES_S = 35.0, 5  # from where the specific force points in flight; for so many seconds
 _BEFORE_S, _AFTER_S = 5.0, 2.5  # of a mishap: what led to it, and what it left
 _LEAST_S, _FEWEST_LIVELY = 20.0, 10  # logged, and of these in motion: enough to learn from
+_MARGIN_S = 2.0  # about what is broken: an onset is known no better
 _FLOWN_S = 5  # of motion, before which no flight can have failed
 
 
@@ -97,7 +99,7 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
         if start_s > part[1]:
             break
         before = part[0], min(part[1], start_s)
-        if _is_enough(log, lively_s, before):
+        if is_enough(log, lively_s, before):
             return before, doubt
         was_flown = np.count_nonzero(lively_s < start_s + _BEFORE_S) >= _FLOWN_S
         if was_flown and (mishap.is_told or end_s >= part[0]):
@@ -107,7 +109,64 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
             part = flying_part(log, moving, since_s=end_s)
             if part[0] < end_s:  # hardly any motion is left
                 return usual, _of_want(held)
-    return (usual, _of_want(held)) if held and not _is_enough(log, lively_s, part) else (part, doubt)
+    return (usual, _of_want(held)) if held and not is_enough(log, lively_s, part) else (part, doubt)
+
+
+def clear_parts(log: FlightLog, moving: Sequence[Record], part: Span, broken: Sequence[Span]) -> tuple[Span, ...]:
+    """Return a part of a log without what is broken of it, and as much motion more behind it as it lost by that.
+
+    Parameters
+    ----------
+    log : FlightLog
+    moving : sequence of Record
+        The log with gyros and attitude.
+    part : (start, end)
+        What would be taken if nothing were broken.
+    broken : sequence of (start, end)
+        Where a sensor failed.
+
+    Returns
+    -------
+    tuple of (start, end)
+        None where what is left is too little to learn from.
+    """
+    touching = [span for span in broken if span[0] < part[1] and span[1] > part[0]]
+    if not touching:
+        return (part,)
+    grief_s = min(
+        (mishap.span[0] for mishap in mishaps(log.events, moving) if mishap.span[0] >= part[1]), default=np.inf
+    )
+    lively_s = lively_seconds(moving)
+    wanted = np.count_nonzero((lively_s >= part[0]) & (lively_s <= part[1]))
+    whole = lively_s[(lively_s >= part[0]) & (lively_s < grief_s) & ~_inside(lively_s, broken)][:wanted]
+    if not len(whole):
+        return ()
+    end_s = max(part[1], float(whole[-1]) + SECOND_S)
+    left = tuple(left_of((part[0], min(end_s, grief_s)), broken))
+    return left if any(is_enough(log, lively_s, span) for span in left) else ()
+
+
+def _inside(seconds_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
+    """Tell which seconds touch any of some spans."""
+    found = np.zeros(len(seconds_s), dtype=np.bool_)
+    for start_s, end_s in spans:
+        found |= (seconds_s + SECOND_S > start_s - _MARGIN_S) & (seconds_s < end_s + _MARGIN_S)
+    return found
+
+
+def left_of(part: Span, broken: Sequence[Span]) -> Iterator[Span]:
+    """Give what is left of a part outside of what is broken, and of a margin about that.
+
+    >>> list(left_of((0.0, 60.0), [(20.0, 30.0)]))
+    [(0.0, 18.0), (32.0, 60.0)]
+    """
+    start_s, end_s = part
+    for first_s, last_s in union(broken):
+        if start_s < first_s - _MARGIN_S < end_s:
+            yield start_s, first_s - _MARGIN_S
+        start_s = max(start_s, last_s + _MARGIN_S)
+    if start_s < end_s:
+        yield start_s, end_s
 
 
 def _of_want(mishap: str) -> str:
@@ -120,7 +179,7 @@ def _moves_before(time_s: float, moving: Sequence[Record]) -> bool:
     return bool(np.any((lively_s >= time_s - _BEFORE_S) & (lively_s <= time_s)))
 
 
-def _is_enough(log: FlightLog, lively_s: FloatArray, span: Span) -> bool:
+def is_enough(log: FlightLog, lively_s: FloatArray, span: Span) -> bool:
     """Tell whether a span holds enough to learn from."""
     logged_s = sum(len(record) * record.sample_period_s for record in within(log, [span]))
     return bool(

@@ -15,6 +15,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.judged import Judged, judged
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
@@ -96,6 +97,8 @@ class Opened:
         The sensors that the log has, whoever watches them.
     flight : Flight or None
         Gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion.
+    judged : Judged or None
+        What the engine says of that flight, before anything is learnt; None where nothing has to be.
     """
 
     asked: Asked
@@ -111,6 +114,7 @@ class Opened:
     unwatched: Mapping[str, str]
     there: tuple[str, ...]
     flight: Flight | None = field(default=None, repr=False)
+    judged: Judged | None = field(default=None, repr=False)
 
     @property
     def is_driven(self) -> bool:
@@ -140,7 +144,7 @@ def opened(asked: Asked) -> Opened:
     unwatched: dict[str, str] = {}
     if is_ready(asked.watcher):
         watcher, log = asked.watcher, _at_own_rate(asked, read, asked.watcher)
-        attitude, shown, bends = _as_calibrated(asked.watcher, log)
+        attitude, shown, bends = _as_calibrated(asked.watcher, log, asked.attitude)
         findings = () if attitude is None or shown is None else (_other_text(attitude, shown),)
     else:
         watcher, attitude, unwatched = _recipe(asked, [read, *others])
@@ -171,6 +175,7 @@ def opened(asked: Asked) -> Opened:
         unwatched=unwatched,
         there=_there(read, asked, log),
         flight=flight,
+        judged=None if flight is None or is_ready(watcher) else judged(flight),
     )
 
 
@@ -236,12 +241,12 @@ def _recipe(asked: Asked, reads: Sequence[ReadLog]) -> tuple[Detector | Monitor,
     return with_origin(watcher, origin), origin, unwatched
 
 
-def _as_calibrated(monitor: Monitor, log: FlightLog) -> tuple[Origin | None, Origin | None, bool]:
+def _as_calibrated(monitor: Monitor, log: FlightLog, said: str) -> tuple[Origin | None, Origin | None, bool]:
     """Return whose attitude a monitor was calibrated for; the log's, where it shows another; whether it may bend."""
     calibrated_for = basis_of(monitor).attitude_from_gyros
     if calibrated_for is None:
         return None, None, False
-    seen = origin_in_log(log)
+    seen = origin_in_log(log, said)
     is_other = seen.is_driven != calibrated_for
     told = Origin(is_driven=calibrated_for, why="as the monitor was calibrated")
     return told, seen if is_other and not seen.is_assumed else None, is_other and seen.may_bend

@@ -66,7 +66,7 @@ def origin_in_logs(
         Where a log can't be read.
     """
     if check_attitude(attitude) != FROM_LOG:
-        return Origin(is_driven=attitude == DRIVEN, why="as it was told")
+        return _told(attitude)
     reads = [read_log(log) for log in logs]
     contents = [log_contents(read, mapping=mapping) for read in reads]
     if any(each.attitude_from_gyros for each in contents):
@@ -81,9 +81,15 @@ def origin_in_logs(
     return origin_of(records)
 
 
-def origin_in_log(log: FlightLog) -> Origin:
+def origin_in_log(log: FlightLog, attitude: str = FROM_LOG) -> Origin:
     """Return the same of a log as it is opened, by all of it."""
+    if attitude != FROM_LOG:
+        return _told(attitude)
     return origin_of(log.segments, documented=log.attitude_from_gyros or None)
+
+
+def _told(attitude: str) -> Origin:
+    return Origin(is_driven=attitude == DRIVEN, why="as it was told")
 
 
 def rests_on_attitude(watcher: Detector | Monitor) -> bool:

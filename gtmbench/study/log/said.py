@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
@@ -32,6 +32,7 @@ from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, chec
 from gtmbench.study.log.starts import steady
 from gtmbench.values.record import Record, Span
 
+LOST = "its messages are missing: the link lost them, or it stopped"
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
 _SOON_S = 15.0  # within which two tell of one fault
@@ -107,7 +108,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
             said = replace(said, installation=installation)
         wired = check_wiring(monitor, [rest], WATCHED)
         said = replace(said, check=replace(wired, explained=learnt.check.explained))
-    said = replace(said, excursions=_excursions(monitor, rest))
+    said = replace(said, excursions=excursions_of(monitor, rest))
     if said.check.stops:
         return said
     return replace(said, watches=tuple(_watches(monitor, rest.records, said.excursions, learnt.before, progress)))
@@ -130,6 +131,8 @@ def doubted(said: Said, progress: Progress) -> Said:
     watches = tuple(beside(watches, comparison))
     if learnt.opened.bends:
         watches = _but_bent(watches)
+    if log.is_received:
+        watches = _but_lost(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, comparison=comparison, findings=findings)
@@ -145,6 +148,14 @@ def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     )
 
 
+def _but_lost(watches: Sequence[Watch]) -> tuple[Watch, ...]:
+    """Return watches of a log that a radio received: what is missing may be lost."""
+    return tuple(
+        replace(watch, alarms=tuple(each.disbelieved(LOST) if each.test == MISSING else each for each in watch.alarms))
+        for watch in watches
+    )
+
+
 def _judged(said: Said, crash: Excursion | None) -> Judged | None:
     """Return what the engine says; None where there is nothing to judge, or the log isn't what it is taken for."""
     opened = said.learnt.opened
@@ -155,7 +166,8 @@ def _judged(said: Said, crash: Excursion | None) -> Judged | None:
         records = [watch.record for watch in said.watches]
         flight = flight_of_records(records, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
     after = [(crash.start_s, np.inf)] if crash else []
-    return judged(flight.without([*excused_s(said.excursions), *after]))
+    flown = flight.without([*excused_s(said.excursions), *after])
+    return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
@@ -219,7 +231,7 @@ def _seconds(progress: Progress, before_s: float, total_s: float, period_s: floa
     return tell
 
 
-def _excursions(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
+def excursions_of(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
     """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
     if not predicts(monitor):
         return ()

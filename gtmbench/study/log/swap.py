@@ -1,7 +1,8 @@
 """The part that a bank was learnt from, judged by one that was learnt on the end of the log: one swap, and no more.
 
-It is for operators that no kinematics predict, which nothing else judges there. What a fault in the first part teaches,
-the last part doesn't know, unless it lasts to the end; then the two parts differ.
+What a fault in the first part teaches, the last part doesn't know, unless it lasts to the end; then both differ. Where
+gyros and attitude are compared, this is for what is short or fast, as an oscillation of seconds: what lasts, the engine
+tells. So it is done only where something stands out in what was learnt from.
 """
 
 from __future__ import annotations
@@ -9,16 +10,18 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass, field, replace
 
-from gtmbench.detectors.alarm import Alarm
-from gtmbench.detectors.basis import basis_of
+from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.predicting import PredictingMonitor, predicts
-from gtmbench.detectors.protocol import Watch
+from gtmbench.detectors.protocol import Watch, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.intake.spans import overlaps, union
-from gtmbench.jobs.progress import silent
+from gtmbench.jobs.progress import Progress, silent
+from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.healthy import chosen
+from gtmbench.study.log.identified import stands_out
 from gtmbench.study.log.learnt import Learnt, learnt
-from gtmbench.study.log.records import whole_s, within
+from gtmbench.study.log.records import whole_s
+from gtmbench.study.log.said import excursions_of
 
 _LAST_SHARE = 0.4  # of a log that is learnt from instead: as much as is by default
 
@@ -39,20 +42,42 @@ class Swap:
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
-        """The first alarm of each fault."""
-        return tuple(alarm for watch in self.watches for alarm in watch.faults)
+        """The first alarm of each fault; what is missing there is no fault of what was learnt."""
+        return tuple(alarm for watch in self.watches for alarm in watch.faults if alarm.test != MISSING)
+
+
+def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
+    """Return a bank that was learnt where nobody failed, as far as a swap tells, and that swap; None without one.
+
+    Parameters
+    ----------
+    first : Learnt
+        Where the swap accuses nobody, it stays.
+    progress : callable
+    """
+    swap = swapped(first)
+    if swap is None or first.opened.judged is None:
+        return first, swap
+    end_s = first.identified_s[-1][1]
+    accusing = [alarm for alarm in swap.alarms if alarm.accuses]
+    broken = [(began_s(alarm), end_s if alarm.ended_s is None else alarm.ended_s) for alarm in accusing]
+    if not broken:
+        return first, swap
+    with contextlib.suppress(InputError):  # too little is left to learn from
+        again = learnt(chosen(first.opened, broken), progress)
+        if again.identified_s and not again.check.stops:
+            return again, swap
+    return first, swap
 
 
 def swapped(first: Learnt) -> Swap | None:
-    """Return what judges the part that was learnt from; None where something else does, or nothing can.
+    """Return what judges the part that was learnt from; None where nothing stands out there, or nothing can.
 
     Parameters
     ----------
     first : Learnt
     """
-    basis = basis_of(first.monitor)
-    has_motion = bool(basis.kinematic) and first.opened.own.motion is not None
-    if first.check.stops or not first.identified_s or has_motion or not predicts(first.monitor):
+    if first.check.stops or not first.identified_s or not predicts(first.monitor) or not _stands_out(first):
         return None
     start_s, end_s = whole_s(first.opened.log)
     begins_s = max(end_s - _LAST_SHARE * (end_s - start_s), first.identified_s[-1][1])
@@ -60,7 +85,19 @@ def swapped(first: Learnt) -> Swap | None:
     with contextlib.suppress(InputError):  # too little is left to learn from
         other = learnt(chosen(replace(again, others=())), silent)
         if not other.check.stops and predicts(other.monitor):
-            records = within(first.opened.log, overlaps(union(first.identified_s), (start_s, begins_s)))
-            watches = tuple(other.monitor.watch(record) for record in records)
+            part = first.opened.own.part(overlaps(union(first.identified_s), (start_s, begins_s)))
+            outside = excursions_of(other.monitor, part)
+            watches = tuple(other.monitor.watch(record, outside=outside) for record in part.records)
             return Swap(monitor=other.monitor, watches=watches)
     return None
+
+
+def _stands_out(first: Learnt) -> bool:
+    """Tell whether a gyro changes against the attitude, or a residual is large for a moment, where it was learnt.
+
+    Where no engine judges that part, nobody else does.
+    """
+    opened, watcher = first.opened, first.opened.watcher
+    if opened.judged is None or opened.judged.cleared.changes or not is_recipe(watcher):
+        return True
+    return stands_out(watcher, opened.log, first.identified_s)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.alarm import Alarm
@@ -11,8 +11,9 @@ from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.finding import FROZEN
-from gtmbench.engine.hindsight.cleared import JUDGED, Failure, Hindsight, agrees_from_s, shows
+from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of
+from gtmbench.faults.replacing import Dropout
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
@@ -35,6 +36,8 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_o
 
 _LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
 _GAINS = ("scale_factor", "deadzone")
+_PARTS_DEG_S = 2.0  # a smaller difference that nobody explains bends an attitude little
+_BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
 _SOON_S = 15.0  # between the onsets of one failure
 _COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
 
@@ -136,9 +139,18 @@ def timeline_of(evidence: Evidence) -> Timeline:
 def _accused(evidence: Evidence, span_s: Span) -> list[Claim]:
     """Return whom engine and alarms accuse; of failures that overlap and share a residual each is suspected."""
     alarmed = list(_alarmed(evidence, span_s))
-    own = [] if evidence.judged is None else [_unless_unlike(*claim, alarmed) for claim in evidence.judged.accused]
+    judged = evidence.judged
+    accused = [] if judged is None else [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
+    own = [_unless_unlike(*claim, alarmed) for claim in accused]
     claims = _as_one(own, list(_but_at_odds(evidence, alarmed)))
     return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
+
+
+def _to_the_end(judged: Judged, span: SensorSpan, span_s: Span) -> SensorSpan:
+    """Return what the engine claims until its last whole block as claimed until the log's last sample."""
+    blocks = judged.flight.blocks
+    lasts = span.end_s >= blocks.end_s - blocks.period_s and span_s[1] - span.end_s < _BLOCKS * blocks.period_s
+    return replace(span, end_s=max(span.end_s, span_s[1])) if lasts else span
 
 
 def _unless_unlike(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> Claim:
@@ -180,38 +192,45 @@ def _but_at_odds(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]
         yield from claims
         return
     is_accusing = any(span.state is State.FAILED and sensor in JUDGED for sensor, span in claims)
-    changed = {GYROS[change.axis] for change in _hindsight(judged, claims).changes} if is_accusing else set()
+    changed = _hindsight(judged, claims).changes if is_accusing else ()
     for sensor, span in claims:
         is_named = span.state is State.FAILED and sensor in JUDGED
         reason = _at_odds(judged, sensor, span, changed) if is_named else ""
         yield sensor, replace(span, state=State.NOT_JUDGED, reason=reason) if reason else span
 
 
-def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Collection[str]) -> str:
-    """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says."""
+def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Change]) -> str:
+    """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says.
+
+    An attitude that follows the gyros is bent by whichever failed: there nobody is named while another parts from it.
+    """
     meeting = {name for name, other in judged.accused if span.meets(other.start_s, other.end_s)}
     if sensor in meeting:
         return ""
-    others = sorted(meeting) or sorted({*changed} - {sensor})
+    others = sorted(meeting) or sorted({GYROS[each.axis] for each in changed} - {sensor})
+    bending = meeting | {GYROS[each.axis] for each in changed if each.of == "error" and abs(each.size) > _PARTS_DEG_S}
     kind = None if span.judgement is None else span.judgement.kind
     lasts = sensor in GYROS and kind in _LASTING and span.duration_s >= _LASTS_S
     if not (others or lasts):
         return ""
-    if shows(judged.flight.blocks, sensor, failure_of(span)) and not (meeting and judged.flight.is_driven):
-        return ""
-    told = f"; {', '.join(others)} doesn't" if others else ""
-    return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
+    if not shows(judged.flight.blocks, sensor, failure_of(span)):
+        told = f"; {', '.join(others)} doesn't" if others else ""
+        return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
+    if judged.flight.is_driven and bending - {sensor}:
+        return f"an alarm names {sensor}, but {' and '.join(sorted(bending - {sensor}))} may bend the attitude"
+    return ""
 
 
 def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan:
     """Return a failure as a suspicion where another sensor of its residual fails at the same time."""
-    if span.state is not State.FAILED:
+    if span.state is not State.FAILED or _is_missing(span):
         return span
     others = [
         other
         for other, its in claims
         if other != sensor
         and its.state is State.FAILED
+        and not _is_missing(its)
         and span.meets(its.start_s, its.end_s)
         and _share_a_residual(sensor, other)
     ]
@@ -219,6 +238,11 @@ def _joint(sensor: str, span: SensorSpan, claims: Sequence[Claim]) -> SensorSpan
         return span
     suspects = tuple(dict.fromkeys([sensor, *others]))
     return replace(span, state=State.SUSPECTED, suspects=suspects, reason="they fail together, and share a residual")
+
+
+def _is_missing(span: SensorSpan) -> bool:
+    """Tell whether a sensor fails by having no samples, which no other sensor's fault looks like."""
+    return span.judgement is not None and span.judgement.kind == Dropout.kind
 
 
 def _share_a_residual(sensor: str, other: str) -> bool:
@@ -244,7 +268,11 @@ def _cleared(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
         said = _hindsight(evidence.judged, claims)
         left = JUDGED if evidence.has_heading else tuple(name for name in JUDGED if name not in axis_of("psi"))
         spans = evidence.judged.beside(said)
-        yield from ((sensor, span) for sensor in left for span in spans[sensor])
+        yield from (
+            (sensor, _to_the_end(evidence.judged, span, evidence.log.span_s))
+            for sensor in left
+            for span in spans[sensor]
+        )
     elif any(each.certificate.rows for each in evidence.certified):
         for each in evidence.certified:
             yield from of_certificate(each.certificate, each.watches)

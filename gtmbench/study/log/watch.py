@@ -2,8 +2,9 @@
 
 A log goes through stages, each in a file of its own: a question is asked (`asked`), the files are read and opened
 (`opened`), what is healthy is chosen (`healthy`), the monitor is learnt where the wiring is as it should be (`learnt`),
-it listens to the rest, what it says is doubted (`said`), and it is concluded with what would have been seen
-(`watched`). Each stage takes the value of the one before; what has stopped is passed on.
+one of the log's end looks at that part (`swap`), it listens to the rest, what it says is doubted (`said`), and it is
+concluded with what would have been seen (`watched`). Each stage takes the value of the one before; what has stopped is
+passed on.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from gtmbench.study.log.learnt import learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
+from gtmbench.study.log.swap import crossed
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED
@@ -96,7 +98,8 @@ def watch_log(
     attitude : str
         For a bank that predicts gyros from the attitude: ``driven`` if the gyros drive it through an estimator, ``own``
         if it is independent. ``auto`` uses the format's documentation, otherwise the samples: driven unless they show
-        that it is independent. A monitor keeps the setting of its calibration.
+        that it is independent. A monitor keeps the setting of its calibration, and is believed less where the log's
+        attitude is another.
     judge : str or sequence of str, optional
         The sensors that the verdict speaks for: ``p,q,r``, ``gyros``, ``attitude``, ``all``; by default p, q, r and the
         angles that the log has, of a monitor that compares these, and otherwise the sensors that it predicts.
@@ -139,5 +142,5 @@ def watch_log(
         limits=limits,
         judged=judged,
     )
-    monitor = learnt(chosen(opened(question)), progress)
-    return concluded(doubted(listened(monitor, progress), progress))
+    monitor, swap = crossed(learnt(chosen(opened(question)), progress), progress)
+    return concluded(doubted(listened(monitor, progress), progress), swap)

@@ -27,7 +27,7 @@ from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, beyond, first_alarms, healthy_of
 from gtmbench.study.log.second_faults import second_faults
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.swap import Swap, swapped
+from gtmbench.study.log.swap import Swap
 from gtmbench.study.log.timeline import Certified, Evidence, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
@@ -147,7 +147,24 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         told = first_alarms(self.watches, self.comparison, self.judged)
-        return tuple(sorted([*told, *beyond(told, self.later)], key=lambda alarm: alarm.time_s))
+        more = beyond(told, (*self.later, *self._of_swap))
+        return tuple(sorted([*told, *more], key=lambda alarm: alarm.time_s))
+
+    @property
+    def _of_swap(self) -> tuple[Alarm, ...]:
+        return () if self.swap is None else tuple(alarm for alarm in self.swap.alarms if alarm.accuses)
+
+    @property
+    def raised(self) -> list[tuple[Alarm, Watch]]:
+        """The first alarm of each fault that a bank raised, with what it looked at, in order of time.
+
+        Of the part that the monitor was learnt from, those that accuse and that nobody else raised.
+        """
+        own = [(alarm, watch) for watch in self.watches for alarm in watch.faults]
+        of_swap = [] if self.swap is None else [(alarm, watch) for watch in self.swap.watches for alarm in watch.faults]
+        more = beyond([alarm for alarm, _ in own], self._of_swap)
+        own += [(alarm, watch) for alarm, watch in of_swap if any(alarm is each for each in more)]
+        return sorted(own, key=lambda told: told[0].time_s)
 
     @property
     def whole_alarms(self) -> tuple[Alarm, ...]:
@@ -198,7 +215,8 @@ class WatchedLog:
     def _others(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault that isn't the engine's."""
         told = first_alarms(self.watches, self.comparison, None)
-        return (*told, *beyond(told, self.later))
+        of_swap = () if self.swap is None else self.swap.alarms
+        return (*told, *beyond(told, (*self.later, *of_swap)))
 
     @property
     def evidence(self) -> Evidence:
@@ -213,7 +231,7 @@ class WatchedLog:
             has_heading=self.has_heading,
             is_driven=self.attitude is not None and self.attitude.is_driven,
             judged=self.judged,
-            alarms=(*self._others, *others, *(() if self.swap is None else self.swap.alarms)),
+            alarms=(*self._others, *others),
             watches=self.watches,
             check=self.check,
             excursions=self.excursions,
@@ -240,9 +258,9 @@ class WatchedLog:
         return replace(self, is_named=True)
 
 
-def concluded(said: Said) -> WatchedLog:
-    """Conclude what was said of a log."""
-    first, opened = _concluded(said), said.learnt.opened
+def concluded(said: Said, swap: Swap | None = None) -> WatchedLog:
+    """Conclude what was said of a log, and of the part that its monitor was learnt from."""
+    first, opened = _concluded(said, swap), said.learnt.opened
     is_bent = opened.bends or (opened.attitude is not None and opened.is_driven and not opened.attitude.is_assumed)
     if is_bent or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
         return first
@@ -253,7 +271,7 @@ def concluded(said: Said) -> WatchedLog:
     return replace(first, later=tuple(alarm for alarm in later if alarm.sensor in shifted))
 
 
-def _concluded(said: Said) -> WatchedLog:
+def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
     learnt = said.learnt
     opened = learnt.opened
     return WatchedLog(
@@ -277,7 +295,7 @@ def _concluded(said: Said) -> WatchedLog:
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
         there=there_of(said),
         imus=opened.imus,
-        swap=swapped(learnt),
+        swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said)),
     )
 

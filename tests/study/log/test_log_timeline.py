@@ -102,6 +102,28 @@ def test_nobody_is_named_against_the_whole_log():
     assert short.at("q", 53.0).state is State.FAILED
 
 
+@pytest.mark.parametrize("is_driven", [False, True])
+def test_behind_an_estimator_nobody_is_named_while_another_gyro_parts(is_driven):
+    """What bends the attitude shows on other axes, too: here p differs by 4 deg/s, and r by 6 that nobody names."""
+    broken = with_error(with_error(motion(), "p", from_on(60.0, 4.0)), "r", from_on(62.0, 6.0))
+    told = evidence(broken, alarms=[named("p", 60.0)], is_driven=is_driven)
+    silent = replace(told.judged, found=())  # nobody is named by the whole log
+    timeline = timeline_of(replace(told, judged=silent))
+    state = timeline.at("p", 90.0).state
+    assert state is (State.NOT_JUDGED if is_driven else State.FAILED)
+    if is_driven:
+        assert timeline.at("p", 61.0).reason == "an alarm names p, but r may bend the attitude"
+
+
+def test_samples_that_are_missing_are_each_sensors_own():
+    told = [
+        replace(named(name, 50.0, "dropout", number, ended_s=56.0), test="missing")
+        for number, name in enumerate(("phi", "theta"))
+    ]
+    timeline = timeline_of(evidence(alarms=told))
+    assert [timeline.at(name, 53.0).state for name in ("phi", "theta")] == [State.FAILED, State.FAILED]
+
+
 def test_a_wrong_gain_is_not_named_where_a_residual_rose_that_none_explains():
     whole = motion()
     given = evidence(whole.replace("q", np.where(whole.time_s > 60.0, 0.4, 1.0) * whole["q"]))

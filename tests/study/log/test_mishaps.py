@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.study.log.mishaps import flying_part_but, mishaps
+from gtmbench.study.log.mishaps import clear_parts, flying_part_but, mishaps
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome
@@ -76,6 +76,24 @@ def test_what_an_autopilot_finds_before_it_takes_off_is_no_mishap():
     record = flight((8.0, True, UP), (40.0, False, UP), (160.0, True, UP))
     assert mishaps([failure(30.0), failure(47.0)], [record]) == ()
     assert [each.is_told for each in mishaps([failure(70.0)], [record])] == [True]
+
+
+def test_nothing_is_learnt_where_a_sensor_failed_and_as_much_motion_is_behind_it():
+    record = flight((200.0, True, UP))
+    log, part = log_of(record), (0.0, 80.0)
+    assert clear_parts(log, [record], part, []) == (part,)
+    assert clear_parts(log, [record], part, [(90.0, 200.0)]) == (part,)  # what comes later changes nothing
+    first, second = clear_parts(log, [record], part, [(30.0, 50.0)])
+    assert first == (0.0, 28.0)
+    assert second == (52.0, pytest.approx(80.0 + 24.0, abs=2.0))
+    assert clear_parts(log, [record], part, [(40.0, np.inf)]) == ((0.0, 38.0),)
+    assert clear_parts(log, [record], part, [(12.0, np.inf)]) == ()  # ten seconds teach nothing
+
+
+def test_what_makes_up_for_a_failure_ends_before_a_crash():
+    record = flight((100.0, True, UP), (LIES_S, False, SIDE), (100.0, True, UP))
+    parts = clear_parts(log_of(record), [record], (0.0, 80.0), [(10.0, 70.0)])
+    assert parts[-1] == (72.0, pytest.approx(95.0, abs=1.0))
 
 
 def test_where_every_choice_holds_a_crash_that_is_said():

@@ -1,0 +1,95 @@
+"""What the engine found over a whole log, in words: what explains it and how likely that is, and what shows it."""
+
+from __future__ import annotations
+
+from gtmbench.engine.finding import Finding
+from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.judged import Curve, Judged
+from gtmbench.engine.named import judgement_of
+from gtmbench.report.words.timeline import fault_text
+
+COLUMNS = ("from (s)", "to (s)", "what", "how likely", "shown by", "why it names nobody")
+_SURE = 0.995
+
+
+def finding_rows(judged: Judged | None) -> list[tuple[str, ...]]:
+    """Return a row of `COLUMNS` for each finding, in order of time."""
+    if judged is None:
+        return []
+    return [
+        (
+            f"{each.onset_s:.1f}",
+            f"{each.end_s:.1f}",
+            _what(each),
+            chances_text(each),
+            _shown_by(judged, each),
+            _why_nobody(each),
+        )
+        for each in judged.found
+    ]
+
+
+def finding_lines(judged: Judged | None) -> list[str]:
+    """Return the same as lines; none where nothing was found."""
+    lines = []
+    for start, end, what, chances, shown, why in finding_rows(judged):
+        lines.append(f"  {start} to {end}  {what}")
+        told = (("how likely", chances), ("shown by", shown), ("names nobody", why))
+        lines += [f"    {label}: {text}" for label, text in told if text]
+    head = "what explains gyros and attitude over the whole log (times in s on the log's clock):"
+    return [head, *lines] if lines else []
+
+
+def made_text(curve: Curve) -> str:
+    """Say which fault a curve's prediction is of."""
+    return f"{curve.kind.replace('_', ' ')} of {curve.sensor}"
+
+
+def chances_text(finding: Finding) -> str:
+    """Say how likely explanations are, the likeliest first.
+
+    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.explanation import Explanation
+    >>> bias = (Explanation(suspect="q", kind="bias", effect=lambda _: Effect()), 0.0)
+    >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
+    >>> chances = (("q", "bias", 0.93), ("theta", "drift", 0.07))
+    >>> chances_text(Finding(ranked=(bias,), size=2.0, interval=(1.9, 2.1), chances=chances, **told))
+    'bias of q 93 %, drift of theta 7 %'
+    """
+    return ", ".join(f"{_cause(suspect, kind)} {_percent(chance)}" for suspect, kind, chance in finding.chances)
+
+
+def _cause(suspect: str, kind: str) -> str:
+    named = kind.replace("_", " ")
+    return f"{named} of {suspect}" if suspect in JUDGED else named  # what isn't a sensor's says itself whose it is
+
+
+def _percent(chance: float) -> str:
+    return "over 99 %" if chance > _SURE else f"{100.0 * chance:.2g} %"
+
+
+def _what(finding: Finding) -> str:
+    best = finding.best
+    if best.is_healthy:
+        return best.kind
+    return f"{best.suspect}: {fault_text(best.suspect, judgement_of(finding, finding.end_s))}"
+
+
+def _shown_by(judged: Judged, finding: Finding) -> str:
+    said = {relation.name: (relation.said, relation.channels) for relation in judged.model.relations}
+    told = [
+        f"{said[name][0].format(said[name][1][channel])} ({nats:.0f} nats)" for name, channel, nats in finding.shown_by
+    ]
+    return "; ".join(told)
+
+
+def _why_nobody(finding: Finding) -> str:
+    if finding.doubt:
+        return finding.doubt
+    if finding.best.is_healthy:
+        return "it is no fault"
+    return (
+        "a healthy cause may explain it as well: what leans or passes so soon may be the references'"
+        if finding.is_healthy
+        else ""
+    )
