@@ -274,8 +274,8 @@ def _found(link: Live) -> list[dict[str, object]]:
 
     doubtful: tuple[Alarm, ...] = () if link.closing is None else link.closing.unconfirmed
 
-    def told(alarm: Alarm) -> dict[str, object]:
-        return {
+    return [
+        {
             "text": alarm_text(alarm),
             "time_s": alarm.time_s,
             "onset_s": alarm.onset_s,
@@ -284,5 +284,5 @@ def _found(link: Live) -> list[dict[str, object]]:
             "ended_s": alarm.ended_s,
             "is_confirmed": alarm.accuses and not any(alarm is each for each in doubtful),
         }
-
-    return [told(alarm) for alarm in link.alarms]
+        for alarm in link.alarms
+    ]

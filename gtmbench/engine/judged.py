@@ -15,7 +15,7 @@ from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import Failure, Hindsight, hindsight_of
+from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsight_of
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, judgement_of
 from gtmbench.values.channels import GYROS
@@ -24,8 +24,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
-# a smaller difference that nobody explains bends nothing far; of what the finding itself is
-_PARTS_DEG_S, _ALIKE = 2.0, 0.5
+_PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
 _MOST_CURVES = 3  # of a finding
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
@@ -161,7 +160,7 @@ class Judged:
         return Curve(
             sensor=finding.best.suspect,
             kind=judgement_of(finding, finding.end_s).kind or finding.best.kind,
-            said=relation.said.format(relation.channels[channel]),
+            said=relation.title(channel),
             unit=relation.unit,
             time_s=self.flight.blocks.start_s + self.flight.time_s,
             measured=np.where(there, equation.left + finding.size * shape, np.nan),
@@ -194,6 +193,12 @@ def _beside(finding: Finding, sizes: Sizes) -> Sizes:
     if finding.best.kind == "noise":
         return replace(sizes, noise=None)
     return replace(sizes, error=max(sizes.error, _SPARE * finding.reached_deg_s))
+
+
+def parting(changes: Sequence[Change], least_deg_s: float = 0.0) -> list[str]:
+    """Return the gyros that part from the attitude so far that they may bend it."""
+    far_deg_s = max(_PARTS_DEG_S, least_deg_s)
+    return [GYROS[each.axis] for each in changes if each.of == "error" and abs(each.size) > far_deg_s]
 
 
 def failure_of(span: SensorSpan) -> Failure:
@@ -232,12 +237,10 @@ def _unless_others_part(said: Judged) -> tuple[Finding, ...]:
 
     An attitude that follows the gyros is bent by whichever failed.
     """
-    changes = [each for each in said.cleared.changes if each.of == "error"]
 
     def doubtful(finding: Finding) -> Finding:
-        axis = axis_number(finding.best.suspect)
-        far_deg_s = max(_PARTS_DEG_S, _ALIKE * finding.reached_deg_s)
-        others = [GYROS[each.axis] for each in changes if each.axis != axis and abs(each.size) > far_deg_s]
+        axis, parts = axis_number(finding.best.suspect), parting(said.cleared.changes, _ALIKE * finding.reached_deg_s)
+        others = [gyro for gyro in parts if GYROS.index(gyro) != axis]
         if finding.is_frozen or not finding.accuses or not others:
             return finding
         return replace(finding, doubt=f"{' and '.join(others)} parts from the attitude, too, and nothing explains it")

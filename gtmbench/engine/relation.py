@@ -64,6 +64,10 @@ class Relation:
     is_shared: bool = False
     is_witness: bool = False
 
+    def title(self, channel: int) -> str:
+        """Return what y of a channel is, in words."""
+        return self.said.format(self.channels[channel])
+
     def answer(self, flight: Flight, effect: Effect, channel: int, constants: FloatArray) -> FloatArray | None:
         """Return what an effect adds to y - X theta of a channel, shape (blocks,); None for nothing."""
         response = self.response(flight, effect)

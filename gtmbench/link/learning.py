@@ -15,6 +15,7 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
+from gtmbench.link.closing import why_not
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.telemetry import Message
 from gtmbench.study.log.asked import asked
@@ -101,7 +102,7 @@ class Lesson:
                 taught = learnt(chosen(link), silent)
             except InputError as error:
                 self._forget()
-                return None, str(error).replace(f"{path}: ", "").replace(str(path), "the link")
+                return None, why_not(error, path)
         if not (taught.check.passed and is_ready(taught.monitor)):
             self._forget()
             return None, "; ".join([*map(str, taught.check.stops), *map(str, taught.check.doubts)]) or "it is no flight"
@@ -109,11 +110,8 @@ class Lesson:
         return taught.monitor, f"learnt from {end_s - start_s:.0f} s"
 
     def _write(self, path: Path) -> None:
-        if self._is_table:
-            path.write_bytes(b"\n".join([self._header, *(part for _, part in self._parts), b""]))
-            return
-        with SavedLink(path) as saved:
-            for arrived_s, part in self._parts:
+        with SavedLink(path, is_table=self._is_table) as saved:
+            for arrived_s, part in [(0.0, self._header)] * self._is_table + [*self._parts]:
                 saved.put(arrived_s, part)
 
     def _forget(self) -> None:
@@ -125,8 +123,6 @@ class Lesson:
 
 def _accused_text(accused: Sequence[Claim]) -> str:
     """Say whom the engine accuses in what a monitor would be learnt from."""
-    who = ", ".join(dict.fromkeys(sensor for sensor, _ in accused))
+    who = list(dict.fromkeys(sensor for sensor, _ in accused))
     since_s = min(span.start_s for _, span in accused)
-    return (
-        f"{who} {'failed' if len({sensor for sensor, _ in accused}) == 1 else 'may have failed'} since {since_s:.0f} s"
-    )
+    return f"{', '.join(who)} {'failed' if len(who) == 1 else 'may have failed'} since {since_s:.0f} s"

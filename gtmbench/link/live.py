@@ -206,7 +206,7 @@ class Live:
     def _unjudged(self, why: str) -> Closing:
         if self._session is None:
             return Closing(verdict=verdict_so_far(GYROS, (0.0, 0.0), (), why))
-        return Closing(verdict=self._session.verdict_but(why))
+        return Closing(verdict=self._session.verdict(why))
 
     @property
     def drawn(self) -> tuple[Drawn, ...]:
@@ -240,7 +240,9 @@ class Live:
         """The verdict in a sentence or two."""
         if self.closing is not None:
             return first_line(self.closing.verdict)
-        return "Cannot tell yet: no monitor is learnt." if self._session is None else first_line(self._session.verdict)
+        if self._session is None:
+            return "Cannot tell yet: no monitor is learnt."
+        return first_line(self._session.verdict())
 
     def _watched(self) -> Generator[LiveEvent, None, None]:
         for event in self._heard():

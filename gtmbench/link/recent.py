@@ -18,6 +18,7 @@ from gtmbench.study.log.flight import flight_of_records
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record
 
+_NEEDS = frozenset((*GYROS, *ATTITUDE))
 _PAST_S = 120.0  # that is judged
 _LEAST_S = 30.0  # less tells no constants
 _WORKS_S = 5.0  # of the sender's clock, for half a second of work, seldom three; and as long until the next
@@ -46,7 +47,7 @@ class Recent:
 
     def push(self, rows: Record) -> tuple[Alarm, ...]:
         """Return the alarms of whom the engine accuses and hasn't accused before, as known with these rows."""
-        if not {*GYROS, *ATTITUDE} <= set(rows.channels):
+        if not _NEEDS.issubset(rows.channels):
             return ()
         if self._due_s is None:
             self._due_s = rows.start_s + _LEAST_S
@@ -74,7 +75,7 @@ class Recent:
         while self._rows[0].end_s < now_s - _PAST_S:
             self._rows.popleft()
         past = list(self._rows)
-        if all(np.isfinite(np.concatenate([each[name] for each in past])).any() for name in (*GYROS, *ATTITUDE)):
+        if all(any(np.isfinite(each[name]).any() for each in past) for name in _NEEDS):
             self._asked = self._works.submit(self._judged, past)
 
     def _judged(self, past: Sequence[Record]) -> tuple[Alarm, ...]:

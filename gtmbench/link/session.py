@@ -155,15 +155,12 @@ class Session:
         """The faults so far that something is left of to explain."""
         return self._story.left
 
-    @property
-    def verdict(self) -> LogVerdict:
-        """The verdict so far: what alarms say."""
-        return self.verdict_but()
-
-    def verdict_but(self, why: str = FLYING) -> LogVerdict:
-        """Return what alarms say, where nothing else is judged, and why it isn't."""
+    def verdict(self, why: str = FLYING) -> LogVerdict:
+        """Return the verdict so far, which is what alarms say, and why nothing else is judged."""
+        if self._reader.is_open or self._mixed_until_s is not None:
+            why = self._reader.is_open or "two senders are mixed on this link"
         sensors = self._monitor.suspects or self._monitor.channels
-        return verdict_so_far(sensors, self._span_s or (0.0, 0.0), self.alarms_told, self.disbelieved or why)
+        return verdict_so_far(sensors, self._span_s or (0.0, 0.0), self.alarms_told, why)
 
     @property
     def alarms_told(self) -> list[Alarm]:
@@ -171,14 +168,9 @@ class Session:
         return self._story.first
 
     @property
-    def disbelieved(self) -> str:
-        """Why nothing of the link can be believed; "" where it can."""
-        return self._reader.is_open or ("" if self._mixed_until_s is None else "two senders are mixed on this link")
-
-    @property
     def outcome(self) -> Outcome:
         """The verdict's outcome so far."""
-        return self.verdict.outcome
+        return self.verdict().outcome
 
     def take(self, messages: list[Message], arrived_s: float) -> Iterator[LiveEvent]:
         """Give the events that some messages make known, which arrived together."""

@@ -243,8 +243,8 @@ class Watcher:
                 self.heard += len(part)
                 if any(self._stream.armed.values()):
                     self.watched += len(part) - self._missing(part)
-            if self._recent is not None:
-                told += beyond([alarm for alarm in self._stream.alarms if alarm.is_first], self._recent.push(piece))
+            if self._recent is not None and (new := self._recent.push(piece)):
+                told += beyond([alarm for alarm in self._stream.alarms if alarm.is_first], new)
         return tuple(told)
 
     def _missing(self, part: Record) -> int:

@@ -74,7 +74,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
 
 
 def _explained(finding: Finding) -> Mapping[str, Any]:
-    """Return what the engine found; sizes are in the unit of its kind, as in `timeline`."""
+    """Return what the engine found; times are the log's."""
     return {
         "start_s": finding.onset_s,
         "end_s": finding.end_s,

@@ -9,7 +9,7 @@ from gtmbench.engine.named import judgement_of
 from gtmbench.report.words.timeline import fault_text
 
 COLUMNS = ("from (s)", "to (s)", "what", "how likely", "shown by", "why it names nobody")
-_SURE = 0.995
+_SURE = 0.995  # above, whole percents say 100, which nothing is
 
 
 def finding_rows(judged: Judged | None) -> list[tuple[str, ...]]:
@@ -76,11 +76,8 @@ def _what(finding: Finding) -> str:
 
 
 def _shown_by(judged: Judged, finding: Finding) -> str:
-    said = {relation.name: (relation.said, relation.channels) for relation in judged.model.relations}
-    told = [
-        f"{said[name][0].format(said[name][1][channel])} ({nats:.0f} nats)" for name, channel, nats in finding.shown_by
-    ]
-    return "; ".join(told)
+    relations = {relation.name: relation for relation in judged.model.relations}
+    return "; ".join(f"{relations[name].title(channel)} ({nats:.0f} nats)" for name, channel, nats in finding.shown_by)
 
 
 def _why_nobody(finding: Finding) -> str:
@@ -88,8 +85,6 @@ def _why_nobody(finding: Finding) -> str:
         return finding.doubt
     if finding.best.is_healthy:
         return "it is no fault"
-    return (
-        "a healthy cause may explain it as well: what leans or passes so soon may be the references'"
-        if finding.is_healthy
-        else ""
-    )
+    if finding.is_healthy:
+        return "a healthy cause may explain it as well: what leans or passes so soon may be the references'"
+    return ""

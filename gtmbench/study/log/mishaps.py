@@ -7,18 +7,18 @@ is learnt from costs nothing, for it is watched.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gtmbench.intake.events import Event, EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import union
+from gtmbench.intake.spans import overlaps, union, without
 from gtmbench.study.log.records import flying_part, lively_seconds, within
 from gtmbench.study.log.seconds import SECOND_S, of_seconds
 from gtmbench.values.channels import ACCELEROMETERS
-from gtmbench.values.record import BoolArray, FloatArray, Record, Span, runs
+from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _LIES_DEG, _LIES_S = 35.0, 5  # from where the specific force points in flight; for so many seconds
 _BEFORE_S, _AFTER_S = 5.0, 2.5  # of a mishap: what led to it, and what it left
@@ -133,40 +133,29 @@ def clear_parts(log: FlightLog, moving: Sequence[Record], part: Span, broken: Se
     touching = [span for span in broken if span[0] < part[1] and span[1] > part[0]]
     if not touching:
         return (part,)
-    grief_s = min(
-        (mishap.span[0] for mishap in mishaps(log.events, moving) if mishap.span[0] >= part[1]), default=np.inf
-    )
-    lively_s = lively_seconds(moving)
+    crashes_s = [mishap.span[0] for mishap in mishaps(log.events, moving) if mishap.span[0] >= part[1]]
+    lively_s, until_s = lively_seconds(moving), min(crashes_s, default=np.inf)
     wanted = np.count_nonzero((lively_s >= part[0]) & (lively_s <= part[1]))
-    whole = lively_s[(lively_s >= part[0]) & (lively_s < grief_s) & ~_inside(lively_s, broken)][:wanted]
-    if not len(whole):
+    spans = left_of((part[0], np.inf), broken)
+    clear = np.zeros(len(lively_s), dtype=bool)
+    for start_s, end_s in spans:
+        clear |= (lively_s >= start_s) & (lively_s + SECOND_S <= end_s)
+    whole_s = lively_s[clear & (lively_s < until_s)][:wanted]
+    if not len(whole_s):
         return ()
-    end_s = max(part[1], float(whole[-1]) + SECOND_S)
-    left = tuple(left_of((part[0], min(end_s, grief_s)), broken))
+    end_s = min(max(part[1], float(whole_s[-1]) + SECOND_S), until_s)
+    left = tuple(span for span in overlaps(spans, (part[0], end_s)) if span[0] < span[1])
     return left if any(is_enough(log, lively_s, span) for span in left) else ()
 
 
-def _inside(seconds_s: FloatArray, spans: Sequence[Span]) -> BoolArray:
-    """Tell which seconds touch any of some spans."""
-    found = np.zeros(len(seconds_s), dtype=np.bool_)
-    for start_s, end_s in spans:
-        found |= (seconds_s + SECOND_S > start_s - _MARGIN_S) & (seconds_s < end_s + _MARGIN_S)
-    return found
+def left_of(part: Span, broken: Sequence[Span]) -> list[Span]:
+    """Return what is left of a part outside of what is broken, and of a margin about that.
 
-
-def left_of(part: Span, broken: Sequence[Span]) -> Iterator[Span]:
-    """Give what is left of a part outside of what is broken, and of a margin about that.
-
-    >>> list(left_of((0.0, 60.0), [(20.0, 30.0)]))
+    >>> left_of((0.0, 60.0), [(20.0, 30.0), (90.0, 95.0)])
     [(0.0, 18.0), (32.0, 60.0)]
     """
-    start_s, end_s = part
-    for first_s, last_s in union(broken):
-        if start_s < first_s - _MARGIN_S < end_s:
-            yield start_s, first_s - _MARGIN_S
-        start_s = max(start_s, last_s + _MARGIN_S)
-    if start_s < end_s:
-        yield start_s, end_s
+    margins = union([(start_s - _MARGIN_S, end_s + _MARGIN_S) for start_s, end_s in broken])
+    return [span for span in without([part], margins) if span[0] < span[1]]
 
 
 def _of_want(mishap: str) -> str:

@@ -12,7 +12,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
-from gtmbench.engine.judged import Judged, failure_of
+from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.replacing import Dropout
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
@@ -36,7 +36,6 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_o
 
 _LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
 _GAINS = ("scale_factor", "deadzone")
-_PARTS_DEG_S = 2.0  # a smaller difference that nobody explains bends an attitude little
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
 _SOON_S = 15.0  # between the onsets of one failure
 _COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
@@ -208,7 +207,7 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Ch
     if sensor in meeting:
         return ""
     others = sorted(meeting) or sorted({GYROS[each.axis] for each in changed} - {sensor})
-    bending = meeting | {GYROS[each.axis] for each in changed if each.of == "error" and abs(each.size) > _PARTS_DEG_S}
+    bending = {*meeting, *parting(changed)} - {sensor}
     kind = None if span.judgement is None else span.judgement.kind
     lasts = sensor in GYROS and kind in _LASTING and span.duration_s >= _LASTS_S
     if not (others or lasts):
@@ -216,8 +215,8 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Ch
     if not shows(judged.flight.blocks, sensor, failure_of(span)):
         told = f"; {', '.join(others)} doesn't" if others else ""
         return f"an alarm names {sensor}, which agrees with the attitude over the whole log{told}"
-    if judged.flight.is_driven and bending - {sensor}:
-        return f"an alarm names {sensor}, but {' and '.join(sorted(bending - {sensor}))} may bend the attitude"
+    if judged.flight.is_driven and bending:
+        return f"an alarm names {sensor}, but {' and '.join(sorted(bending))} may bend the attitude"
     return ""
 
 

@@ -86,6 +86,7 @@ def test_nothing_is_learnt_where_a_sensor_failed_and_as_much_motion_is_behind_it
     first, second = clear_parts(log, [record], part, [(30.0, 50.0)])
     assert first == (0.0, 28.0)
     assert second == (52.0, pytest.approx(80.0 + 24.0, abs=2.0))
+    assert clear_parts(log, [record], part, [(30.0, 50.0), (150.0, np.inf)]) == (first, second)  # nor beside another
     assert clear_parts(log, [record], part, [(40.0, np.inf)]) == ((0.0, 38.0),)
     assert clear_parts(log, [record], part, [(12.0, np.inf)]) == ()  # ten seconds teach nothing
 
