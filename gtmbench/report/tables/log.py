@@ -50,7 +50,6 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "reasons": watched.reasons,
         "explained": [] if watched.judged is None else [_explained(each) for each in watched.judged.found],
         "certificate": _certificate(watched.certificate),
-        "louder_than_learnt": [asdict(each) for each in watched.louder],
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),

@@ -20,7 +20,6 @@ from gtmbench.faults.shaping import ScaleFactor
 from gtmbench.intake.flight_log import Unread
 from gtmbench.intake.spans import union
 from gtmbench.study.log.certificate import Certificate
-from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, Record, Span, runs
@@ -112,7 +111,7 @@ def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str], whole: Coll
     for doubt in check.doubts:
         for sensor in doubt.sensors or sensors:
             if not (doubt.is_learnt and sensor in whole):
-                yield sensor, unjudged((max(doubt.since_s, span_s[0]), span_s[1]), doubt.text)
+                yield sensor, unjudged(span_s, doubt.text)
 
 
 def of_excursions(excursions: Iterable[Excursion], sensors: Sequence[str]) -> Iterator[Claim]:
@@ -140,19 +139,14 @@ def of_unread(unread: Iterable[Unread], sensors: Sequence[str]) -> Iterator[Clai
             yield sensor, unjudged((each.start_s, each.end_s), each.reason)
 
 
-def of_watches(watches: Iterable[Watch], louder: Iterable[Louder], span_s: Span) -> Iterator[Claim]:
-    """Give the residuals that no test could judge: those above their threshold throughout, and far above the usual."""
+def of_watches(watches: Iterable[Watch]) -> Iterator[Claim]:
+    """Give the residuals that no test could judge: those above their threshold throughout."""
     for watch in watches:
         for name, score in watch.scores.items():
             if score.is_stuck_above:
                 reason = f"the score of {name} never came down: a fault from the beginning, or other noise"
                 for sensor in axis_of(name):
                     yield sensor, unjudged((watch.record.start_s, watch.record.end_s), reason)
-    for each in louder:
-        span = f"{each.start_s:.0f} to {each.end_s:.0f} s"
-        reason = f"the residual of {each.sensor} stood {each.times:.1f} times as high as usual, {span}"
-        for sensor in axis_of(each.sensor):
-            yield sensor, unjudged(span_s, reason)
 
 
 def of_certificate(certificate: Certificate, watches: Sequence[Watch]) -> Iterator[Claim]:

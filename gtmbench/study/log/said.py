@@ -1,7 +1,7 @@
-"""What a monitor says of a log: it listens to all that it wasn't learnt on, then what hangs on chance is doubted.
+"""What a monitor says of a log: it listens to all that it wasn't learnt on, then what others contradict is doubted.
 
-What looks at the log as a whole comes after listening: whether an alarm is raised again where watching begins
-elsewhere, whether several IMUs agree, and what the residuals explain.
+What looks at the log as a whole comes after listening: the engine, whether several IMUs agree, and what the residuals
+explain.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from gtmbench.study.log.imu_comparison import Comparison, beside, compare, furth
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
-from gtmbench.study.log.starts import steady
 from gtmbench.values.record import Record, Span
 
 LOST = "its messages are missing: the link lost them, or it stopped"
@@ -117,14 +116,11 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
-    crash = crash_of(said.watches, said.excursions)
-    said = replace(said, judged=_judged(said, crash))
+    said = replace(said, judged=_judged(said))
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, watches = learnt.opened.log, said.watches
-    if said.judged is None and predicts(monitor):  # nobody else looks again
-        watches = tuple(steady(monitor, watch, learnt.before) for watch in watches)
     watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
     progress("compare", watched_s, watched_s)
     comparison = _compared(said, learnt.identified_s or (first_part(log),))
@@ -133,7 +129,7 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     if log.is_received:
         watches = _but_lost(watches)
-    check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions, crash)
+    check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, comparison=comparison, findings=findings)
 
@@ -156,7 +152,7 @@ def _but_lost(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     )
 
 
-def _judged(said: Said, crash: Excursion | None) -> Judged | None:
+def _judged(said: Said) -> Judged | None:
     """Return what the engine says; None where there is nothing to judge, or the log isn't what it is taken for."""
     opened = said.learnt.opened
     if opened.flight is None or said.check.causes:
@@ -165,6 +161,7 @@ def _judged(said: Said, crash: Excursion | None) -> Judged | None:
     if said.installation is not None and said.installation.said and said.watches:
         records = [watch.record for watch in said.watches]
         flight = flight_of_records(records, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
+    crash = crash_of(said.watches, said.excursions)
     after = [(crash.start_s, np.inf)] if crash else []
     flown = flight.without([*excused_s(said.excursions), *after])
     return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)

@@ -26,7 +26,6 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.study.log.louder import Louder
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
@@ -72,7 +71,6 @@ class Evidence:
     watches : tuple of Watch
     check : SelfCheck
     excursions : tuple of Excursion
-    louder : tuple of Louder
     unwatched : tuple of (sensor, reason)
     certified : tuple of Certified
         Of a monitor that rests on no motion: what clears the sensors that it predicts.
@@ -94,7 +92,6 @@ class Evidence:
     watches: tuple[Watch, ...] = field(repr=False)
     check: SelfCheck
     excursions: tuple[Excursion, ...] = field(repr=False)
-    louder: tuple[Louder, ...]
     unwatched: tuple[tuple[str, str], ...]
     certified: tuple[Certified, ...]
     watched_imu: str
@@ -112,7 +109,7 @@ def timeline_of(evidence: Evidence) -> Timeline:
     if not evidence.has_heading and not evidence.unwatched:
         claims += [(sensor, unjudged(span_s, "the log is read without a heading")) for sensor in axis_of("psi")]
     claims += of_excursions(evidence.excursions, evidence.sensors)
-    claims += of_watches(evidence.watches, evidence.louder, span_s)
+    claims += of_watches(evidence.watches)
     if not evidence.check.causes:
         claims += _cleared(evidence, claims)
     told = _told(evidence, claims)

@@ -22,7 +22,6 @@ from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.gps_itself import with_itself
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
-from gtmbench.study.log.louder import Louder, louder_than_learnt
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, beyond, first_alarms, healthy_of
 from gtmbench.study.log.second_faults import second_faults
@@ -235,7 +234,6 @@ class WatchedLog:
             watches=self.watches,
             check=self.check,
             excursions=self.excursions,
-            louder=self.louder,
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
             certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
@@ -247,11 +245,6 @@ class WatchedLog:
     def certificate(self) -> Certificate:
         """The smallest faults that would have been detected: most of the work, done when they are first asked for."""
         return certificate_of(self.monitor, self.watches, named=self.is_named)
-
-    @cached_property
-    def louder(self) -> tuple[Louder, ...]:
-        """The residuals that stood far above what they were where the monitor was identified, and raised no alarm."""
-        return louder_than_learnt(self.watches) if self.identified_s else ()
 
     def with_names(self) -> WatchedLog:
         """Return the same with a certificate that also says which faults would have been named; takes seconds."""

@@ -41,7 +41,6 @@ def evidence(*records, alarms=(), moves=True, **more):
         "watches": (),
         "check": SelfCheck(),
         "excursions": (),
-        "louder": (),
         "unwatched": (),
         "certified": (),
         "watched_imu": "",

@@ -84,6 +84,15 @@ def tumbled(record, start_s, end_s):
     return record.replace("p", record["p"] + np.where(during, 300.0 * np.sin(record.time_s), 0.0))
 
 
+def test_a_failure_after_which_nothing_flies_is_a_crash_and_an_impact_in_flight_is_none(monitored):
+    monitor, rest = monitored
+    last = Excursion(start_s=129.5, end_s=138.0, reason=FAILURE, is_hard=True)
+    amid = Excursion(start_s=89.5, end_s=93.5, reason=IMPACT, is_hard=True)
+    watches = [monitor.watch(tumbled(rest, 130.0, 139.9), outside=[last])]
+    assert crash_of(watches, [amid, last]) is last
+    assert crash_of(watches, [amid]) is None
+
+
 class Remarkless:
     remarks = ()
 
@@ -93,21 +102,7 @@ def test_an_impact_after_which_it_flies_on_leaves_nothing_unexplained(monitored)
     monitor, rest = monitored
     about = Excursion(start_s=89.5, end_s=93.5, reason=IMPACT, is_hard=True)
     watches = [replace(monitor.watch(tumbled(rest, 90.0, 93.0), outside=[about]), alarms=())]
-    assert crash_of(watches, [about]) is None
-    as_told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about], None)
+    as_told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about])
     assert as_told.doubts == ()
-    unaware = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [], None)
+    unaware = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [])
     assert str(unaware.doubts[0]).startswith("in the part watched, ")
-
-
-def test_what_a_crash_leaves_unexplained_is_a_doubt_of_what_follows_alone(monitored):
-    monitor, rest = monitored
-    about = Excursion(start_s=129.5, end_s=138.0, reason=FAILURE, is_hard=True)
-    watches = [replace(monitor.watch(tumbled(rest, 130.0, 139.9), outside=[about]), alarms=())]
-    crash = crash_of(watches, [about])
-    assert crash is about
-    told = check_watched(SelfCheck(), monitor, watches, Remarkless(), (), [about], crash)
-    (doubt,) = told.doubts
-    assert (doubt.sensors, doubt.since_s) == (("p", "phi"), 129.5)
-    assert str(doubt).startswith("no fault shows in p until 129.5 s, where ")
-    assert str(doubt).endswith(f"{FAILURE} and what follows are not judged")

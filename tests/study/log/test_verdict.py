@@ -13,7 +13,6 @@ from gtmbench.detectors.monitor.regime import FAILURE, MOTION, PUSHED, RESET, TO
 from gtmbench.detectors.statistics.thresholds import tail_threshold
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event, EventKind
-from gtmbench.study.log.starts import DOUBT, steady
 from gtmbench.study.log.watch import watch_log
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.verdict import Outcome
@@ -186,19 +185,6 @@ def test_an_alarm_that_an_impact_may_have_left_is_doubted_for_good():
     broken = gb.inject(rest(), gb.Bias(channel="q", onset_s=100.0, size=3.0))
     told = monitor().watch(broken, outside=outside).faults
     assert {alarm.doubt for alarm in told} == {"an impact"}
-
-
-# ---- where watching began ----
-
-
-def test_what_is_said_again_stands_and_what_isnt_is_doubted():
-    watch = monitor().watch(gb.inject(rest(), gb.Bias(channel="q", onset_s=110.0, size=3.0)))
-    assert steady(monitor(), watch).alarms == watch.alarms
-    healthy = monitor().watch(rest())
-    invented = replace(healthy, alarms=watch.alarms)  # of a record that doesn't show it
-    (doubted,) = steady(monitor(), invented).alarms
-    assert (doubted.sensor, doubted.doubt) == (None, DOUBT)
-    assert steady(replace(monitor(), uncertainties={}), invented) is invented
 
 
 # ---- thresholds from little ----

@@ -89,7 +89,7 @@ class Stop:
 
 @dataclass(frozen=True, kw_only=True)
 class Doubt:
-    """Why silence says nothing of some sensors, from a time on; of all sensors where none is named.
+    """Why silence says nothing of some sensors; of all sensors where none is named.
 
     `is_learnt`: only of what is learnt from a part of the log; what is judged by all of it isn't in doubt.
 
@@ -99,7 +99,6 @@ class Doubt:
 
     text: str
     sensors: tuple[str, ...] = ()
-    since_s: float = -np.inf
     is_learnt: bool = False
 
     def __str__(self) -> str:
@@ -220,9 +219,9 @@ def _sensors_of(remark: Remark) -> tuple[str, ...]:
     return () if remark.channel is None else axis_of(remark.channel)
 
 
-def _doubt(text: str, output: str, since_s: float = -np.inf) -> Doubt:
+def _doubt(text: str, output: str) -> Doubt:
     """Return a doubt of what predicts a sensor: of it, and of the angle that it turns; of all where none is named."""
-    return Doubt(text=text, sensors=axis_of(output) if output else (), since_s=since_s)
+    return Doubt(text=text, sensors=axis_of(output) if output else ())
 
 
 def scale_text(gyro: str, gain: tuple[float, float]) -> str:
@@ -300,12 +299,10 @@ def check_watched(
     log: FlightLog,
     spans: Sequence[Span],
     excursions: Sequence[Excursion],
-    crash: Excursion | None,
 ) -> SelfCheck:
     """Return a check with what the residuals explain where watched, and the channels that stand still there.
 
-    What an impact leaves unexplained says nothing of the flight before and after it; what a crash does, nothing of the
-    flight before.
+    What an impact leaves unexplained says nothing of the flight before and after it.
 
     Parameters
     ----------
@@ -316,8 +313,6 @@ def check_watched(
     spans : sequence of Span
         What isn't learnt from.
     excursions : sequence of Excursion
-    crash : Excursion or None
-        The first of them after which the aircraft doesn't fly on.
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
@@ -332,17 +327,12 @@ def check_watched(
     untold = [
         (each.start_s, each.end_s)
         for each in excursions
-        if each is not crash and each.reason != MOTION and (each.is_hard or not each.is_judged)
+        if each.reason != MOTION and (each.is_hard or not each.is_judged)
     ]
-    explained = before = explained_where_watched(monitor, watches, untold)
-    if crash is not None and any(each.is_blind for each in explained):
-        before = explained_where_watched(monitor, watches, [*untold, (crash.start_s, np.inf)])
-    for whole, flown in zip(explained, before, strict=True):
+    explained = explained_where_watched(monitor, watches, untold)
+    for whole in explained:
         if whole.is_blind and whole.output not in told:
-            if crash and not flown.is_blind:
-                doubts += (_doubt(crashed_text(crash, flown), whole.output, crash.start_s),)
-            else:
-                doubts += (_doubt(unexplained_text(whole), whole.output),)
+            doubts += (_doubt(unexplained_text(whole), whole.output),)
         elif whole.output in identified and not (whole.is_shown or identified[whole.output].is_shown):
             why = f"{whole.output} moves too little, beside its noise, to show that it is what it is taken for"
             doubts += (replace(_doubt(why, whole.output), is_learnt=True),)
@@ -355,14 +345,6 @@ def unexplained_text(each: Explained) -> str:
     return (
         f"in the part {each.where}, {share:.0f} % of {each.output}'s slow motion is explained "
         f"(residual {each.residual:.3g}, signal {each.signal:.3g} RMS): what isn't explained can't be watched"
-    )
-
-
-def crashed_text(crash: Excursion, flown: Explained) -> str:
-    """Say that a crash leaves unexplained what was explained before it."""
-    return (
-        f"no fault shows in {flown.output} until {crash.start_s:.1f} s, where {100.0 * flown.share:.0f} % of its slow "
-        f"motion is explained; {crash.reason} and what follows are not judged"
     )
 
 
