@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +26,8 @@ class Effect:
         How fast that grows.
     rough : -
         Added to the logarithm of the gyros' roughness.
+    channels : mapping of channel to shape (blocks,), or None
+        Added to what other sensors read, in the units of `Course`.
     """
 
     gyros: FloatArray | None = field(default=None, repr=False)
@@ -32,6 +35,7 @@ class Effect:
     turned: FloatArray | None = field(default=None, repr=False)
     turning: FloatArray | None = field(default=None, repr=False)
     rough: FloatArray | None = field(default=None, repr=False)
+    channels: Mapping[str, FloatArray] | None = field(default=None, repr=False)
 
 
 def on_axis(values: FloatArray, axis: int) -> FloatArray:

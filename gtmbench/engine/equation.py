@@ -122,6 +122,7 @@ def learn(
     level = level_of(beside, there, flight.lively)
     if relation.regime is not None:
         level = level * regime_of(beside / level, there, flight.lively, np.nan_to_num(relation.regime[:, channel]))
+    level = np.maximum(level, relation.least)
     clipped = np.where(there, np.clip(beside / level, -_CLIPPED, _CLIPPED), 0.0)
     taps = taps_of(clipped)
     equation = Equation(

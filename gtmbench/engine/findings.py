@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.flight import Flight
@@ -44,10 +45,10 @@ class Findings:
 class _Bench:
     """A flight's relations and signatures, from which models are learnt."""
 
-    def __init__(self, flight: Flight) -> None:
+    def __init__(self, flight: Flight, relations: Sequence[Relation], explanations: Sequence[Explanation]) -> None:
         self.flight = flight
-        self.relations: tuple[Relation, ...] = relations_of(flight)
-        self.signatures = Signatures(flight, explanations_of(flight))
+        self.relations = tuple(relations)
+        self.signatures = Signatures(flight, explanations)
         self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
 
     def without(self, found: Sequence[Finding]) -> Scan:
@@ -96,15 +97,29 @@ class _Bench:
 
 
 def findings_of(flight: Flight) -> Findings:
-    """Return everything that explanations find on a flight.
+    """Return everything that explanations of gyros and attitude find on a flight."""
+    return found_by(flight, relations_of(flight), explanations_of(flight), frozen_gyros(flight))
+
+
+def found_by(
+    flight: Flight,
+    relations: Sequence[Relation],
+    explanations: Sequence[Explanation],
+    frozen: Sequence[Finding] = (),
+) -> Findings:
+    """Return everything that some explanations find in some relations of a flight.
 
     Parameters
     ----------
     flight : Flight
+    relations : sequence of Relation
+    explanations : sequence of Explanation
+    frozen : sequence of Finding
+        What is known before anything is searched.
     """
-    bench = _Bench(flight)
+    bench = _Bench(flight, relations, explanations)
     one = np.ones(len(bench.signatures.explanations))
-    found = list(frozen_gyros(flight))
+    found = list(frozen)
     for _ in range(_MOST):
         strongest = Search(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
         if strongest is None:

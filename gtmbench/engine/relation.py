@@ -33,6 +33,8 @@ class Relation:
         By how much they may differ from one part of a log to another.
     wander : float
         By how much means over some seconds wander at least, in y's unit.
+    least : float
+        The least noise that it is given, in y's unit: what repeats itself has none.
     asked : shape (blocks,)
         Blocks in which it is judged.
     response : callable
@@ -61,6 +63,7 @@ class Relation:
     response: Response = field(repr=False)
     shift: Response | None = field(default=None, repr=False)
     regime: FloatArray | None = field(default=None, repr=False)
+    least: float = 0.0
     is_shared: bool = False
     is_witness: bool = False
 

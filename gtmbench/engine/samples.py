@@ -56,7 +56,7 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     blocks = Blocks(
         start_s=float(edges[0]),
         period_s=period_s,
-        gyros=np.column_stack([_means(sensors[name], edges) for name in GYROS]),
+        gyros=np.column_stack([means_between(sensors[name], edges) for name in GYROS]),
         rates=rates_deg_s(angles, period_s),
         euler_rates=np.diff(angles, axis=0) / period_s,
         angles=angles[:-1],
@@ -91,7 +91,7 @@ def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
     0.12
     """
     edges = _edges(sensors)
-    gyros = np.column_stack([_means(sensors[name], edges) for name in GYROS])
+    gyros = np.column_stack([means_between(sensors[name], edges) for name in GYROS])
     misfits = np.array([_misfit(sensors, gyros, edges, lag_s) for lag_s in _LAGS_S])
     if not np.isfinite(misfits).all() or not np.ptp(misfits) > 0.0:
         return 0.0
@@ -146,7 +146,12 @@ def _at(samples: Samples, edges: FloatArray) -> FloatArray:
     return np.asarray(found)
 
 
-def _means(samples: Samples, edges: FloatArray) -> FloatArray:
+def edges_of(blocks: Blocks) -> FloatArray:
+    """Return where blocks begin and end, shape (blocks + 1,)."""
+    return np.asarray(blocks.start_s + blocks.period_s * np.arange(len(blocks) + 1), dtype=np.float64)
+
+
+def means_between(samples: Samples, edges: FloatArray) -> FloatArray:
     """Return means between edges of what goes straight from sample to sample."""
     there = np.isfinite(samples.values)
     if np.count_nonzero(there) < 2:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.engine.evidence import Evidence, axes_of, axis_number, evidence
 from gtmbench.engine.finding import DECISIVE, Finding
@@ -130,6 +131,10 @@ class Search:
     def _one(self, onset: int, last: int, sums: tuple[Sums, ...] | None = None) -> Evidence:
         return evidence(self.model, np.array([onset]), np.array([last]), sums, by_parts=True)
 
+    @cached_property
+    def _suspects(self) -> NDArray[np.str_]:
+        return np.array([each.suspect for each in self.model.explanations])
+
     def _bounds(self, onset: IntArray, last: IntArray, bound: float) -> FloatArray:
         """Return what evidence has to exceed in windows: more where an earlier finding may be a bit wrong."""
         found = np.full((len(onset), len(self.model.explanations)), bound * (1.0 + _MORE * len(self.found)))
@@ -139,6 +144,8 @@ class Search:
             if each.is_frozen:
                 own = axes == axis_number(each.best.suspect)
                 found = np.where(meets & own, np.inf, found)
+            elif axis_number(each.best.suspect) < 0:  # it isn't off twice at a time
+                found = np.where(meets & (self._suspects == each.best.suspect), np.inf, found)
             elif each.best.fades_s:  # behind an estimator it bends the other axes
                 found = found + meets * 2.0 * MISFIT * each.evidence
         return found

@@ -40,8 +40,10 @@ class Columns:
     ----------
     own : shape (signatures,)
         Which explanations it feels.
+    times : tuple of float
+        By which signatures fade, in seconds.
     fading : shape (signatures,)
-        Which of `TIMES_S` each fades by; -1 for none.
+        Which of these times each fades by; -1 for none.
     bases : shape (signatures,)
         Which signature each grows from; -1 for none.
     states : shape (cells + 1, signatures, 3)
@@ -51,6 +53,7 @@ class Columns:
     """
 
     own: IntArray
+    times: tuple[float, ...]
     fading: IntArray
     bases: IntArray
     states: FloatArray = field(repr=False)
@@ -66,7 +69,8 @@ class Signatures:
         self.effects = [each.effect(flight) for each in explanations]
         names = {each.name: place for place, each in enumerate(explanations)}
         self.bases = np.array([names[each.base] if each.base else -1 for each in explanations])
-        times = {fades_s: place for place, fades_s in enumerate(TIMES_S)}
+        self.times = TIMES_S if any(each.fades_s for each in explanations) else ()
+        times = {fades_s: place for place, fades_s in enumerate(self.times)}
         self.fading = np.array([times[each.fades_s] if each.fades_s else -1 for each in explanations])
         rows = np.minimum(np.arange(self.cells + 1) * CELL, len(flight) - 1)
         self._before = np.maximum(rows - 1, 0)
@@ -135,10 +139,11 @@ class Signatures:
         bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
         columns = Columns(
             own=own,
+            times=self.times,
             fading=self.fading[own],
             bases=bases,
             states=self._states(own),
-            since=self._since(own),
+            since=self._since(own) * (bases >= 0),  # what a base doesn't change needs none of it
         )
         return columns, answers, self._forgotten(relation, channel, equation.constants)
 
@@ -162,11 +167,11 @@ class Signatures:
     def _forgotten(self, relation: Relation, channel: int, constants: FloatArray) -> FloatArray:
         """Return the answer to an attitude that was off by one degree about each earth axis, and forgets it."""
         flight = self.flight
-        found = np.zeros((len(flight), len(TIMES_S), 3))
+        found = np.zeros((len(flight), len(self.times), 3))
         for axis in range(3):
             off = np.zeros((len(flight), 3))
             off[:, axis] = 1.0
-            for place, fades_s in enumerate(TIMES_S):
+            for place, fades_s in enumerate(self.times):
                 kept = kept_a_block(flight, fades_s)
                 effect = Effect(turned=kept * off, turning=-0.5 * (1.0 + kept) / fades_s * off)
                 answer = relation.answer(flight, effect, channel, constants)
@@ -205,12 +210,14 @@ def products_of(
     columns, own, forgotten = answers
     regressors = np.column_stack([equation.regressors, equation.whitened(beside)])
     per_chunk = rows_per_chunk(flight)
-    fading = [_fading(equation, forgotten[:, at], flight, fades_s, per_chunk) for at, fades_s in enumerate(TIMES_S)]
+    fading = [
+        _fading(equation, forgotten[:, at], flight, fades_s, per_chunk) for at, fades_s in enumerate(columns.times)
+    ]
     every = np.column_stack([equation.errors, regressors, equation.whitened(own), *fading])
     known, count = 1 + regressors.shape[1], len(columns.own)
     first, second = _pairs(columns, known, count)
     rates = np.zeros(every.shape[1])
-    rates[known + count :] = np.repeat([-np.log(kept_a_block(flight, fades_s)) for fades_s in TIMES_S], 3)
+    rates[known + count :] = np.repeat([-np.log(kept_a_block(flight, fades_s)) for fades_s in columns.times], 3)
     cells, mean = by_chunks(every, CELL), by_chunks(equation.mean, CELL)
     return Products(
         equation=equation,
@@ -243,10 +250,12 @@ def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray
     pairs += [(int(s), j) for s in signature for j in range(known)]
     pairs += [(int(s), int(s)) for s in signature]
     pairs += [(int(s), known + max(int(b), 0)) for s, b in zip(signature, columns.bases, strict=True)]
-    pairs += [(int(s), int(f + 3 * max(t, 0))) for s, t in zip(signature, columns.fading, strict=True) for f in fades]
-    for time in range(len(TIMES_S)):
+    if columns.times:
+        time_of = np.maximum(columns.fading, 0)
+        pairs += [(int(s), int(f + 3 * t)) for s, t in zip(signature, time_of, strict=True) for f in fades]
+    for time in range(len(columns.times)):
         pairs += [(int(f + 3 * time), j) for f in fades for j in range(known)]
-    for time in range(len(TIMES_S)):
+    for time in range(len(columns.times)):
         pairs += [(int(fades[i] + 3 * time), int(fades[j] + 3 * time)) for i in range(3) for j in range(3)]
     first, second = np.array(pairs, dtype=np.int64).T
     return first, second
@@ -383,18 +392,19 @@ class Sums:
     def window(self, onset: IntArray, first: IntArray, last: IntArray) -> Window:
         """Return the sums over cells [first, last) for signatures that begin at `onset`, at or before `first`."""
         own, columns = self.products, self.products.columns
-        sums = _split(self.between(first, last), own.regressors, len(columns.own))
-        faded = np.exp(-np.multiply.outer((first - onset) * CELL, _fading_rates(own, columns)))
-        states, since = columns.states[onset] * faded[:, :, np.newaxis], columns.since[onset]
+        sums, since = _split(self.between(first, last), own), columns.since[onset]
         base = np.maximum(columns.bases, 0)
-        states = states - since[:, :, np.newaxis] * (states[:, base] * (columns.bases >= 0)[np.newaxis, :, np.newaxis])
-        time = np.maximum(columns.fading, 0)
         with_known = sums.with_known - since[:, :, np.newaxis] * sums.with_known[:, base]
-        with_known = with_known - np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
         grown = sums.power - 2.0 * since * sums.with_base + since**2 * sums.power[:, base]
-        with_fading = sums.with_fading - since[:, :, np.newaxis] * sums.with_fading[:, base]
-        grown = grown - 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
-        grown = grown + np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
+        if columns.times:
+            faded = np.exp(-np.multiply.outer((first - onset) * CELL, _fading_rates(own, columns)))
+            states = columns.states[onset] * faded[:, :, np.newaxis]
+            of_base = states[:, base] * (columns.bases >= 0)[np.newaxis, :, np.newaxis]
+            states, time = states - since[:, :, np.newaxis] * of_base, np.maximum(columns.fading, 0)
+            with_known = with_known - np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
+            with_fading = sums.with_fading - since[:, :, np.newaxis] * sums.with_fading[:, base]
+            grown = grown - 2.0 * np.einsum("wsj,wsj->ws", states, with_fading)
+            grown = grown + np.einsum("wsi,wsij,wsj->ws", states, sums.fading[:, time], states)
         return Window(
             errors=sums.known[:, 0, 0],
             products=sums.known[:, 0, 1:],
@@ -468,17 +478,18 @@ class _Split:
     fading: FloatArray
 
 
-def _split(sums: FloatArray, regressors: int, count: int) -> _Split:
+def _split(sums: FloatArray, own: Products) -> _Split:
     """Return sums of products by what they are of, in the order of `_pairs`."""
-    known, times, windows = 1 + regressors, len(TIMES_S), len(sums)
-    lengths = [known * (known + 1) // 2, count * known, count, count, 3 * count, times * 3 * known, times * 9]
+    known, count, times, windows = 1 + own.regressors, len(own.columns.own), len(own.columns.times), len(sums)
+    faded = 3 * count * bool(times)
+    lengths = [known * (known + 1) // 2, count * known, count, count, faded, times * 3 * known, times * 9]
     parts = np.split(sums, np.cumsum(lengths)[:-1], axis=1)
     return _Split(
         known=_symmetric(parts[0], known),
         with_known=parts[1].reshape(windows, count, known),
         power=parts[2],
         with_base=parts[3],
-        with_fading=parts[4].reshape(windows, count, 3),
+        with_fading=parts[4].reshape(windows, -1, 3),
         fading_known=parts[5].reshape(windows, times, 3, known),
         fading=parts[6].reshape(windows, times, 3, 3),
     )

@@ -74,7 +74,8 @@ def first_line(verdict: LogVerdict) -> str:
         asked = verdict.scope.sensors
         total_s = verdict.timeline.motion_total_s
         judged_s = total_s * verdict.judged_share(*asked)
-        return f"No fault found in {', '.join(asked)}: {of_text(judged_s, total_s)} judged{_sizes_text(verdict)}."
+        clear = f"No fault found in {', '.join(asked)}: {of_text(judged_s, total_s)} judged{_sizes_text(verdict)}."
+        return " ".join(filter(None, [clear, _accusations_text(verdict)]))
     sentences = [_accusations_text(verdict), _unjudged_text(verdict), _clear_text(verdict)]
     return " ".join(sentence for sentence in sentences if sentence)
 
@@ -94,15 +95,23 @@ def _accusations_text(verdict: LogVerdict) -> str:
 
 
 def _accusations(verdict: LogVerdict) -> list[_Accusation]:
-    """Return failures of any sensor and suspicions of asked ones, in order of time; what is alike is one."""
+    """Return failures and suspicions in order of time; what is alike is one.
+
+    Of sensors that aren't asked, suspicions are told where one of them failed, and no other sensor may have.
+    """
     found: dict[tuple[str, str, str], list[Span]] = {}
     for sensor, span in verdict.failed:
         _add(found, _failure(sensor, span), span)
     for sensor, span in verdict.suspected:
-        if sensor in verdict.scope.sensors:
+        if sensor in verdict.scope.sensors or _is_among_others(verdict, span.suspects):
             _add(found, _suspicion(span.suspects or (sensor,), span), span)
     made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
+
+
+def _is_among_others(verdict: LogVerdict, suspects: Sequence[str]) -> bool:
+    others = {*verdict.timeline.sensors} - {*verdict.scope.sensors}
+    return len(suspects) > 1 and {*suspects} <= others
 
 
 def _add(found: dict[tuple[str, str, str], list[Span]], words: tuple[str, str, str], span: SensorSpan) -> None:

@@ -62,6 +62,15 @@ def _felt(records: Sequence[Record]) -> dict[str, Samples]:
     return _of_records(records, FORCES) if all({*FORCES} <= set(each.channels) for each in records) else {}
 
 
+def samples_of(sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
+    """Return what the other sensors of a log read, channel by channel; of several of a kind, the first."""
+    found: dict[str, Samples] = {}
+    for each in sensors:
+        for name, values in zip(each.channels, each.values.T, strict=True):
+            found.setdefault(name, Samples(each.time_s, values))
+    return found
+
+
 def _forces(sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
     """Return what the first accelerometers of a log read; nothing where it has none."""
     felt = next((each for each in sensors if {*FORCES} <= set(each.channels)), None)

@@ -18,13 +18,14 @@ from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
+from gtmbench.engine.course.judged import CourseJudged, course_judged
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.claims import excused_s
 from gtmbench.study.log.contacts import crash_of
-from gtmbench.study.log.flight import flight_of_records
+from gtmbench.study.log.flight import flight_of_records, samples_of
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
@@ -58,6 +59,8 @@ class Said:
     judged : Judged or None
         What the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
         nothing rests on them.
+    course : CourseJudged or None
+        What the engine says of the sensors that no gyro enters, by the attitude where nobody broke it.
     findings : tuple of str
         Why it can't be told, where it can't; what limits what was said, where it can.
     """
@@ -69,6 +72,7 @@ class Said:
     installation: Installation | None = None
     comparison: Comparison | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
+    course: CourseJudged | None = field(default=None, repr=False)
     findings: tuple[str, ...]
 
 
@@ -117,6 +121,7 @@ def doubted(said: Said, progress: Progress) -> Said:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     said = replace(said, judged=_judged(said))
+    said = replace(said, course=_course(said))
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -165,6 +170,15 @@ def _judged(said: Said) -> Judged | None:
     after = [(crash.start_s, np.inf)] if crash else []
     flown = flight.without([*excused_s(said.excursions), *after])
     return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)
+
+
+def _course(said: Said) -> CourseJudged | None:
+    """Return what the engine says of the log's other sensors; None where no attitude tells how they turn."""
+    sensors = said.learnt.opened.sensors
+    if said.judged is None or not sensors or said.check.stops:
+        return None
+    broken = [(span.start_s, span.end_s) for _, span in said.judged.accused]
+    return course_judged(said.judged.flight.without(broken), samples_of(sensors))
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:

@@ -10,6 +10,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
+from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
@@ -29,7 +30,7 @@ from gtmbench.study.log.claims import (
 from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
+from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
 
@@ -66,6 +67,8 @@ class Evidence:
         Whether the gyros drive the attitude.
     judged : Judged or None
         What the engine says of gyros and attitude over the whole log.
+    course : CourseJudged or None
+        What it says of the others.
     alarms : tuple of Alarm
         Of all others.
     watches : tuple of Watch
@@ -88,6 +91,7 @@ class Evidence:
     has_heading: bool
     is_driven: bool
     judged: Judged | None = field(default=None, repr=False)
+    course: CourseJudged | None = field(default=None, repr=False)
     alarms: tuple[Alarm, ...]
     watches: tuple[Watch, ...] = field(repr=False)
     check: SelfCheck
@@ -103,6 +107,7 @@ def timeline_of(evidence: Evidence) -> Timeline:
     """Return the timeline of a watched log."""
     span_s, unread = evidence.log.span_s, evidence.log.unread
     claims = _accused(evidence, span_s)
+    claims += _of_course(evidence)
     whole = () if evidence.judged is None else JUDGED
     claims += of_check(evidence.check, span_s, evidence.sensors, whole)
     claims += [(sensor, unjudged(span_s, reason)) for sensor, reason in evidence.unwatched]
@@ -130,6 +135,18 @@ def timeline_of(evidence: Evidence) -> Timeline:
     moving = evidence.moving
     motion = motion_spans(lively_seconds(moving).tolist(), span_s, unread) if moving else (span_s,)
     return laid_out(span_s, by_sensor, motion_s=motion, told=told)
+
+
+def _of_course(evidence: Evidence) -> list[Claim]:
+    """Return what the engine claims of sensors that no gyro enters, by the rows that the log has for them."""
+    found: list[Claim] = []
+    for sensor, span in () if evidence.course is None else evidence.course.claims:
+        rows = [name for name in WHOLE.get(sensor, (sensor,)) if name in evidence.sensors]
+        judged = span.judgement
+        if judged is not None and judged.axis in rows:
+            rows, judged = [judged.axis], replace(judged, sensor=judged.sensor and judged.axis, axis="")
+        found += [(row, replace(span, judgement=judged)) for row in rows or [sensor]]
+    return found
 
 
 def _accused(evidence: Evidence, span_s: Span) -> list[Claim]:

@@ -11,6 +11,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
+from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
@@ -19,7 +20,7 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of
-from gtmbench.study.log.gps_itself import with_itself
+from gtmbench.study.log.gps_itself import FIX, JUMP, with_itself
 from gtmbench.study.log.identified import LeftOut
 from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
@@ -64,6 +65,8 @@ class WatchedLog:
     judged : Judged or None
         The verdict of the engine on gyros and attitude over the whole log; None if the log hasn't both, is misread, or
         the monitor rests on no attitude.
+    course : CourseJudged or None
+        Which sensors that no gyro enters failed, by the engine, over the whole log.
     sensors : tuple of WatchedSensor
         The sensors that no gyro enters: what each is compared with, and which failed; none where the log has no
         heading.
@@ -119,6 +122,7 @@ class WatchedLog:
     left_out: tuple[LeftOut, ...] = ()
     comparison: Comparison | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
+    course: CourseJudged | None = field(default=None, repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
@@ -221,6 +225,8 @@ class WatchedLog:
     def evidence(self) -> Evidence:
         """All that its timeline is laid out of."""
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
+        if self.course is not None:  # the engine compares the same sensors over the whole log
+            others = tuple(alarm for alarm in others if alarm.test in (FIX, JUMP))
         watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
         return Evidence(
             log=self.log,
@@ -230,6 +236,7 @@ class WatchedLog:
             has_heading=self.has_heading,
             is_driven=self.attitude is not None and self.attitude.is_driven,
             judged=self.judged,
+            course=self.course,
             alarms=(*self._others, *others),
             watches=self.watches,
             check=self.check,
@@ -278,6 +285,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         left_out=learnt.left_out,
         comparison=said.comparison,
         judged=said.judged,
+        course=said.course,
         sensors=sensors_of(said),
         estimator=opened.estimator,
         installation=said.installation,

@@ -1,0 +1,1 @@
+"""The explanations of what sensors of a course say, a file each."""

@@ -1,0 +1,1 @@
+"""The relations between sensors of a course, a file each."""

@@ -1,0 +1,41 @@
+"""The altitude against the accelerometers: y = by how much the climb changes in a second, less what the force makes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.engine.course.course import Course
+from gtmbench.engine.course.relations.between import between
+from gtmbench.engine.relation import Relation
+from gtmbench.values.channels import ACCELEROMETERS
+from gtmbench.values.record import FloatArray
+
+NEEDS = ("altitude", *ACCELEROMETERS)
+# biases of accelerometers, a constant, in m/s2
+_PRIOR, _FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
+_WANDER_M_S2 = 0.3
+_LEAST_M_S2 = 0.1  # of noise
+
+
+def relation(course: Course) -> Relation:
+    """Return the relation of a course's altitude and accelerometers."""
+    biases = course.over_second(course.over_second(course.matrices[:, 2]))
+    columns = np.column_stack([np.nan_to_num(biases), np.ones(len(biases))])
+    return between(
+        course,
+        "altitude and force",
+        ("down",),
+        _values,
+        columns[:, np.newaxis, :],
+        said="acceleration {} by the altitude, less by the accelerometers",
+        unit="m/s2",
+        prior=_PRIOR,
+        floor=_FLOOR,
+        wander=_WANDER_M_S2,
+        least=_LEAST_M_S2,
+    )
+
+
+def _values(course: Course) -> FloatArray:
+    fallen = course.rates(course.rates(-course.read["altitude"][:, np.newaxis]))
+    return fallen - course.over_second(course.over_second(course.pulled[:, 2:]))

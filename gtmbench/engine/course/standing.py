@@ -1,0 +1,68 @@
+"""Sensors that read one value while the aircraft flies, for much longer than they ever do otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from gtmbench.engine.blocks import held_for_s
+from gtmbench.engine.samples import Samples
+from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER, names_of
+from gtmbench.values.record import Span
+
+LEAST_S = 10.0  # a barometer holds a value for half as long while nothing climbs
+_BEGUN_S = 1.0  # after which a sensor reads anything
+_MOST = 0.9  # of the flight: what hardly ever moved was never a sensor's
+_OF_USUAL = 5.0  # times the longest that it reads one value otherwise
+_FEWEST = 20  # samples, or one value in so long says nothing
+# those of which one axis alone stands, and the others go on
+_ALONE = (*GPS_VELOCITY, *MAGNETOMETER, "nx", "ny", "nz", "tas", "alpha", "beta", "altitude")
+
+
+def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, Span, float]]:
+    """Give which channels read one value in flight, from when to when, and what.
+
+    Where two sensors stand at a time, it is the log's that does; where one stands from the beginning, it isn't on yet.
+
+    Parameters
+    ----------
+    sensors : mapping of channel to Samples
+    flown_s : (start, end)
+        From when to when the aircraft flies.
+
+    Examples
+    --------
+    >>> time_s = np.arange(0.0, 60.0, 0.1)
+    >>> read = np.random.default_rng(1).standard_normal(600)
+    >>> read[300:] = read[300]
+    >>> found = standing({"tas": Samples(time_s, read)}, (0.0, 60.0))
+    >>> [(name, round(start_s), round(end_s)) for name, (start_s, end_s), _ in found]
+    [('tas', 30, 60)]
+    """
+    found = [each for name in _ALONE if name in sensors for each in _in_flight(name, sensors[name], flown_s)]
+    for name, (start_s, end_s), reads in found:
+        others = [(other, span) for other, span, _ in found if names_of(other)[-1] != names_of(name)[-1]]
+        if start_s > flown_s[0] + _BEGUN_S and not any(a_s < end_s and b_s > start_s for _, (a_s, b_s) in others):
+            yield name, (start_s, end_s), reads
+
+
+def _in_flight(name: str, samples: Samples, flown_s: Span) -> Iterator[tuple[str, Span, float]]:
+    time_s, values = samples
+    there = np.isfinite(values) & (time_s >= flown_s[0]) & (time_s <= flown_s[1])
+    if np.count_nonzero(there) >= _FEWEST:
+        yield from _of(name, Samples(time_s[there], values[there]))
+
+
+def _of(name: str, samples: Samples) -> Iterator[tuple[str, Span, float]]:
+    held_s = held_for_s(samples.time_s, samples.values)
+    ends = np.flatnonzero(np.append(held_s[1:] == 0.0, [True]) & (held_s > 0.0))
+    if not len(ends):
+        return
+    order = ends[np.argsort(-held_s[ends])]
+    usual_s = float(held_s[order[1]]) if len(order) > 1 else samples.step_s
+    lasts_s, end_s = float(held_s[order[0]]), float(samples.time_s[order[0]])
+    count = np.count_nonzero((samples.time_s >= end_s - lasts_s) & (samples.time_s <= end_s))
+    never_moved = lasts_s > _MOST * float(np.ptp(samples.time_s))
+    if lasts_s > max(LEAST_S, _OF_USUAL * usual_s) and count >= _FEWEST and not never_moved:
+        yield name, (end_s - lasts_s, end_s), float(samples.values[order[0]])

@@ -1,0 +1,176 @@
+"""Every relation and explanation of a course: what a fault of a channel does to the readings is what is said of it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.engine.course.course import UNITS, course_of
+from gtmbench.engine.course.explanations.registry import explanations_of
+from gtmbench.engine.course.explanations.sensor import explanations as of_sensors
+from gtmbench.engine.course.judged import course_judged
+from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
+from gtmbench.engine.samples import Samples, flight_of
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
+from gtmbench.verdict.timeline import State
+
+ONSET_S, END_S = 60.0, 150.0
+CHANNELS = (*ACCELEROMETERS, *GPS_VELOCITY, *MAGNETOMETER, "tas", "alpha", "beta", "altitude")
+# in the channels' units: what a failing sensor is off by
+SIZES = (
+    dict.fromkeys(ACCELEROMETERS, 0.2)
+    | dict.fromkeys(GPS_VELOCITY, 3.0)
+    | dict.fromkeys(MAGNETOMETER, 10.0)
+    | {"tas": 10.0, "alpha": 3.0, "beta": 3.0, "altitude": 100.0}
+)
+
+
+@cache
+def flown(noise="t2", seed=3, excitation="multisine"):
+    truth = gb.fly(excitation=excitation, duration_s=END_S, seed=seed)
+    read = gb.measure(truth, noise=noise, seed=seed) if noise else truth
+    perfect = {} if noise else {"noise_m_s": 0.0, "wander_m_s": 0.0, "delay_s": 0.0, "rate_hz": 50.0}
+    read = gb.with_magnetometer(read, truth, gb.Magnetometer(noise=0.005 if noise else 0.0), seed=seed)
+    return gb.with_gps(read, truth, gb.Gps(**perfect), seed=seed)
+
+
+def sensors_of(record):
+    found = {}
+    for name in record.channels:
+        there = np.isfinite(record[name])
+        found[name] = Samples(record.time_s[there], record[name][there])
+    return found
+
+
+def flight_from(record):
+    six = {name: each for name, each in sensors_of(record).items() if name in (*GYROS, *ATTITUDE, *ACCELEROMETERS)}
+    return flight_of(six, is_driven=False)
+
+
+def others_of(record):
+    return {name: each for name, each in sensors_of(record).items() if name in CHANNELS}
+
+
+def course_from(record):
+    return course_of(flight_from(record), others_of(record))
+
+
+def said_of(record):
+    return course_judged(flight_from(record), others_of(record))
+
+
+def accused(record):
+    return {(sensor, span.state) for sensor, span in said_of(record).claims if span.state is not State.NOT_JUDGED}
+
+
+# ---- relations ----
+
+
+@pytest.mark.parametrize("of", RELATIONS, ids=lambda of: of.__name__.rpartition(".")[2])
+def test_true_readings_leave_hardly_anything_and_shapes_and_constants_agree(of):
+    course = course_from(flown(noise=None))
+    relation = of.relation(course)
+    blocks, channels = len(course.flight), len(relation.channels)
+    assert relation.values.shape == (blocks, channels)
+    assert relation.regressors.shape == (blocks, channels, len(relation.prior))
+    assert relation.prior.shape == relation.floor.shape
+    assert (relation.floor <= relation.prior).all()
+    usual = np.nanstd(relation.values, axis=0)
+    assert (usual < {"field": 0.5, "gps and air": 2.0}.get(relation.name, 1.0)).all()
+
+
+@pytest.mark.parametrize("channel", CHANNELS)
+def test_a_bias_of_a_channel_is_what_its_signature_says_in_every_relation(channel):
+    record, size = flown(noise=None), 0.05 * SIZES[channel]
+    course, broken = course_from(record), course_from(record.replace(channel, record[channel] + size))
+    (bias,) = [each for each in of_sensors(course) if (each.suspect, each.kind) == (channel, "bias")]
+    effect = bias.effect(course.flight)
+    strength = np.nanmedian(np.linalg.norm(course.field, axis=1))
+    unit = strength if channel in MAGNETOMETER else 1.0 / UNITS.get(channel, 1.0)
+    shown = 0
+    for own, off in zip(relations_of(course), relations_of(broken), strict=True):
+        response, changed = own.response(course.flight, effect), _in_one_unit(off, own, broken, course)
+        told = np.zeros_like(changed) if response is None else response * size / unit
+        scale = np.nanmax(np.abs(changed))
+        assert np.nanmax(np.abs(changed - told)) <= max(0.05 * scale, 1e-6)
+        shown += scale > 1e-3
+    assert shown or channel == "altitude"  # whose level no relation knows
+
+
+def _in_one_unit(off, own, broken, course):
+    """Return what changed; shares of the field as shares of the healthy one."""
+    strength, usual = (np.nanmedian(np.linalg.norm(each.field, axis=1)) for each in (broken, course))
+    return off.values * (strength / usual if own.name == "field" else 1.0) - own.values
+
+
+def test_an_effect_on_nothing_that_a_relation_reads_is_none():
+    course = course_from(flown(noise=None))
+    (bias,) = [each for each in of_sensors(course) if (each.suspect, each.kind) == ("tas", "bias")]
+    of = {each.name: each for each in relations_of(course)}
+    assert of["field"].response(course.flight, bias.effect(course.flight)) is None
+    assert of["gps and air"].response(course.flight, bias.effect(course.flight)) is not None
+
+
+def test_every_explanation_has_a_name_of_its_own_and_every_base_is_there():
+    names = [each.name for each in explanations_of(course_from(flown()))]
+    assert len(set(names)) == len(names)
+    assert {each.base for each in explanations_of(course_from(flown())) if each.base} <= {*names}
+
+
+# ---- verdicts ----
+
+
+def test_nobody_is_accused_of_a_healthy_course():
+    for seed in (3, 4):
+        assert accused(flown(seed=seed)) == set()
+
+
+@pytest.mark.parametrize(
+    ("channel", "sensor"),
+    [("nz", "accelerometers"), ("ny", "accelerometers"), ("nx", "accelerometers"), ("gps_down", "gps")],
+)
+def test_a_bias_that_two_relations_show_is_named_with_its_size_and_onset(channel, sensor):
+    said = said_of(gb.inject(flown(), gb.Bias(channel=channel, onset_s=ONSET_S, size=SIZES[channel])))
+    ((name, span),) = said.accused
+    assert (name, span.state) == (sensor, State.FAILED)
+    assert span.start_s == pytest.approx(ONSET_S, abs=5.0)
+    judged = span.judgement
+    assert judged.parameters["size"] == pytest.approx(SIZES[channel], rel=0.15)
+    assert (judged.kind, judged.axis) == ("bias", channel)
+
+
+def test_what_one_relation_of_two_sensors_shows_is_either_of_theirs():
+    drifts = gb.Drift(channel="altitude", onset_s=ONSET_S, slope=SIZES["altitude"] / 30.0)
+    assert accused(gb.inject(flown(), drifts)) == {("altitude", State.SUSPECTED), ("gps", State.SUSPECTED)}
+
+
+def test_a_magnetometer_is_named_by_nothing_that_currents_do_as_well():
+    said = said_of(gb.inject(flown(), gb.Bias(channel="mag_x", onset_s=ONSET_S, size=SIZES["mag_x"])))
+    assert said.accused == ()
+    assert {sensor for sensor, _ in said.unjudged} <= {"magnetometer"}
+
+
+@pytest.mark.parametrize("channel", ["tas", "gps_east", "mag_z", "altitude", "nz"])
+def test_a_sensor_that_stands_still_in_flight_is_named(channel):
+    broken = gb.inject(flown(), gb.Jam(channel=channel, onset_s=ONSET_S))
+    ((name, span),) = said_of(broken).standing
+    assert name in (channel, "gps", "magnetometer", "accelerometers")
+    assert (span.start_s, span.end_s) == (pytest.approx(ONSET_S, abs=1.0), pytest.approx(END_S, abs=1.0))
+
+
+def test_where_two_sensors_stand_or_one_from_the_beginning_nobody_is_named():
+    both = gb.inject(flown(), gb.Jam(channel="tas", onset_s=ONSET_S))
+    assert said_of(gb.inject(both, gb.Jam(channel="altitude", onset_s=ONSET_S))).standing == ()
+    never_on = flown()["tas"].copy()
+    never_on[: len(never_on) // 2] = 0.0
+    assert said_of(flown().replace("tas", never_on)).standing == ()
+
+
+def test_what_reads_one_value_on_the_ground_is_no_fault():
+    record = flown()
+    row, landed = int(110.0 / record.sample_period_s), record.time_s > 110.0
+    six = {name: np.where(landed, 0.01 * np.sin(record.time_s), record[name]) for name in (*GYROS, *ATTITUDE)}
+    for name, values in (six | {"tas": np.where(landed, record["tas"][row], record["tas"])}).items():
+        record = record.replace(name, values)
+    assert said_of(record).standing == ()
