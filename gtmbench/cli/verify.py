@@ -96,6 +96,8 @@ def _folder(folder: Path) -> Iterator[_Told]:
 
 
 def _summed(path: Path, digest: str) -> _Told:
+    if path.exists() and not path.is_file():
+        return _Told(path, "it isn't a file any more")
     try:
         with path.open("rb") as file:
             is_same = hashlib.file_digest(file, "sha256").hexdigest() == digest
@@ -105,6 +107,8 @@ def _summed(path: Path, digest: str) -> _Told:
 
 
 def _is_monitor(path: Path) -> bool:
+    if not is_file(path):
+        return False
     with path.open("rb") as file:
         return b'"gtmbench monitor"' in file.read(200)
 
