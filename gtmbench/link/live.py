@@ -214,6 +214,11 @@ class Live:
         return self._pictures.drawn
 
     @property
+    def unsaved(self) -> str:
+        """Why what arrived isn't all saved, and which file lacks it; "" where it is."""
+        return self._kept.failure
+
+    @property
     def counts(self) -> LinkCounts:
         """The treatment of the link's messages so far."""
         return LinkCounts(dropped=self._source.dropped) if self._session is None else self._session.counts

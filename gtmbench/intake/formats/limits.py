@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
 import warnings
@@ -18,6 +19,7 @@ from gtmbench.imports import load_extra
 LARGEST_FILE_BYTES = LARGEST_LOG_BYTES
 LARGEST_CHUNK_BYTES = 1 << 26  # of a container, unpacked
 MOST_UNPACKED_BYTES = 1 << 31  # of a whole file
+_UNWRITTEN = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 MOST_COLUMNS = 5_000
 _SMALL_BYTES, _PACKED_AT_MOST = 1 << 26, 200  # of what is unpacked; how many times its size a larger one may be
 MOST_MESSAGES = 10_000_000
@@ -98,5 +100,7 @@ def reading(path: Path, kind: str) -> Iterator[None]:
     except InputError as error:
         raise InputError(f"{path}: {one_line(str(error))}") from error
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in _UNWRITTEN:
+            raise  # what is written anew of it: no fault of the file that is read
         reason = one_line(str(error))[:160] or type(error).__name__
         raise InputError(f"{path} isn't a readable {kind}: {reason}") from error
