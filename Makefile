@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test verdicts lint docs bench experiments export-check release clean
+.PHONY: run check test verdicts nightly lint docs bench experiments export-check release clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -15,6 +15,17 @@ test: .venv/ready ## every test; those that need a viewer skip by name where the
 
 verdicts: .venv/ready ## every log of the corpus of verdicts, and every draw of its oracles, with whole certificates
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "" tests/verdicts
+
+MINUTES ?= 60
+nightly: .venv/ready ## looks for more than tests do, with other seeds every day: fuzzing, ordeals, damaged logs, oracles of verdicts; all run, whatever fails
+	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
+	seed=$$(( $$(date +%s) / 86400 )); failed=; for each in \
+	  "tests.fuzz --minutes $(MINUTES) --seed $$seed" "tests.ordeals writes --tries 300 --seed $$seed" \
+	  "tests.ordeals kills --tries 60 --seed $$seed" "tests.ordeals flips --tries 60 --seed $$seed" "tests.ordeals writers --tries 30 --seed $$seed"; \
+	do echo "== $$each"; OPENBLAS_NUM_THREADS=1 $(BIN)/python -m $$each || failed="$$failed; $$each"; done; \
+	GTMBENCH_DAMAGED=200 GTMBENCH_ORACLES=$$seed OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "" \
+	  tests/intake/test_every_log_hostile.py tests/verdicts/test_metamorphic.py || failed="$$failed; pytest"; \
+	test -z "$$failed" || { echo "found something:$$failed"; exit 1; }
 
 lint: .venv/ready ## style, types, layers
 	$(BIN)/ruff format --check .

@@ -109,6 +109,7 @@ from gtmbench.study.score import Verdict, score
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import CHANNELS, Channel
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record
 from gtmbench.verdict.verdict import Outcome
 
@@ -191,6 +192,7 @@ __all__ = [
     "NoteWarning",
     "OrderChoice",
     "Oscillation",
+    "OutOfRange",
     "Outcome",
     "PredictionError",
     "PseudoInput",

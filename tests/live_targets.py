@@ -64,7 +64,7 @@ def send(path, port, speed):
 def by_udp(path, speed=1.0):
     """Watch a saved link that another process sends; return events, the link, latencies in ms and CPU in percent."""
     source = UdpSource("127.0.0.1", 0)
-    link = gb.live(source, MONITOR, end_after_s=2.0)
+    link = gb.live(source, MONITOR, end_after_s=5.0)
     taken, latencies, first, last = link._take, [], [], []
 
     def take(delivery):

@@ -44,6 +44,7 @@ for line in sys.stdin:
     process = os.fork()
     if not process:
         os.setsid()
+        os.environ.update(told["environment"])
         os.chdir(told["folder"])
         for number, name in ((1, "out"), (2, "err")):
             os.dup2(os.open(told[name], os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
@@ -77,6 +78,16 @@ COMMANDS = {
     "diff": ["diff", "a.rrd", "b.rrd", "--overlay", "o.rrd", "--force"],
     "check": ["check", "mine.toml", "--update"],
 }
+WRITES = {
+    **COMMANDS,
+    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--map-file", "map.toml", "--force"],
+    "export": ["export", str(ROOT / "gtmbench/baselines/bank-C.json"), "--out", "c"],
+    "autopilot": ["autopilot", "--out", "gains.toml", "--force"],
+    "new": ["new", "mine-new.toml"],
+    "rescue": ["rescue", "--out", "rescue.rrd", "--figure", "rescue.png", "--force"],
+}
+del WRITES["check"]  # it writes into what it is given
+KEPT = {"campaign": "out/", "fleet": "fleet/"}  # whose parts stay, for the next run to go on
 FOUND = {"diff": 1, "monitor": 3, "fleet": 3}  # exit codes that are as good as 0 here: what was found
 FULL = "full disk"  # from then on no file grows beyond a line
 # SIGXCPU: a limit of time
@@ -88,13 +99,14 @@ MB, LINE = 1 << 20, 1000
 class Forks:
     """Runs of the command line, one at a time, each a session of its own."""
 
-    def __init__(self):
-        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+    def __init__(self, preload=""):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "LD_PRELOAD": str(preload)}
         command = [sys.executable, "-c", FORKS]
         self._server = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
 
-    def begin(self, arguments, folder, err):
+    def begin(self, arguments, folder, err, environment=()):
         told = {"arguments": [*arguments, "-q"], "folder": str(folder), "out": os.devnull, "err": str(err)}
+        told["environment"] = dict(environment)
         self._server.stdin.write(json.dumps(told).encode() + b"\n")
         self._server.stdin.flush()
         return int(self._server.stdout.readline())
@@ -102,8 +114,8 @@ class Forks:
     def code(self):
         return int(self._server.stdout.readline())
 
-    def run(self, arguments, folder, err):
-        self.begin(arguments, folder, err)
+    def run(self, arguments, folder, err, environment=()):
+        self.begin(arguments, folder, err, environment)
         return self.code()
 
     def end(self):
@@ -251,6 +263,44 @@ class Ordeals:
             finally:
                 subprocess.run(["umount", "-l", work], check=True)
         print(f"disk: {tries} tries, {full} of them too full, {self.failed} failed", flush=True)
+
+    def writes(self, tries):
+        """Let every write from the n-th on fail, as on a full disk, of each command in turn, for growing n."""
+        shim, told = self.folder / "shim.so", 0
+        source = Path(__file__).with_name("full_disk.c")
+        subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", shim, source, "-ldl"], check=True)
+        forks = Forks(shim)
+        names = dict.fromkeys(WRITES, 0)  # of each, the write that fails next
+        for number in range(tries):
+            if not names:
+                break
+            name = list(names)[number % len(names)]
+            work, err = self.folder / "writes", self.folder / "err"
+            place(work, self.folder / "given")
+            before, nth = left_by(work), names[name]
+            code = forks.run(WRITES[name], work, err, {"FULL_IN": str(work), "FULL_FROM": str(nth)})
+            text = err.read_text()
+            lines = [line for line in text.splitlines() if not line.startswith("note: ")]
+            half = sorted(each for each, content in left_by(work).items() if before.get(each) != content)
+            what = f"{name}, write {nth} fails, exit {code}"
+            if code == 2:
+                told += 1
+                is_one = len(lines) == 1 and lines[0].startswith("gtmbench: ")
+                outputs = [each for each in half if is_output(each) and not each.startswith(KEPT.get(name, "-"))]
+                self.hold(
+                    what,
+                    (f"not one line: {lines}", is_one),
+                    (f"no output and reason: {lines}", "can't write" in text and "No space left on device" in text),
+                    (f"the input is blamed: {lines}", "readable" not in text and "log.csv:" not in text),
+                    (f"half output: {outputs}", not outputs),
+                )
+                names[name] += 1 + int(self.draw.integers(0, 1 + nth // 4))
+            else:
+                self.hold(what, ("another exit code", code in (0, FOUND.get(name))))
+                del names[name]
+            shutil.rmtree(work)
+        forks.end()
+        print(f"writes: {told} writes failed, {self.failed} failed", flush=True)
 
     def writers(self, tries):
         """Begin a command twice, the second some time later, while the first is at work."""
@@ -502,7 +552,7 @@ def gone(session):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("ordeal", choices=["flips", "disk", "writers", "kills", "cost"])
+    parser.add_argument("ordeal", choices=["flips", "disk", "writes", "writers", "kills", "cost"])
     parser.add_argument("--tries", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
     kinds = ["run", "campaign", "dask", "fleet", "calibrate", "inject"]

@@ -94,7 +94,7 @@ def _live(*, as_json: bool, quiet: bool) -> int:
         free.bind(("127.0.0.1", 0))
         link = f"udp:127.0.0.1:{free.getsockname()[1]}"
     monitor = files("gtmbench") / "baselines" / "bank-C.json"
-    watching = ["live", link, "--detector", str(monitor), "--end-after", "4"]
+    watching = ["live", link, "--detector", str(monitor), "--end-after", "8"]
     sending = ["fly", "--live", link, *LIVE_FLIGHT.split()]
     if not (as_json or quiet):
         for words, why in ((sending, "another process sends a flight"), (watching, "this one watches it")):

@@ -220,7 +220,9 @@ def _print_end(
         for line in _closing_lines(link):
             echo(line)
         echo(f"link: {link.counts}")
-        if save is not None:
+        if save is not None and link.unsaved:
+            echo(f"not all saved: {link.unsaved}; {save} holds what came before", err=True)
+        elif save is not None:
             echo(f"saved: {save}    look closer: gtmbench monitor {save} {_asked(detector)} --details")
         _print_drawn(link)
 
@@ -259,7 +261,7 @@ def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
         "source": source,
         "monitor": None if link.monitor is None else link.monitor.name,
         "watched_s": link.watched_s,
-        "saved": None if save is None else str(save),
+        "saved": None if save is None or link.unsaved else str(save),
         "recorded": [str(path) for path in _recorded(link)],
         "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
     }

@@ -28,6 +28,7 @@ from gtmbench.cli.output import (
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
 from gtmbench.jobs.progress import progress_bar
+from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
     from gtmbench.intake.contents import LogContents
@@ -87,7 +88,7 @@ _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*
 )
 @click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
 @click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
-@click.option("--time-limit", type=float, help="For several logs: seconds allowed for each.  [default: 900]")
+@click.option("--time-limit", type=float, help="Seconds allowed for a log.  [default: none; 900 for each of several]")
 @common_options
 def monitor_command(
     logs: tuple[Path, ...],
@@ -161,7 +162,8 @@ def monitor_command(
         )
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
         return monitor_fleet(logs, watching, out, jobs=processes, resume=resume, as_json=as_json, quiet=quiet)
-    _refuse({"--jobs": jobs, "--resume": resume, "--time-limit": time_limit}, "of several logs; give --out, too")
+    click.get_current_context().with_resource(limited(time_limit))
+    _refuse({"--jobs": jobs, "--resume": resume}, "of several logs; give --out, too")
     log = logs[0] if system is None else Path(f"{logs[0]}:{system}")
     for path, ending in ((record, ".rrd"), (figure, ".png"), (report, ".html"), (save, ".json")):
         if path is not None:

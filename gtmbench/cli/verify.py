@@ -70,7 +70,7 @@ def _told_of(path: Path) -> Iterator[_Told]:
         sums = path.parent / SUMS
         if not is_file(sums) or path.name not in (known := read_sums(sums)):
             raise InputError(f"{path}: nothing says what it held: it is no monitor and no baseline, and in no {SUMS}")
-        yield _summed(path, known[path.name])
+        yield _summed(path.parent, path.name, known[path.name])
 
 
 def _folder(folder: Path) -> Iterator[_Told]:
@@ -85,7 +85,7 @@ def _folder(folder: Path) -> Iterator[_Told]:
         raise InputError(f"{folder} holds neither {SUMS}, nor parts, nor monitors, so nothing says what it held")
     if is_file(folder / SUMS):
         for name, digest in read_sums(folder / SUMS).items():
-            yield _summed(folder / name, digest)
+            yield _summed(folder, name, digest)
     if holds_parts(folder):
         parts = read_parts(folder)
         damaged = parts.damaged()
@@ -95,7 +95,12 @@ def _folder(folder: Path) -> Iterator[_Told]:
     yield from map(_monitor, monitors)
 
 
-def _summed(path: Path, digest: str) -> _Told:
+def _summed(folder: Path, name: str, digest: str) -> _Told:
+    path = folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        return _Told(path, f"{SUMS} names a file outside of its folder, which isn't read")
+    if path.exists() and not path.is_file():
+        return _Told(path, "it isn't a file any more")
     try:
         with path.open("rb") as file:
             is_same = hashlib.file_digest(file, "sha256").hexdigest() == digest
@@ -105,6 +110,8 @@ def _summed(path: Path, digest: str) -> _Told:
 
 
 def _is_monitor(path: Path) -> bool:
+    if not is_file(path):
+        return False
     with path.open("rb") as file:
         return b'"gtmbench monitor"' in file.read(200)
 

@@ -29,6 +29,7 @@ OPERATOR_KEYS = (
     "markov",
 )
 MOST_LAGS = 10_000  # times inputs; what identification allows, too
+GREATEST = 1e30  # of any figure: its fourth power is still a number, and no calibration comes near
 _MOST_NAMES = 100
 PERIODS_S = (1e-9, 86400.0)
 
@@ -64,8 +65,11 @@ def operator_of(
     for key in ("estimator", "solver"):
         if not isinstance(table[key], str):
             raise InputError(f"{where}.{key} is {shown(table[key])}; it must be a text")
+    markov = array_of(f"{where}.markov", table["markov"], (lags, len(outputs), len(inputs)))
+    if not markov.any():
+        raise InputError(f"{where}.markov holds nothing but 0, which predicts nothing; run `gtmbench calibrate`")
     return Transmissibility(
-        markov=array_of(f"{where}.markov", table["markov"], (lags, len(outputs), len(inputs))),
+        markov=markov,
         inputs=inputs,
         outputs=outputs,
         causal_order=causal,
@@ -111,7 +115,7 @@ def array_of(where: str, given: Any, shape: tuple[int, ...]) -> FloatArray:
 
 def _check_numbers(where: str, given: Any, left: tuple[int, ...], shape: tuple[int, ...]) -> None:
     if not left:
-        number(where, given)
+        number(where, given, -GREATEST, GREATEST)
         return
     if not isinstance(given, list) or len(given) != left[0]:
         held = f"a list of {len(given)}" if isinstance(given, list) else shown(given)

@@ -12,6 +12,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.imus import Imu
 from gtmbench.intake.injections import Injection
 from gtmbench.values.notebook import card
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
@@ -26,7 +27,7 @@ class Remark:
     ----------
     kind : str
         ``gap``, ``clock jump``, ``out of order``, ``duplicate``, ``slipped``, ``held``, ``missing``, ``constant``,
-        ``saturated``, ``short``, ``sign``.
+        ``saturated``, ``short``, ``sign``, ``out of range``.
     channel : str or None
         The channel; None if it concerns all of them.
     start_s, end_s : float
@@ -140,6 +141,8 @@ class FlightLog:
     unread : tuple of Unread
         Every span of the log that is in no segment, and why, in time. The segments and these cover ``span_s`` without a
         hole that is longer than a sample.
+    out_of_range : tuple of OutOfRange
+        Which readings no sensor reads, a channel each: they are missing.
     periods_s : mapping
         How far apart each channel's samples are in the log, at the median, whatever the record's rate.
 
@@ -169,6 +172,7 @@ class FlightLog:
     attitude_from_gyros: bool = False
     is_received: bool = False
     unread: tuple[Unread, ...] = ()
+    out_of_range: tuple[OutOfRange, ...] = ()
     periods_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def _repr_html_(self) -> str:

@@ -22,6 +22,7 @@ from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import Track
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
+from gtmbench.values.ranges import OutOfRange, out_of_range
 from gtmbench.values.record import sealed
 
 SENSORS = (GYROS, ATTITUDE, ACCELEROMETERS, ("alpha", "beta"))  # axes measured at once
@@ -35,15 +36,16 @@ _Groups = dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray
 
 def tracks_of(
     chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float], witnesses: Sequence[Chosen] = ()
-) -> tuple[list[Track], list[Track], list[Remark]]:
+) -> tuple[list[Track], list[Track], list[Remark], list[OutOfRange]]:
     """Return the channels by their stamps, every sample once and none that only repeats another; and remarks.
+
+    Last, the readings that no sensor reads: they are missing.
 
     Between them, the witnesses that can be read. Theirs lie in memory behind the channels of the same stamps, so that
     they can stand beside them without a copy; what becomes of the channels doesn't depend on them.
     """
     groups: _Groups = {}
-    for choice in chosen:
-        _group(choice, clocks, groups)
+    beyond = [found for choice in chosen if (found := _group(choice, clocks, groups)) is not None]
     for choice in witnesses:
         with contextlib.suppress(InputError):
             check_values(len(clocks[choice.series.clock].time_s), "a sensor beside it")
@@ -70,18 +72,28 @@ def tracks_of(
             _, time_s, values, _ = single("", at_s, matrix[:, place : place + 1], breaks_at_s)
             apart.append(Track(channels=(name,), time_s=time_s, values=values))
     tracks, held = fresh(tracks)
-    return tracks, apart, remarks + held
+    return tracks, apart, remarks + held + [_remark_on(each) for each in beyond], beyond
 
 
-def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> None:
-    """Put a channel's samples to those of the same stamps."""
+def _remark_on(found: OutOfRange) -> Remark:
+    last_s = max([found.first_s, *(end_s for _, end_s in found.spans)])
+    return remark("out of range", found.first_s, last_s, found.text, found.channel)
+
+
+def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> OutOfRange | None:
+    """Put a channel's samples to those of the same stamps; return which readings are out of range."""
     clock = clocks[choice.series.clock]
-    values = choice.values()[clock.rows]
-    own = own_rows(clock.time_s, np.isfinite(values))
+    read, rows, beyond = choice.readings()
+    values, is_outside = read[clock.rows], np.isin(np.arange(len(read)), rows)[clock.rows] if len(rows) else None
+    is_filled = np.isfinite(values)
+    own = own_rows(clock.time_s, is_filled if is_outside is None else is_filled | is_outside)
     key = choice.series.clock if own is None else own.tobytes()
     at_s = clock.time_s if own is None else clock.time_s[own]
     at_s = at_s - choice.late_s if choice.late_s else at_s
     groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
+    if is_outside is None or not is_outside.any():
+        return None
+    return out_of_range(choice.channel, clock.time_s, is_outside, float(beyond[0]))
 
 
 def _as_matrix(columns: dict[str, FloatArray]) -> FloatArray:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import naming
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.raw import RawLog, measured, origin_of
+from gtmbench.intake.formats.raw import RawLog, origin_of
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import SENSORS, fresh_rows
 from gtmbench.intake.lattice import GRAINS_S, JITTER, is_rounded, typical_period
@@ -295,7 +295,6 @@ def _batches(raw: RawLog, names: Sequence[str]) -> Iterator[Mapping[str, NDArray
 def _brought(choice: Chosen, batch: Mapping[str, NDArray[Any]], turns: Turns) -> FloatArray:
     """Return a batch of a channel, in its unit."""
     values: FloatArray = batch[choice.series.name].astype(np.float64)
-    measured(values)
     choice.bring(values, turns)
     return values
 

@@ -13,11 +13,11 @@ from gtmbench.checks import listed, meant
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.documented import ALL
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
+from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
-from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS
+from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 
@@ -58,18 +58,29 @@ class Chosen:
         )
 
     def values(self) -> FloatArray:
-        """Return the channel in its unit; psi runs through 360 deg and on."""
-        values, turns = self.series.values(), Turns()
-        for rows in pieces(len(values)):
-            self.bring(values[rows], turns)
-        return values
+        """Return the channel in its unit, NaN where it is out of range; psi runs through 360 deg and on."""
+        return self.readings()[0]
 
-    def bring(self, values: FloatArray, turns: Turns) -> None:
-        """Bring the next of the column's values to the channel's unit, in place."""
+    def readings(self) -> tuple[FloatArray, IntArray, FloatArray]:
+        """Return the same, the rows that are out of range, and what stands there."""
+        values, turns = self.series.load().astype(np.float64), Turns()
+        rows, outside = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+        for piece in pieces(len(values)):
+            own, read = self.bring(values[piece], turns)
+            rows.append(own + piece.start)
+            outside.append(read)
+        return values, np.concatenate(rows), np.concatenate(outside)
+
+    def bring(self, values: FloatArray, turns: Turns) -> tuple[IntArray, FloatArray]:
+        """Bring the next of the column's values to the channel's unit, in place; return which are out of range."""
         if self.factor != 1.0:
             values *= self.factor
+        rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
+        outside = values[rows]
+        values[rows] = np.nan
         if self.channel == "psi":
             turns.undo(values)
+        return rows, outside
 
 
 class Turns:

@@ -29,6 +29,7 @@ from gtmbench.intake.tracks import Track
 from gtmbench.values.channels import ATTITUDE, SENSORS
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import beside
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record
 
 
@@ -119,7 +120,7 @@ def _opened(
     others = choose_of([name for name in witnesses if name not in {choice.channel for choice in chosen}], raw, columns)
     known = _clocks_of(others, raw, clocks, breaks_s)
     others = [choice for choice in others if choice.series.clock in known]
-    tracks, apart, told = tracks_of(chosen, known, breaks_s, others)
+    tracks, apart, told, out_of_range = tracks_of(chosen, known, breaks_s, others)
     remarks += told
     suspects = [
         choice.channel
@@ -131,7 +132,7 @@ def _opened(
     made = cut(tracks, breaks_s=breaks_s, rate_hz=rate_hz)
     segments = [record.select([choice.channel for choice in chosen]) for record in made.records]
     if needs is not None:
-        _check_together(segments, tracks)
+        _check_together(segments, tracks, out_of_range)
     taken = [f"{choice.channel} = {choice.how}" for choice in chosen if choice.how != AS_IT_IS]
     own = [choice.channel for choice in chosen if choice.how == AS_IT_IS]
     if own:
@@ -160,6 +161,7 @@ def _opened(
         attitude_from_gyros=raw.attitude_from_gyros and not set(ATTITUDE) <= set(columns),
         is_received=raw.is_received,
         unread=made.unread,
+        out_of_range=tuple(out_of_range),
         periods_s=_periods_s(made, apart, beyond),
     )
 
@@ -170,10 +172,13 @@ def _periods_s(made: Cut, apart: Sequence[Track], beyond: Sequence[str]) -> dict
     return made.periods_s | beside_s
 
 
-def _check_together(segments: Sequence[Record], tracks: Sequence[Track]) -> None:
+def _check_together(segments: Sequence[Record], tracks: Sequence[Track], out_of_range: Sequence[OutOfRange]) -> None:
     """Refuse channels that nowhere have a sample together: clocks in other units, or stamps that come in bursts."""
     if any(np.isfinite(record.values).all(axis=1).any() for record in segments):
         return
+    if out_of_range:
+        told = "; ".join(each.text for each in out_of_range)
+        raise InputError(f"{told}; nothing is left to be watched: is the unit right? --map CHANNEL=COLUMN:UNIT")
     spans = "; ".join(
         f"{track.label} from {track.time_s[0]:.6g} to {track.time_s[-1]:.6g} s, {track.period_s:.3g} s apart"
         for track in tracks

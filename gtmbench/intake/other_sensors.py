@@ -24,7 +24,7 @@ from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mappin
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
-from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, MAGNETOMETER, limit_of
 from gtmbench.values.pieces import beside
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
@@ -299,6 +299,9 @@ def _field(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: Ra
 
 def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadings | None:
     """Return readings without those that only repeat the one before; None where there are hardly any."""
+    inside = np.all(np.abs(values) <= np.array(list(map(limit_of, told.channels))), axis=1)
+    if not inside.all():
+        time_s, values = time_s[inside], values[inside]
     is_read = readings_at(time_s, values)
     if np.count_nonzero(is_read) < _FEWEST:
         return None

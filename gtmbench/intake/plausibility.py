@@ -40,8 +40,8 @@ def _missing(channel: str, time_s: FloatArray, values: FloatArray) -> list[Remar
     starts, ends = runs(lost)
     longest = int((ends - starts).max())
     text = (
-        f"{channel}: {np.count_nonzero(lost)} of {len(values)} samples are missing (NaN or infinite), in {len(starts)} "
-        f"places, at most {longest} in a row; more than two in a row stay missing"
+        f"{channel}: {np.count_nonzero(lost)} of {len(values)} samples are missing (NaN or out of range), in "
+        f"{len(starts)} places, at most {longest} in a row; more than two in a row stay missing"
     )
     return [remark("missing", time_s[starts[0]], time_s[ends[-1] - 1], text, channel)]
 

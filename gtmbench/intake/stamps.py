@@ -20,6 +20,8 @@ from gtmbench.values.record import BoolArray
 IntArray = NDArray[np.int64]
 
 FAR_S = 3600.0  # a step that is longer is no pause in logging: the clock was set
+SHORTEST_STEP_S = 1e-9  # between samples; what is closer stands still
+FARTHEST_S = 3e6  # a month: by how much a clock may jump on; what stands behind is no part of the same flight
 LATEST_S = 1e14  # three million years; what is later is no time
 NEAR = 0.25  # of a period: stamps that are closer are one sample, logged twice
 _MORE_EVEN = 0.5  # of the unevenness of all of a table's rows: a column's own stamps
@@ -85,7 +87,7 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
 
 def _is_in_order(time_s: FloatArray) -> bool:
     """Tell whether stamps are all there and never step back or far: then there is nothing to clean."""
-    if len(time_s) < 2 or not time_s[0] < time_s[-1]:
+    if len(time_s) < 2 or not time_s[-1] - time_s[0] > SHORTEST_STEP_S * len(time_s):
         return False
     for rows in pieces(len(time_s) - 1):
         part = time_s[rows.start : rows.stop + 1]
@@ -108,7 +110,7 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     steps = np.diff(time_s[rows])
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
-    if period_s == 0.0 or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
+    if period_s < SHORTEST_STEP_S or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
         forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
         raise InputError(
             f"{_label(name)}time stands still or jumps: {forward} of {len(steps)} steps go forward, {back} back; "
@@ -120,6 +122,14 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
         following = time_s[runs[number + 1][0]] if number + 1 < len(runs) else math.nan
         _join(stretches, name, run, time_s, following, period_s)
     stretches.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in stretches.rows]
+    for own in stretches.rows:
+        steps = np.diff(time_s[own])
+        if steps.max(initial=0.0) > FARTHEST_S:
+            place = int(steps.argmax())
+            raise InputError(
+                f"{_label(name)}the clock jumps on by {steps[place]:.4g} s behind {time_s[own[place]]:.10g} s; cut the "
+                "log there, for no flight goes on so much later"
+            )
     return stretches
 
 

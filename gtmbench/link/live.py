@@ -118,7 +118,7 @@ class Live:
             self._said = ""
             self._has_dropped = False
             self._asks = options.request_hz is not None
-            self._arrived_s = 0.0
+            self._arrived_s = self._heard_s = 0.0  # of bytes, and of what could be read
             self._at_once = 1
             folder = stack.enter_context(tempfile.TemporaryDirectory())
             kept = Path(folder, "link.csv" if source.is_table else "link.tlog")
@@ -214,6 +214,11 @@ class Live:
         return self._pictures.drawn
 
     @property
+    def unsaved(self) -> str:
+        """Why what arrived isn't all saved, and which file lacks it; "" where it is."""
+        return self._kept.failure
+
+    @property
     def counts(self) -> LinkCounts:
         """The treatment of the link's messages so far."""
         return LinkCounts(dropped=self._source.dropped) if self._session is None else self._session.counts
@@ -254,6 +259,7 @@ class Live:
             yield self._event(LiveKind.LEARNING, f"learning from {self._options.learn_s:g} s of this link")
         else:
             self._begin(self.monitor)
+        self._heard_s = time.time() if self._source.is_live else 0.0
         for delivery in self._source.deliveries():
             now_s = time.time() if delivery is None else delivery.arrived_s
             events = self._tick(now_s) if delivery is None else self._take(delivery)
@@ -263,8 +269,7 @@ class Live:
                 yield event
             if self._saying is not None:
                 self._saying.tick()
-            silent_s = now_s - self._arrived_s
-            if self._options.end_after_s is not None and self._arrived_s and silent_s > self._options.end_after_s:
+            if self._options.end_after_s is not None and now_s - self._heard_s > self._options.end_after_s:
                 break
         if self._source.is_table:
             yield from self._read(Delivery(self._arrived_s, b""), is_last=True)
@@ -290,6 +295,8 @@ class Live:
     def _read(self, delivery: Delivery, *, is_last: bool = False) -> Iterator[LiveEvent]:
         reader = self._reader
         messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
+        if messages or (reader.taken and not self._source.is_table):
+            self._heard_s = delivery.arrived_s
         yield from self._saved(delivery.arrived_s)
         self._speak()
         if self._session is None:

@@ -6,6 +6,7 @@ more than one packet's bytes ever wait for the rest of it, whatever arrives.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -62,6 +63,8 @@ def key_of(path: Path) -> bytes:
         If there is no such file, or it is empty.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise OSError(errno.EINVAL, "not a file")
         content = path.read_bytes()[:4096]
     except OSError as error:
         raise InputError(f"--key-file {path}: {error.strerror}; give the file that holds the signing key") from error

@@ -24,6 +24,7 @@ from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
 from gtmbench.study.log.self_check.outcome import rests_on_motion
+from gtmbench.values.channels import limit_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.verdict import LogVerdict, Outcome
 
@@ -50,6 +51,8 @@ class LinkCounts:
         With a wrong checksum, or no row; without the right signature.
     dropped : int
         Pieces of the link that came faster than they could be watched.
+    out_of_range : int
+        Readings that no sensor reads, such as an infinite angle; they are missing.
 
     Examples
     --------
@@ -65,6 +68,7 @@ class LinkCounts:
     broken: int = 0
     refused: int = 0
     dropped: int = 0
+    out_of_range: int = 0
 
     def __str__(self) -> str:
         parts = [
@@ -76,6 +80,7 @@ class LinkCounts:
                 ("broken", self.broken),
                 ("not signed", self.refused),
                 ("dropped", self.dropped),
+                ("out of range", self.out_of_range),
             )
             if count
         ]
@@ -138,6 +143,7 @@ class Session:
             broken=self._reader.broken,
             refused=self._reader.refused,
             dropped=self.dropped,
+            out_of_range=past.out_of_range + self._watcher.out_of_range.total(),
         )
 
     @property
@@ -257,6 +263,9 @@ class Session:
         if self._reader.others:
             others = ", ".join(map(str, self._reader.others))
             yield from self._once(LiveKind.NOTE, f"system {others} flies on this link, too; it isn't watched")
+        for name in watcher.out_of_range:
+            text = f"a reading of {name} is beyond {limit_of(name):g}: it is missing, as all such will be"
+            yield from self._once(LiveKind.NOTE, text)
         if self._is_sparse():
             text = "the link brings less than half of the messages that the monitor reads; no verdict until it does"
             yield from self._state_is(LiveKind.CANNOT_TELL, text)

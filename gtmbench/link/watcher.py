@@ -7,7 +7,10 @@ corrected as a log's is, and the monitor's own stream reads them. Nothing here d
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import compress
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +28,7 @@ from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
 from gtmbench.study.log.said import beyond
 from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS, limit_of
 from gtmbench.values.record import Record, joined
 
 _PROBED_S = 1.5  # in which rates are measured
@@ -104,6 +107,8 @@ class Watcher:
         """Samples that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
+        self.out_of_range: Counter[str] = Counter()
+        """How many readings of each channel no sensor reads: they are missing."""
         self.problem = ""
         """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
 
@@ -210,7 +215,17 @@ class Watcher:
     def _samples(self, messages: Sequence[Message]) -> list[Sample]:
         read = ((message, self._channels.get(message.topic)) for message in messages)
         made = (self._reader.sample(message, channels) for message, channels in read if channels is not None)
-        return [sample for sample in made if sample is not None]
+        return [self._inside(sample) for sample in made if sample is not None]
+
+    def _inside(self, sample: Sample) -> Sample:
+        """Return a sample without readings that no sensor reads, and count these."""
+        channels = self._channels[sample.topic]
+        outside = [abs(value) > limit_of(name) for value, name in zip(sample.values, channels, strict=True)]
+        if not any(outside):
+            return sample
+        self.out_of_range.update(compress(channels, outside))
+        pairs = zip(sample.values, outside, strict=True)
+        return replace(sample, values=tuple(math.nan if is_outside else value for value, is_outside in pairs))
 
     def _hear(self) -> tuple[Alarm, ...]:
         samples, self.pending = self.pending, []

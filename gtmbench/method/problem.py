@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -10,11 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.checks import names, whole
-from gtmbench.errors import InputError
+from gtmbench.errors import InputError, NoteWarning
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.regression.stretches import Stretch, check_constant, stretches
 from gtmbench.method.regression.triangle import Columns, Triangle, triangle
 from gtmbench.values.clock import same_period
+from gtmbench.values.ranges import within_range
 from gtmbench.values.record import FloatArray, Record, check_record
 
 _MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
@@ -170,10 +172,14 @@ def operator_names(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple
 
 
 def as_records(given: Records) -> tuple[Record, ...]:
-    """Return one record or several as a tuple: at least one, all of one sample period."""
+    """Return one record or several as a tuple: at least one, all of one sample period, without absurd readings."""
     records = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
     for record in records:
         check_record(record)
+    inside = [within_range(record) for record in records]
+    records = tuple(record for record, _ in inside)
+    for each in (each for _, found in inside for each in found):
+        warnings.warn(NoteWarning(each.text), stacklevel=3)
     if not records:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in records}

@@ -122,6 +122,12 @@ OF_OWN_RATE = (*MAGNETOMETER, *GPS_VELOCITY)  # slower than most records, in whi
 WHOLE = {"magnetometer": MAGNETOMETER, "gps": GPS_VELOCITY, "accelerometers": ACCELEROMETERS}
 _WHOLE_OF = {channel: sensor for sensor, channels in WHOLE.items() for channel in channels}
 _UNITS_OF_OWN_RATE = dict.fromkeys(MAGNETOMETER, "uT") | dict.fromkeys(GPS_VELOCITY, "m/s")
+# the greatest magnitude that a reading can have: several times what the widest instruments reach, so that a hardover, a
+# saturated sensor or a bias of any size is inside; what a damaged cell holds is nearly always far outside
+_LIMITS = dict.fromkeys(GYROS, 1e5) | dict.fromkeys(ACCELEROMETERS, 1e4)  # deg/s, g
+_LIMITS |= {"psi": 1e7, "tas": 1e5, "altitude": 1e7} | dict.fromkeys(("phi", "theta", "alpha", "beta"), 1e5)
+_LIMITS |= dict.fromkeys(MAGNETOMETER, 1e5) | dict.fromkeys(GPS_VELOCITY, 1e5) | dict.fromkeys(COMMANDS, 1e5)
+_ANY = 1e100  # of a channel that the table doesn't know
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 
 CHANNEL_OF_HEADER = {channel.header: channel.name for channel in _TABLE}
@@ -154,6 +160,15 @@ def unit_of(name: str) -> str:
     ('deg/s', 'm/s', '')
     """
     return CHANNELS[name].unit if name in CHANNELS else _UNITS_OF_OWN_RATE.get(name, "")
+
+
+def limit_of(name: str) -> float:
+    """Return the greatest magnitude that a reading of a channel can have, in its unit; one of an IMU by its gyro.
+
+    >>> limit_of("q"), limit_of("q of IMU2"), limit_of("strain_3")
+    (100000.0, 100000.0, 1e+100)
+    """
+    return _LIMITS.get(name.partition(" of ")[0], _ANY)
 
 
 def header_of(name: str) -> str:

@@ -86,9 +86,9 @@ def test_missing_samples_are_counted_and_stay_missing_but_single_ones(flight, tm
     values[500:503], values[2000], values[4000:4100:2] = np.nan, np.inf, -np.inf
     gb.write_log(flight.replace("q", values), tmp_path / "log.csv")
     log = gb.open_log(tmp_path / "log.csv")
-    (remark,) = log.remarks
-    assert (remark.kind, remark.channel) == ("missing", "q")
-    assert "54 of 6001 samples are missing (NaN or infinite), in 52 places, at most 3 in a row" in remark.text
+    remark, beyond = log.remarks
+    assert (remark.kind, remark.channel, beyond.kind) == ("missing", "q", "out of range")
+    assert "54 of 6001 samples are missing (NaN or out of range), in 52 places, at most 3 in a row" in remark.text
     assert (remark.start_s, remark.end_s) == (5.0, 40.98)
     (record,) = log.segments
     there = np.isfinite(values)

@@ -333,7 +333,7 @@ def test_stray_and_doubled_stamps_are_left_out(tmp_path):
 
 def test_a_far_jump_forward_is_a_jump_of_the_clock(tmp_path):
     time_s = np.arange(1000) * 0.01 + np.where(np.arange(1000) < 500, 0, 1e6)
-    log = gb.open_log(table(tmp_path, time_s, p_deg_s=time_s))
+    log = gb.open_log(table(tmp_path, time_s, p_deg_s=time_s % 10.0))
     assert [record.start_s for record in log.segments] == [0.0, 1_000_005.0]
     (remark,) = log.remarks
     assert (remark.kind, round(remark.start_s, 2), remark.end_s) == ("clock jump", 4.99, 1_000_005.0)

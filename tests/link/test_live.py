@@ -107,7 +107,7 @@ def test_a_saved_link_gives_the_same_alarms(seed, loss, doubled, jitter_s, many)
 def test_what_arrives_by_udp_and_what_is_saved_of_it_are_watched_alike(tmp_path):
     source = UdpSource("127.0.0.1", 0)
     path = tmp_path / "saved.tlog"
-    link = gb.live(source, monitors.monitor(), save=path, end_after_s=1.0)
+    link = gb.live(source, monitors.monitor(), save=path, end_after_s=2.5)
 
     def send():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:

@@ -41,7 +41,7 @@ def test_every_make_target_exists():
 CHEAP = {  # what is added to a command
     "gtmbench run drift jam": "--no-figures --no-recording",
     "gtmbench run jam": "--no-figures",
-    "gtmbench live": "--learn 25 --end-after 5",
+    "gtmbench live": "--learn 25 --end-after 8",
     "gtmbench fly --live": "--duration 60 --onset 55 --speed 10",
 }
 

@@ -16,6 +16,7 @@ from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.detectors.tables import (
+    GREATEST,
     MOST_LAGS,
     PERIODS_S,
     array_of,
@@ -32,6 +33,7 @@ NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")
 _PARTS = ("operator", "whitener", "tolerance", "thresholds", "uncertainty")
 _LONGEST_WHITENER = 100_000
+_LEAST_THRESHOLD = 1e-9  # nats or deviations; the thresholds of calibrations are 1 to 100
 
 
 def bank_figures(monitor: CalibratedBank) -> dict[str, Any]:
@@ -143,8 +145,8 @@ def whitener_from(where: str, table: Any) -> Whitener:
         raise InputError(f"{where}.coefficients is {shown(given)}; it must be a list of 1 to {_LONGEST_WHITENER}")
     return Whitener(
         coefficients=array_of(f"{where}.coefficients", given, (len(given),)),
-        mean=number(f"{where}.mean", table["mean"]),
-        deviation=number(f"{where}.deviation", table["deviation"], 0.0, above=True),
+        mean=number(f"{where}.mean", table["mean"], -GREATEST, GREATEST),
+        deviation=number(f"{where}.deviation", table["deviation"], 1.0 / GREATEST, GREATEST),
     )
 
 
@@ -152,9 +154,9 @@ def tolerance_from(where: str, table: Any) -> Tolerance:
     """Return the tolerance of a table, every key checked."""
     table = keys(where, table, ("mean", "low", "high"))
     return Tolerance(
-        mean=number(f"{where}.mean", table["mean"], 0.0),
-        low=number(f"{where}.low", table["low"], 0.0, 1.0, above=True),
-        high=number(f"{where}.high", table["high"], 1.0),
+        mean=number(f"{where}.mean", table["mean"], 0.0, GREATEST),
+        low=number(f"{where}.low", table["low"], 1.0 / GREATEST, 1.0),
+        high=number(f"{where}.high", table["high"], 1.0, GREATEST),
     )
 
 
@@ -169,10 +171,24 @@ def thresholds_from(
     labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, Tolerance())]
     table = keys(where, table, tuple(dict.fromkeys(labels)))
     thresholds = {
-        label: math.inf if value == NEVER else number(f"{where}, '{label}'", value) for label, value in table.items()
+        label: math.inf if value == NEVER else threshold_of(f"{where}, '{label}'", value)
+        for label, value in table.items()
     }
     check_sight(where, thresholds, statistic, tolerance, period_s, deviation=deviation)
     return thresholds
+
+
+def threshold_of(where: str, given: Any) -> float:
+    """Return a test's threshold, which is no 0: noise alone passes that.
+
+    >>> threshold_of("thresholds", 1e-320)
+    Traceback (most recent call last):
+    gtmbench.errors.InputError: thresholds is 1e-320; a threshold is 1e-09 or more; run `gtmbench calibrate`
+    """
+    value = number(where, given)
+    if abs(value) < _LEAST_THRESHOLD:
+        raise InputError(f"{where} is {value:g}; a threshold is {_LEAST_THRESHOLD:g} or more; run `gtmbench calibrate`")
+    return value
 
 
 def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncertainty | None:
@@ -187,8 +203,8 @@ def _uncertainty(where: str, table: Any, spec: ResidualSpec) -> ParameterUncerta
         raise InputError(f"{where}.root is {shown(given)}; it must be a square table, {len(spec.inputs)} rows a lag")
     return ParameterUncertainty(
         root=array_of(f"{where}.root", given, (size, size)),
-        raw=number(f"{where}.raw", table["raw"], 0.0),
-        white=number(f"{where}.white", table["white"], 0.0),
+        raw=number(f"{where}.raw", table["raw"], 0.0, GREATEST),
+        white=number(f"{where}.white", table["white"], 0.0, GREATEST),
         half=_half(where, table["half"]),
     )
 

@@ -39,6 +39,7 @@ JUDGES: dict[str, Statistic] = {
 }
 _TRIED_S = 20.0  # of which the first two thirds are healthy: baselines want 10 s
 _MOST_TRIED = 200_000  # samples: at 10 kHz; a file may say any period
+_LONGEST_S = 600.0  # of a window or a memory
 _GROSS = 1e4  # deg/s: what no detector may overlook
 
 Model = Mapping[str, FloatArray]
@@ -164,6 +165,8 @@ class Rival(ABC):
             own = getattr(self, key)
             if type(value) is not type(own) or (key == "judge" and value not in JUDGES):
                 raise InputError(f"recipe.{key} is {shown(value)}; '{self.name}' has {shown(own)} there")
+            if key.endswith("_s"):
+                number(f"recipe.{key}", value, 0.0, _LONGEST_S)
         return replace(self, **recipe)
 
     def _residuals(self, model: Model, values: FloatArray, sample_period_s: float) -> dict[str, FloatArray]:

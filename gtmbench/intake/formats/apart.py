@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.limits import MOST_COLUMNS, check_values, quiet
+from gtmbench.intake.formats.limits import MOST_COLUMNS, bytes_of, check_values, quiet, reading
 
 Arrays = dict[str, NDArray[Any]]
 _SPARE_BYTES, _BYTES_A_BYTE = 300 << 20, 20  # of memory: beside the file, and for each of its bytes
@@ -40,6 +40,8 @@ def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[s
     """
     if (package in sys.modules and sys.modules[package] is None) or importlib.util.find_spec(package) is None:
         raise InputError(f"{path} is a {kind}: reading it needs the package {package}; pip install 'gtmbench[logs]'")
+    with reading(path, kind):
+        bytes_of(path)
     environment = os.environ | {"PYTHONPATH": str(_PACKAGES), "OPENBLAS_NUM_THREADS": "1"}
     command = [sys.executable, "-P", "-m", __name__, reader, str(path.absolute())]
     with tempfile.TemporaryFile() as answer:
@@ -65,7 +67,7 @@ def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[s
 
 def main(reader: str, path: str) -> None:
     """Write what a reader returns to stdout: a line of JSON, and array after array."""
-    _limit(Path(path).stat().st_size)
+    _limit(bytes_of(Path(path)))
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     try:
         with quiet():

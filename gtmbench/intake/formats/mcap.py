@@ -138,7 +138,7 @@ def _unpacked(chunk: Any) -> bytes:
 def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[str, int]) -> None:
     schemas: dict[int, str] = {}
     channels: dict[int, Any] = {}
-    messages, grown = 0, 0
+    messages, grown, columns = 0, 0, 0
     for record in records:
         kind = type(record).__name__
         if kind == "Schema":
@@ -159,8 +159,12 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
                 left_out[why_not] = left_out.get(why_not, 0) + 1
                 continue
             topic = topics.setdefault(channel.topic, _Topic(imu=schema in IMU_SCHEMAS))
+            columns -= len(topic.columns)
             grown += topic.add(min(record.log_time, 2**63 - 1), values)
+            columns += len(topic.columns)
             check_values(grown, "its messages")
+            if columns > MOST_COLUMNS:
+                raise InputError(f"its messages have more than {MOST_COLUMNS} fields; no log has so many")
 
 
 def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] | None, str]:

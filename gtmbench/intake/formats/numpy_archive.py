@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gtmbench.errors import InputError
 from gtmbench.intake.formats.apart import Arrays
 from gtmbench.intake.formats.arrays import log_of_arrays
-from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values, reading
+from gtmbench.intake.formats.limits import check_unpacked, check_values, reading
 from gtmbench.intake.formats.raw import Format, RawLog
 
 _KIND = "NumPy archive"
-_PACKED_AT_MOST = 200  # times
 
 
 def read_numpy(path: Path, part: str = "") -> RawLog:
@@ -26,7 +24,7 @@ def read_numpy(path: Path, part: str = "") -> RawLog:
         arrays: Arrays = {}
         left_out = []
         with zipfile.ZipFile(file) as archive:
-            _check_size(path, archive)
+            check_unpacked(sum(member.file_size for member in archive.infolist()), path)
             for name in archive.namelist():
                 if name.endswith(".npy"):
                     with archive.open(name) as member:
@@ -47,12 +45,6 @@ def _fields(name: str, array: np.ndarray) -> Arrays:
     if array.dtype.names is None:
         return {name or "array": array}
     return {f"{name}/{field}".strip("/"): array[field] for field in array.dtype.names}
-
-
-def _check_size(path: Path, archive: zipfile.ZipFile) -> None:
-    unpacked = sum(member.file_size for member in archive.infolist())
-    if unpacked > min(LARGEST_FILE_BYTES, (1 << 26) + _PACKED_AT_MOST * path.stat().st_size):
-        raise InputError(f"it unpacks to {unpacked} bytes, far more than its size")
 
 
 FORMAT = Format(

@@ -99,9 +99,13 @@ def _most_bytes(path: Path) -> int:
 
 def _unpack(packed: IO[bytes] | gzip.GzipFile, aside: Path, most: int) -> int:
     """Write what is packed to a file, and return its size."""
-    with aside.open("wb") as plain:
+    with aside.open("wb", buffering=0) as plain:
         while piece := packed.read(_PIECE):
-            plain.write(piece)
+            try:
+                plain.write(piece)
+            except OSError as error:
+                why = f"it can't be unpacked in {aside.parent.parent}: {error.strerror}"
+                raise InputError(f"{why}; make room there, or set TMPDIR to another folder") from error
             if plain.tell() > most:
                 raise InputError("it unpacks to far more than its size; unpack it, if it is a log")
         return plain.tell()

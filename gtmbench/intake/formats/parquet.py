@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.limits import check_columns, check_values, reading
+from gtmbench.intake.formats.limits import check_columns, check_unpacked, check_values, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
 from gtmbench.values.pieces import rows_of_piece
 
@@ -29,6 +29,7 @@ def read_parquet(path: Path) -> RawLog:
         metadata, schema = pq.read_metadata(path), pq.read_schema(path)
         check_columns(schema.names)
         check_values(metadata.num_rows, "one of its columns")
+        check_unpacked(8.0 * metadata.num_rows, path)
         for field in schema:
             if _is_date(field.type):
                 values, note = dates_in_seconds(_column(path, field.name, "datetime64[ns]"))

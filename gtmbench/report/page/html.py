@@ -42,12 +42,13 @@ def html_page(
         finalize=finalized,
     )
     code = _beside(script)
-    return environment.get_template(template).render(
+    page = environment.get_template(template).render(
         style=Markup(_beside("page.css") + (_beside(style) if style else "")),  # noqa: S704  our own files
         script=Markup(code),  # noqa: S704
         script_digest=base64.b64encode(sha256(code.encode()).digest()).decode(),
         **values,
     )
+    return page.encode(errors="replace").decode()  # names of files may be no Unicode
 
 
 def _beside(name: str) -> str:

@@ -22,6 +22,8 @@ from gtmbench.intake.spans import union
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import axis_of
+from gtmbench.values.ranges import REASON as OUT_OF_RANGE
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import BoolArray, Record, Span, runs
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
@@ -137,6 +139,11 @@ def of_unread(unread: Iterable[Unread], sensors: Sequence[str]) -> Iterator[Clai
     for each in unread:
         for sensor in sensors:
             yield sensor, unjudged((each.start_s, each.end_s), each.reason)
+
+
+def of_out_of_range(found: Iterable[OutOfRange]) -> Iterator[Claim]:
+    """Give the spans in which too many of a sensor's readings are beyond its range."""
+    yield from ((each.channel, unjudged(span_s, OUT_OF_RANGE)) for each in found for span_s in each.spans)
 
 
 def of_watches(watches: Iterable[Watch]) -> Iterator[Claim]:

@@ -35,6 +35,7 @@ from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, r
 from gtmbench.study.log.records import open_for, within
 from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span
 
 _WITHOUT = ", so the log is watched without a heading"
@@ -125,6 +126,12 @@ class Opened:
     def log(self) -> FlightLog:
         """The log that is watched."""
         return self.own.log
+
+    @property
+    def out_of_range(self) -> tuple[OutOfRange, ...]:
+        """The readings of the log that no sensor reads, a channel each."""
+        logs = filter(None, (self.own.log, self.own.motion, self.imus))
+        return tuple({each.channel: each for log in logs for each in log.out_of_range}.values())
 
 
 def opened(asked: Asked) -> Opened:

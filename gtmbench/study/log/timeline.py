@@ -24,6 +24,7 @@ from gtmbench.study.log.claims import (
     of_certificate,
     of_check,
     of_excursions,
+    of_out_of_range,
     of_unread,
     of_watches,
 )
@@ -31,6 +32,7 @@ from gtmbench.study.log.other_imus import claims_of, of_other_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
 
@@ -80,6 +82,8 @@ class Evidence:
     watched_imu : str
     reasons : tuple of str
         What limits the verdict, where nothing could have alarmed.
+    out_of_range : tuple of OutOfRange
+        Of all that was read.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
     """
@@ -100,6 +104,7 @@ class Evidence:
     certified: tuple[Certified, ...]
     watched_imu: str
     reasons: tuple[str, ...] = ()
+    out_of_range: tuple[OutOfRange, ...] = ()
     imus: FlightLog | None = field(default=None, repr=False)
 
 
@@ -132,6 +137,9 @@ def timeline_of(evidence: Evidence) -> Timeline:
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)
+    for sensor, span in of_out_of_range(evidence.out_of_range):
+        by_sensor.get(sensor, []).append(span)
+    told += dict.fromkeys(f"{each.text}." for each in evidence.out_of_range if each.channel in by_sensor)
     moving = evidence.moving
     motion = motion_spans(lively_seconds(moving).tolist(), span_s, unread) if moving else (span_s,)
     return laid_out(span_s, by_sensor, motion_s=motion, told=told)

@@ -31,6 +31,7 @@ from gtmbench.study.log.swap import Swap
 from gtmbench.study.log.timeline import Certified, Evidence, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import Timeline
@@ -87,6 +88,8 @@ class WatchedLog:
         Whether the log's heading is a sensor's.
     there : tuple of str
         The sensors that the log has.
+    out_of_range : tuple of OutOfRange
+        The readings of the log that no sensor reads, a channel each.
     imus : FlightLog or None
         The log with the gyros of all its IMUs side by side; None where it has one.
     later : tuple of Alarm
@@ -132,6 +135,7 @@ class WatchedLog:
     moving: tuple[Record, ...] = field(default=(), repr=False)
     has_heading: bool = True
     there: tuple[str, ...] = ()
+    out_of_range: tuple[OutOfRange, ...] = ()
     imus: FlightLog | None = field(default=None, repr=False)
     later: tuple[Alarm, ...] = ()
     swap: Swap | None = field(default=None, repr=False)
@@ -245,6 +249,7 @@ class WatchedLog:
             certified=() if self.moving else self._certified,
             watched_imu=watched_imu,
             reasons=self.reasons,
+            out_of_range=self.out_of_range,
             imus=self.imus,
         )
 
@@ -296,6 +301,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
         there=there_of(said),
         imus=opened.imus,
+        out_of_range=opened.out_of_range,
         swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said)),
     )

@@ -1,0 +1,55 @@
+"""A limit on how long some work may take, by the clock: whatever hangs is ended, and what it was writing vanishes."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gtmbench.checks import number
+from gtmbench.errors import GtmbenchError
+
+
+class _TimeIsUpError(BaseException):
+    """No reader's ``except Exception`` keeps it."""
+
+
+@contextmanager
+def limited(seconds: float | None) -> Iterator[None]:
+    """End the work of a block after so many seconds; outside of a main thread, or without an alarm clock, never.
+
+    Parameters
+    ----------
+    seconds : float, optional
+        Without a number there is no limit.
+
+    Raises
+    ------
+    GtmbenchError
+        Where it wasn't done in time.
+
+    Examples
+    --------
+    >>> with limited(0.01):
+    ...     threading.Event().wait()
+    Traceback (most recent call last):
+    gtmbench.errors.GtmbenchError: not done within 0.01 s; cut the log, or allow more with --time-limit
+    """
+    limit_s = 0.0 if seconds is None else number("--time-limit", seconds, 0.0, 1e6, above=True)
+    if not limit_s or threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield
+        return
+
+    def ring(*_: object) -> None:
+        raise _TimeIsUpError
+
+    former = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, limit_s)
+    try:
+        yield
+    except _TimeIsUpError:
+        raise GtmbenchError(f"not done within {limit_s:g} s; cut the log, or allow more with --time-limit") from None
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, former)

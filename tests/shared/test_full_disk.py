@@ -1,0 +1,48 @@
+"""On a full disk the output is named, never the input, and nothing says that it was saved."""
+
+import errno
+import json
+
+import pytest
+
+import gtmbench as gb
+from gtmbench.cli.app import main
+from tests.helpers import links, monitors
+
+FULL = OSError(errno.ENOSPC, "No space left on device")
+
+
+def full(*_, **__):
+    raise FULL
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_inject_names_what_it_writes(suffix, tmp_path, capsys, monkeypatch):
+    gb.write_log(monitors.record(500, seed=5).select(("p", "q", "r")), tmp_path / f"log.{suffix}")
+    writer = "gtmbench.intake.formats.csv_cells._write" if suffix == "csv" else "pyarrow.parquet.ParquetWriter"
+    monkeypatch.setattr(writer, full)
+    log, out = str(tmp_path / f"log.{suffix}"), str(tmp_path / f"broken.{suffix}")
+    with pytest.raises(SystemExit) as ended:
+        main(["inject", log, "--fault", "bias:q:size=3", "--onset", "3", "--attitude", "own", "--out", out])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        f"gtmbench: can't write {out}: No space left on device; what stood there before still stands\n"
+    )
+    assert [path.name for path in tmp_path.iterdir()] == [f"log.{suffix}"]
+
+
+def test_a_link_that_isnt_all_saved_isnt_called_saved(tmp_path, capsys, monkeypatch):
+    sent = links.saved(tmp_path / "sent.tlog", links.packets(monitors.record(400, seed=21)))
+    gb.save_monitor(monitors.monitor(), tmp_path / "m.json")
+    monkeypatch.setattr("gtmbench.link.saving._packet", full)
+    saved = str(tmp_path / "kept.tlog")
+    arguments = ["live", str(sent), "--detector", str(tmp_path / "m.json"), "--save", saved, "--force"]
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    printed = capsys.readouterr()
+    assert ended.value.code == 3
+    assert f"not all saved: {saved}: No space left on device" in printed.err
+    assert "\nsaved: " not in printed.out
+    with pytest.raises(SystemExit):
+        main([*arguments, "--json"])
+    assert json.loads(capsys.readouterr().out.splitlines()[-1])["saved"] is None

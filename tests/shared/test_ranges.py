@@ -1,0 +1,105 @@
+"""What no sensor reads is missing, counted and told, whichever door it comes in at, and never inside a clear span."""
+
+import json
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.files.seals import seal
+from gtmbench.values.channels import CHANNELS, limit_of
+from gtmbench.verdict.timeline import State
+from tests.helpers import links, monitors
+
+SIX = ("p", "q", "r", "phi", "theta", "psi")
+
+
+def flown():
+    return monitors.record(4500, seed=5).select(SIX)  # 90 s at 50 Hz
+
+
+def broken(channel, rows, value):
+    values = flown()[channel].copy()
+    values[rows] = value
+    return flown().replace(channel, values)
+
+
+@pytest.mark.parametrize("channel", ["p", "phi"])
+@pytest.mark.parametrize("value", [1e30, -np.inf])
+def test_what_no_sensor_reads_is_missing_and_told_once(channel, value, tmp_path):
+    gb.write_log(broken(channel, [2000], value), tmp_path / "log.csv")
+    log = gb.open_log(tmp_path / "log.csv")
+    (found,) = log.out_of_range
+    shown = "1e30" if value > 0 else "-inf"
+    assert found.text == f"1 reading of {channel} is {shown}: taken as missing"
+    assert abs(log.segments[0][channel][2000] - flown()[channel][2000]) < 5.0  # as of any single sample that is lost
+
+
+@pytest.mark.parametrize(
+    ("channel", "rows"),
+    [("q", [2000]), ("q", range(2000, 2050)), ("q", range(2000, 4500, 40)), ("theta", range(2000, 2200, 25))],
+    ids=["one of fifty", "a second", "every forty", "an angle"],
+)
+def test_a_sensor_whose_readings_are_absurd_is_never_clear_there(channel, rows, tmp_path):
+    gb.write_log(broken(channel, list(rows), 1e30), tmp_path / "log.csv")
+    watched = gb.watch_log(tmp_path / "log.csv", "auto")
+    bad_s = (rows[0] * 0.02, rows[-1] * 0.02)
+    clear = watched.timeline.of(channel, State.CLEAR)
+    assert clear
+    assert not any(span.start_s <= bad_s[1] and span.end_s >= bad_s[0] for span in clear)
+    assert any(f" of {channel} " in line and "taken as missing" in line for line in watched.timeline.told)
+
+
+def test_a_sensor_that_reads_nothing_else_is_refused(tmp_path):
+    gb.write_log(broken("q", slice(None), 1e30), tmp_path / "log.csv")
+    with pytest.raises(gb.InputError, match=r"4500 readings of q are beyond 100000, the first 1e30 at 0 s.*unit right"):
+        gb.open_log(tmp_path / "log.csv", needs=SIX)
+
+
+def test_no_fault_is_out_of_range():
+    """A gyro that hangs at 400 deg/s, or one of a multicopter that reaches 2000, is broken or fast, not absurd."""
+    assert all(limit_of(name) >= 1e4 for name in CHANNELS if name not in ("north", "east"))
+    assert gb.calibrate([broken("q", [100], 2000.0)] * 3, bank=gb.bank_between(["p"], ["q"]))
+
+
+def test_records_to_learn_from_are_held_to_the_same(recwarn):
+    with pytest.warns(gb.errors.NoteWarning, match="1 reading of q is 1e30: taken as missing"):
+        monitor = gb.calibrate([broken("q", [2000], 1e30)] * 2, bank=gb.bank_between(["p"], ["q"]))
+    assert monitor.watch(flown()).alarms == ()
+    assert len(recwarn) == 0
+
+
+def test_an_absurd_angle_on_a_link_is_missing_and_counted(tmp_path):
+    record = monitors.record(3200, seed=21)
+    values = record["phi"].copy()
+    values[1500::300] = 1e30
+    sent = gb.inject(record.replace("phi", values), gb.Bias(channel="q", onset_s=45.0, size=4.0))
+    path = links.saved(tmp_path / "link.tlog", links.packets(sent))
+    events, link = links.said(gb.live(str(path), monitors.monitor()))
+    assert [event.text for event in events if event.kind == "note"] == [
+        "a reading of phi is beyond 100000: it is missing, as all such will be"
+    ]
+    assert link.counts.out_of_range == 6
+    assert link.verdict.startswith("The pitch gyro (q) failed")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("thresholds", 1e-320, r"residuals.p.thresholds, 'mean 0.08 s' is 9.99989e-321; a threshold is 1e-09 or more"),
+        ("markov", 0.0, r"residuals.p.operator.markov holds nothing but 0"),
+        ("markov", 1e308, r"residuals.p.operator.markov is 1e\+308; it must be a finite number"),
+    ],
+)
+def test_a_monitor_of_absurd_figures_is_refused_in_a_line(key, value, said, tmp_path):
+    gb.save_monitor(monitors.monitor(), tmp_path / "m.json")
+    document = json.loads((tmp_path / "m.json").read_text())
+    own = document["figures"]["residuals"]["p"]
+    if key == "markov":
+        own["operator"]["markov"] = [[[value for _ in one] for one in lag] for lag in own["operator"]["markov"]]
+    else:
+        own["thresholds"] = dict.fromkeys(own["thresholds"], value)
+    document.pop("digest")
+    (tmp_path / "m.json").write_text(json.dumps(seal(document)))
+    with pytest.raises(gb.InputError, match=said):
+        gb.load_monitor(tmp_path / "m.json")
