@@ -34,7 +34,7 @@ from gtmbench.detectors.statistics.thresholds import RATE
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.problem import Estimator, Records, as_records
+from gtmbench.method.problem import Estimator, Records, taught_records
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.notebook import card, figure
@@ -414,7 +414,7 @@ def calibrate(
     ('[p] -> q', ())
     """
     calibrated = calibrate_bank(
-        as_records(records),
+        taught_records(records),
         bank if isinstance(bank, Bank) else load_bank(bank),
         false_alarms_per_hour=RATE if false_alarms_per_hour is None else false_alarms_per_hour,
         estimator=estimator,

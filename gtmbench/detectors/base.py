@@ -19,7 +19,7 @@ from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.method.problem import as_records
+from gtmbench.method.problem import taught_records
 from gtmbench.method.windowed_alarms import came_down, rising
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import Record, check_record
@@ -128,7 +128,7 @@ class SimpleDetector:
             raise InputError(
                 f"'{self.name}' can't promise {false_alarms_per_hour:g} false alarms an hour; leave the rate out"
             )
-        healthy = [record.select(self.channels) for record in as_records(records)]
+        healthy = [record.select(self.channels) for record in taught_records(records)]
         progress("learn", 0, 1)
         learned = exact(dict(self.learn(healthy)))
         return SimpleMonitor(detector=self, learned=learned, sample_period_s=healthy[0].sample_period_s)

@@ -14,7 +14,7 @@ from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreM
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.method.problem import as_records
+from gtmbench.method.problem import taught_records
 from gtmbench.values.record import FloatArray, Record
 
 _BLOCK_S = 60.0  # of which the greatest scores are kept; shorter where records are
@@ -65,7 +65,7 @@ class ScoreDetector(SimpleDetector):
         InputError
             If there is one record alone, or no score at all.
         """
-        healthy = [record.select(self.channels) for record in as_records(records)]
+        healthy = [record.select(self.channels) for record in taught_records(records)]
         if len(healthy) < _FEWEST:
             raise InputError(f"'{self.name}' learns on some records and sets thresholds on others; give two at least")
         half = (len(healthy) + 1) // 2

@@ -172,14 +172,10 @@ def operator_names(inputs: Sequence[str], outputs: Sequence[str]) -> tuple[tuple
 
 
 def as_records(given: Records) -> tuple[Record, ...]:
-    """Return one record or several as a tuple: at least one, all of one sample period, without absurd readings."""
+    """Return one record or several as a tuple: at least one, all of one sample period."""
     records = (given,) if isinstance(given, Record) or not isinstance(given, Iterable) else tuple(given)
     for record in records:
         check_record(record)
-    inside = [within_range(record) for record in records]
-    records = tuple(record for record, _ in inside)
-    for each in (each for _, found in inside for each in found):
-        warnings.warn(NoteWarning(each.text), stacklevel=3)
     if not records:
         raise InputError("no record given; give one Record or several")
     periods = {record.sample_period_s for record in records}
@@ -189,6 +185,14 @@ def as_records(given: Records) -> tuple[Record, ...]:
             "has one sample period, so resample them"
         )
     return records
+
+
+def taught_records(given: Records) -> tuple[Record, ...]:
+    """Return what a detector learns from: `as_records`, readings that no sensor reads missing, with a word of them."""
+    inside = [within_range(record) for record in as_records(given)]
+    for each in (each for _, found in inside for each in found):
+        warnings.warn(NoteWarning(each.text), stacklevel=3)
+    return tuple(record for record, _ in inside)
 
 
 def pose_problem(

@@ -181,9 +181,9 @@ def thresholds_from(
 def threshold_of(where: str, given: Any) -> float:
     """Return a test's threshold, which is no 0: noise alone passes that.
 
-    >>> threshold_of("thresholds", 1e-320)
+    >>> threshold_of("thresholds", 1e-300)
     Traceback (most recent call last):
-    gtmbench.errors.InputError: thresholds is 1e-320; a threshold is 1e-09 or more; run `gtmbench calibrate`
+    gtmbench.errors.InputError: thresholds is 1e-300; a threshold is 1e-09 or more; run `gtmbench calibrate`
     """
     value = number(where, given)
     if abs(value) < _LEAST_THRESHOLD:

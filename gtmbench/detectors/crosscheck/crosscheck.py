@@ -28,7 +28,7 @@ from gtmbench.detectors.tables import PERIODS_S, keys
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.method.problem import as_records
+from gtmbench.method.problem import taught_records
 from gtmbench.method.windowed_alarms import came_down
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record, check_record
@@ -92,7 +92,7 @@ class CrossCheck:
             raise InputError(
                 f"'{self.name}' can't promise {false_alarms_per_hour:g} false alarms an hour; leave the rate out"
             )
-        healthy = as_records(records)
+        healthy = taught_records(records)
         for record in healthy:
             record.columns(_NEEDED)
         progress("learn", 0, 1)

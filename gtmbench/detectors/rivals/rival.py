@@ -27,7 +27,7 @@ from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.method.problem import as_records
+from gtmbench.method.problem import taught_records
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record, frozen
 
@@ -108,7 +108,7 @@ class Rival(ABC):
         rate = number(
             "false_alarms_per_hour", RATE if false_alarms_per_hour is None else false_alarms_per_hour, 1e-9, 1e3
         )
-        healthy = [record.select(self.channels) for record in as_records(records)]
+        healthy = [record.select(self.channels) for record in taught_records(records)]
         period_s = healthy[0].sample_period_s
         learn, judged = ([record.values for record in part] for part in divided(healthy))
         progress("fit", 0, 2)

@@ -32,7 +32,7 @@ from gtmbench.detectors.surfaces.usual import Normal, normal_of
 from gtmbench.detectors.tables import PERIODS_S, array_of, keys, table_of
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.method.problem import as_records
+from gtmbench.method.problem import taught_records
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray, Record
 
@@ -106,7 +106,7 @@ class SurfaceDetector:
         rate = (
             RATE if false_alarms_per_hour is None else number("false_alarms_per_hour", false_alarms_per_hour, 1e-9, 1e3)
         )
-        healthy = [record.select(self.channels) for record in as_records(records)]
+        healthy = [record.select(self.channels) for record in taught_records(records)]
         period_s = healthy[0].sample_period_s
         _check(self.name, healthy)
         learn, judged = ([part.matrix(_read(self.flow)) for part in parts] for parts in divided(healthy))

@@ -55,6 +55,10 @@ class CourseJudged:
         """All that is claimed of sensors that no gyro enters."""
         return (*self.standing, *self.accused, *self.unjudged)
 
+    def explains(self, span: Span) -> bool:
+        """Tell whether somebody is accused of something that goes on in a span."""
+        return any(each.meets(*span) for _, each in (*self.standing, *self.accused))
+
     @property
     def standing(self) -> tuple[Claim, ...]:
         """Which sensors stand still while the aircraft flies."""

@@ -103,15 +103,17 @@ def _accusations(verdict: LogVerdict) -> list[_Accusation]:
     for sensor, span in verdict.failed:
         _add(found, _failure(sensor, span), span)
     for sensor, span in verdict.suspected:
-        if sensor in verdict.scope.sensors or _is_among_others(verdict, span.suspects):
+        if sensor in verdict.scope.sensors or _is_among_others(verdict, span):
             _add(found, _suspicion(span.suspects or (sensor,), span), span)
     made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
 
 
-def _is_among_others(verdict: LogVerdict, suspects: Sequence[str]) -> bool:
+def _is_among_others(verdict: LogVerdict, span: SensorSpan) -> bool:
+    """Tell whether one of two failed that aren't asked, and how is known."""
     others = {*verdict.timeline.sensors} - {*verdict.scope.sensors}
-    return len(suspects) > 1 and {*suspects} <= others
+    has_kind = span.judgement is not None and bool(span.judgement.kind)
+    return has_kind and len(span.suspects) == 2 and {*span.suspects} <= others
 
 
 def _add(found: dict[tuple[str, str, str], list[Span]], words: tuple[str, str, str], span: SensorSpan) -> None:

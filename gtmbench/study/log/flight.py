@@ -19,7 +19,7 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record
 
-_SIX = (*GYROS, *ATTITUDE)
+_SIX, _VANES = (*GYROS, *ATTITUDE), ("alpha", "beta")
 
 
 def flight_of_log(
@@ -62,9 +62,13 @@ def _felt(records: Sequence[Record]) -> dict[str, Samples]:
     return _of_records(records, FORCES) if all({*FORCES} <= set(each.channels) for each in records) else {}
 
 
-def samples_of(sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
-    """Return what the other sensors of a log read, channel by channel; of several of a kind, the first."""
+def others_of_log(read: ReadLog, mapping: Sequence[str], sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
+    """Return what the other sensors of a log read, channel by channel; of several of a kind, the first; and vanes."""
     found: dict[str, Samples] = {}
+    for name in _VANES:
+        with contextlib.suppress(InputError):
+            own = log_samples(read, [name], mapping)[name]
+            found[name] = Samples(own.time_s, own.values)
     for each in sensors:
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))

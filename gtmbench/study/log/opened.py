@@ -16,6 +16,7 @@ from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.judged import Judged, judged
+from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
@@ -28,7 +29,7 @@ from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.asked import Asked
 from gtmbench.study.log.auto_bank import bank_for_logs
-from gtmbench.study.log.flight import flight_of_log
+from gtmbench.study.log.flight import flight_of_log, others_of_log
 from gtmbench.study.log.headings import no_heading, with_heading
 from gtmbench.study.log.imu_comparison import opened_with
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
@@ -96,6 +97,8 @@ class Opened:
         Why gyros aren't watched that the channels give no relation.
     there : tuple of str
         The sensors that the log has, whoever watches them.
+    readings : mapping of channel to Samples
+        What these sensors and vanes read, each on its own stamps.
     flight : Flight or None
         Gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion.
     judged : Judged or None
@@ -114,6 +117,7 @@ class Opened:
     bends: bool
     unwatched: Mapping[str, str]
     there: tuple[str, ...]
+    readings: Mapping[str, Samples] = field(default_factory=dict, repr=False)
     flight: Flight | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
 
@@ -175,6 +179,7 @@ def opened(asked: Asked) -> Opened:
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         sensors=sensors,
+        readings=others_of_log(read, asked.mapping, sensors) if sensors else {},
         estimator=estimator_words_of(read),
         attitude=attitude,
         findings=findings,

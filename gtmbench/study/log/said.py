@@ -25,7 +25,7 @@ from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.claims import excused_s
 from gtmbench.study.log.contacts import crash_of
-from gtmbench.study.log.flight import flight_of_records, samples_of
+from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
 from gtmbench.study.log.learnt import Learnt
 from gtmbench.study.log.records import first_part, outside, whole_s, within, without
@@ -174,11 +174,11 @@ def _judged(said: Said) -> Judged | None:
 
 def _course(said: Said) -> CourseJudged | None:
     """Return what the engine says of the log's other sensors; None where no attitude tells how they turn."""
-    sensors = said.learnt.opened.sensors
-    if said.judged is None or not sensors or said.check.stops:
+    readings = said.learnt.opened.readings
+    if said.judged is None or not readings or said.check.stops:
         return None
     broken = [(span.start_s, span.end_s) for _, span in said.judged.accused]
-    return course_judged(said.judged.flight.without(broken), samples_of(sensors))
+    return course_judged(said.judged.flight.without(broken), readings)
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:

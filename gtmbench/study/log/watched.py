@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
+
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
@@ -225,12 +227,17 @@ class WatchedLog:
         of_swap = () if self.swap is None else self.swap.alarms
         return (*told, *beyond(told, (*self.later, *of_swap)))
 
+    def _is_explained(self, alarm: Alarm) -> bool:
+        """Tell whether the engine accuses somebody while an alarm of other sensors lasts."""
+        until_s = np.inf if alarm.ended_s is None else alarm.ended_s
+        return self.course is not None and self.course.explains((alarm.onset_s, until_s))
+
     @property
     def evidence(self) -> Evidence:
         """All that its timeline is laid out of."""
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
         if self.course is not None:  # the engine compares the same sensors over the whole log
-            others = tuple(alarm for alarm in others if alarm.test in (FIX, JUMP))
+            others = tuple(alarm for alarm in others if alarm.test in (FIX, JUMP) or not self._is_explained(alarm))
         watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
         return Evidence(
             log=self.log,
