@@ -18,7 +18,7 @@ from gtmbench.bench.settling import thrusts_lbs
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
-from gtmbench.values.channels import CHANNELS
+from gtmbench.values.channels import CHANNELS, M_PER_FT
 from gtmbench.values.record import FloatArray
 
 TOLERANCE = 1e-6  # ft/s2 and rad/s2
@@ -28,7 +28,7 @@ _STEP_SETTLED = 1e-4  # of an unknown, for slopes: thrust that settles is known 
 _JSBSIMS_TOLERANCE = 1e-3  # what its own trim leaves
 _USUAL = 1.5  # times an aircraft's own altitude or speed, or that part of it
 _SAME = 0.03
-_FT_PER_M, _KT_PER_M_S = 1.0 / 0.3048, 3600.0 / 1852.0
+_FT_PER_M, _KT_PER_M_S = 1.0 / M_PER_FT, 3600.0 / 1852.0
 # Of degrees and percent. BLAS kernels find unknowns that differ by 1e-12 to 1e-11, a thousandth of this unit; half a
 # unit leaves 1.6e-7 ft/s2 on an aircraft whose lift changes by 1 g per degree, a sixth of the tolerance.
 _DECIMALS = 8

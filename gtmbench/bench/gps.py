@@ -10,10 +10,9 @@ from gtmbench.bench.sensors import stream
 from gtmbench.bench.slow_sensor import beside, check_beside, is_read
 from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
-from gtmbench.values.channels import GPS_VELOCITY
+from gtmbench.values.channels import GPS_VELOCITY, M_PER_FT
 from gtmbench.values.record import FloatArray, Record
 
-_M_PER_FT = 0.3048
 _LONGEST_DELAY_S = 2.0
 
 
@@ -96,7 +95,7 @@ def with_gps(readings: Record, truth: Record, gps: Gps, *, seed: int = 1) -> Rec
     if len(truth) < 2 or not np.isfinite(position).all():
         raise InputError("the truth lacks north, east or altitude in some rows, or has one row; a velocity needs two")
     rows, period_s = is_read(truth, gps.rate_hz, "receiver"), truth.sample_period_s
-    velocity = np.gradient(position * [_M_PER_FT, _M_PER_FT, -_M_PER_FT], period_s, axis=0)
+    velocity = np.gradient(position * [M_PER_FT, M_PER_FT, -M_PER_FT], period_s, axis=0)
     time_s = truth.time_s
     late = np.column_stack([np.interp(time_s - gps.delay_s, time_s, along) for along in velocity.T])
     read = late + _noise(gps, len(truth), period_s, seed)

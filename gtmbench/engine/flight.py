@@ -18,6 +18,7 @@ _MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
 _LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
 _STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
 _REPEATS_S = 3.0  # as long as a gyro that reads one value is none that stands by itself
+_BESIDE_S = 10.0  # of standing: motors start, and the ground shakes
 _STEEP_DEG = 80.0  # beyond, the heading turns faster than blocks follow
 _FORCE_G = 0.3  # so far from 1 g the specific force points nowhere near the vertical
 _LEAN_BLOCKS = 5  # over which the specific force is averaged
@@ -145,6 +146,29 @@ class Flight:
             return np.zeros(len(self), dtype=bool)
         moves = ~(np.linalg.norm(self.blocks.rates, axis=1) < _STILL_DEG_S) | ~(self.shaking < _STILL_G)
         return np.asarray(self._trailing(moves.astype(float)) < 0.5 / self._lively_blocks)
+
+    @cached_property
+    def flown(self) -> BoolArray:
+        """Blocks in which it flies, and has for some seconds: motors that start, and the ground, are none of its ways.
+
+        Where it stands, at the beginning and at the end, and some seconds beside, are left out.
+        """
+        stands, count = self.stands, round(_BESIDE_S / self.blocks.period_s)
+        moves = np.flatnonzero(~stands & self.judged)
+        found = np.zeros(len(stands), dtype=bool)
+        if len(moves):
+            first, last = int(moves[0]), int(moves[-1]) + 1
+            begin = first + count * bool(first > 0 and stands[:first].any())
+            found[begin : max(last - count * bool(stands[last:].any()), begin)] = True
+        return found & self.judged
+
+    @property
+    def flown_s(self) -> Span:
+        """From when to when it flies; (0, 0) where it never does."""
+        rows, blocks = np.flatnonzero(self.flown), self.blocks
+        if not len(rows):
+            return 0.0, 0.0
+        return blocks.start_s + blocks.period_s * float(rows[0]), blocks.start_s + blocks.period_s * float(rows[-1] + 1)
 
     @cached_property
     def lean(self) -> FloatArray:

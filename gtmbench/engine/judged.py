@@ -17,10 +17,10 @@ from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsight_of
 from gtmbench.engine.model import Model
-from gtmbench.engine.named import alarm_of, judgement_of
+from gtmbench.engine.named import alarm_of, claims_of, judgement_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Span
-from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
@@ -168,17 +168,9 @@ class Judged:
         )
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
-        if not finding.accuses:
-            return
-        start_s, end_s = self._span(finding)
-        judgement = judgement_of(finding, end_s)
-        for sensor in finding.suspects:
-            state = State.FAILED if finding.named else State.SUSPECTED
-            suspects = () if finding.named else finding.suspects
-            yield (
-                sensor,
-                SensorSpan(start_s=start_s, end_s=end_s, state=state, suspects=suspects, judgement=judgement),
-            )
+        if finding.accuses:
+            span_s = self._span(finding)
+            yield from claims_of(judgement_of(finding, span_s[1]), finding.suspects, span_s)
 
     def _span(self, finding: Finding) -> Span:
         """Return the broken side of a finding; both, where that is open."""

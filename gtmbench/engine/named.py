@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.values.record import Span
+from gtmbench.verdict.timeline import Claim, SensorSpan, State
 
 WHOLE = "the whole log"  # the test of such alarms
 _BIAS, _DRIFT, _SCALE, _SIGN, _DEADZONE = "bias", "drift", "scale_factor", "sign_flip", "deadzone"  # kinds of faults
@@ -43,6 +46,23 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
         errors=({name: error} if is_told else {}) | of_onset,
         reason="" if finding.named else f"{' or '.join(finding.suspects)} explains it",
     )
+
+
+def claims_of(judgement: Judgement, suspects: Sequence[str], span_s: Span, reason: str = "") -> Iterator[Claim]:
+    """Give what is claimed of those who may be behind a judgement: one failed, of several each is suspected."""
+    is_one = len(suspects) == 1
+    for sensor in suspects:
+        yield (
+            sensor,
+            SensorSpan(
+                start_s=span_s[0],
+                end_s=span_s[1],
+                state=State.FAILED if is_one else State.SUSPECTED,
+                suspects=() if is_one else tuple(suspects),
+                reason="" if is_one else reason,
+                judgement=judgement,
+            ),
+        )
 
 
 def alarm_of(finding: Finding, number: int, span_s: Span) -> Alarm:

@@ -84,14 +84,15 @@ def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> OutO
     """Put a channel's samples to those of the same stamps; return which readings are out of range."""
     clock = clocks[choice.series.clock]
     read, rows, beyond = choice.readings()
-    values, is_outside = read[clock.rows], np.isin(np.arange(len(read)), rows)[clock.rows] if len(rows) else None
-    is_filled = np.isfinite(values)
-    own = own_rows(clock.time_s, is_filled if is_outside is None else is_filled | is_outside)
+    values, is_outside = read[clock.rows], np.zeros(len(read), dtype=bool)
+    is_outside[rows] = True
+    is_outside = is_outside[clock.rows]
+    own = own_rows(clock.time_s, np.isfinite(values) | is_outside)
     key = choice.series.clock if own is None else own.tobytes()
     at_s = clock.time_s if own is None else clock.time_s[own]
     at_s = at_s - choice.late_s if choice.late_s else at_s
     groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
-    if is_outside is None or not is_outside.any():
+    if not is_outside.any():
         return None
     return out_of_range(choice.channel, clock.time_s, is_outside, float(beyond[0]))
 

@@ -24,11 +24,11 @@ from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mappin
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
-from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, MAGNETOMETER, limit_of
+from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, M_PER_FT, MAGNETOMETER, limit_of
 from gtmbench.values.pieces import beside
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-_KT_PER_M_S, _FT_PER_M = 1.0 / (FT_S_PER_KT * 0.3048), 1.0 / 0.3048
+_KT_PER_M_S, _FT_PER_M = 1.0 / (FT_S_PER_KT * M_PER_FT), 1.0 / M_PER_FT
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
 _FEWEST = 20  # readings
 _MOST = 3  # magnetometers

@@ -6,11 +6,11 @@ import math
 import re
 from dataclasses import dataclass
 
-from gtmbench.values.channels import CHANNELS, G_M_S2
+from gtmbench.values.channels import CHANNELS, G_M_S2, M_PER_FT
 
 _DEG = math.degrees(1.0)
 _KT = 1852.0 / 3600.0
-_FT = 0.3048
+_FT = M_PER_FT
 _ALIKE = 0.1  # of factors that were measured
 THROW = "throw"  # an autopilot's -1 to 1 of a surface: 45 deg, as ArduPilot counts, whatever the linkage makes of it
 

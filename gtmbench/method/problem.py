@@ -190,8 +190,9 @@ def as_records(given: Records) -> tuple[Record, ...]:
 def taught_records(given: Records) -> tuple[Record, ...]:
     """Return what a detector learns from: `as_records`, readings that no sensor reads missing, with a word of them."""
     inside = [within_range(record) for record in as_records(given)]
-    for each in (each for _, found in inside for each in found):
-        warnings.warn(NoteWarning(each.text), stacklevel=3)
+    for _, found in inside:
+        for each in found:
+            warnings.warn(NoteWarning(each.text), stacklevel=3)
     return tuple(record for record, _ in inside)
 
 

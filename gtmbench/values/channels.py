@@ -19,7 +19,7 @@ from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
 
 G_M_S2 = 9.80665
-G_FT_S2, FT_S_PER_KT = 32.174, 1.68781
+G_FT_S2, FT_S_PER_KT, M_PER_FT = 32.174, 1.68781, 0.3048
 """Standard gravity, by which a specific force in g is one in m/s2."""
 
 
@@ -74,7 +74,7 @@ class Channel:
 UNIT_SUFFIX = {"deg/s": "deg_s", "deg": "deg", "g": "g", "kt": "kt", "ft": "ft", "%": "percent"}
 
 _DEG = math.degrees(1.0)
-_KT_PER_FPS = 3600.0 * 0.3048 / 1852.0
+_KT_PER_FPS = 3600.0 * M_PER_FT / 1852.0
 
 
 def _sensor(name: str, unit: str, noise: float, meaning: str, jsbsim: str, scale: float = 1.0) -> Channel:

@@ -24,12 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.values.attitude import to_earth
-from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
 from gtmbench.values.record import FloatArray, Record
 
 BLOCK_S = 0.2  # all are compared in means over blocks of that length
-_M_PER_FT = 0.3048
-_M_S_PER_KT = FT_S_PER_KT * _M_PER_FT
+_M_S_PER_KT = FT_S_PER_KT * M_PER_FT
 
 # the sensors that can be wrong, each as a whole; WIND is none, and may explain what the air says
 MAG, GPS, ACCEL, TAS, ALPHA, BETA, ALTITUDE = (
@@ -312,7 +311,7 @@ def _gps_and_altitude(motion: Motion, late: Late) -> Relation:
     last = np.clip(np.cumsum(np.bincount(late.rows, minlength=len(rows))) - 1, 0, None)
     carried = sunk[last] + (rows - late.rows[last]) * period_s * down[last]  # on, by the last reading
     behind = rows - (late.rows[0] - late.at[0])
-    height = _column(motion.record, ALTITUDE)[np.maximum(behind, 0)] * _M_PER_FT
+    height = _column(motion.record, ALTITUDE)[np.maximum(behind, 0)] * M_PER_FT
     seen = late.mean(motion, np.zeros(len(late.rows)), np.ones(len(rows)))
     y = (
         _changes(motion.mean(height + carried, motion.there(ALTITUDE) * (behind >= 0)))[:, np.newaxis]
@@ -370,7 +369,7 @@ def _air_and_force(motion: Motion) -> Relation:
 def _altitude_and_force(motion: Motion) -> Relation:
     period_s = motion.record.sample_period_s
     fallen = np.cumsum(motion.path[2]) * period_s
-    height = _column(motion.record, ALTITUDE) * _M_PER_FT
+    height = _column(motion.record, ALTITUDE) * M_PER_FT
     read = motion.there(ACCEL, ALTITUDE)
     # of the times at which the altitude is read: beside a wrong force its sum soon runs away by tens of metres a row
     at_s = motion.mean(np.arange(len(motion.record), dtype=np.float64) * period_s, read)

@@ -15,22 +15,20 @@ import numpy as np
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.samples import Samples, edges_of, means_between
-from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, MAGNETOMETER
-from gtmbench.values.record import BoolArray, FloatArray, Span
+from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
+from gtmbench.values.record import FloatArray
 
-_M_PER_FT = 0.3048
 # by which readings become m, m/s and m/s2, forward, right and down; the field stays in its unit, vanes in deg
 UNITS: Mapping[str, float] = {
     "nx": G_M_S2,
     "ny": G_M_S2,
     "nz": -G_M_S2,
-    "tas": FT_S_PER_KT * _M_PER_FT,
-    "altitude": _M_PER_FT,
+    "tas": FT_S_PER_KT * M_PER_FT,
+    "altitude": M_PER_FT,
 }
 WIND = ("wind_north", "wind_east")  # no sensors: what the air moves by, in m/s
 _DELAYS_S = np.linspace(0.0, 0.5, 26)  # of a GPS
 _USUAL_DELAY_S = 0.15
-_BESIDE_S = 10.0  # of standing: motors start, and the ground shakes
 _FEWEST = 50  # blocks by which a delay is told
 
 
@@ -108,6 +106,15 @@ class Course:
         """What the magnetometer reads, shape (blocks, 3)."""
         return self.columns(MAGNETOMETER)
 
+    @cached_property
+    def strength(self) -> float:
+        """How strong the field is, in the magnetometer's unit."""
+        return float(np.nanmedian(np.linalg.norm(self.field, axis=1)))
+
+    def unit_of(self, channel: str) -> float:
+        """Return what an error of one is in a channel's unit: of a magnetometer, a share of the field."""
+        return self.strength if channel in MAGNETOMETER else 1.0 / UNITS.get(channel, 1.0)
+
     def rates(self, levels: FloatArray) -> FloatArray:
         """Return by how much levels change over a second that ends with each block, per second."""
         count, found = self.second, np.full(levels.shape, np.nan)
@@ -124,29 +131,6 @@ class Course:
         before = np.concatenate([np.zeros((1, *values.shape[1:])), missing[: -count - 1]])
         found[count:][missing[count:] > before] = np.nan
         return found
-
-    @cached_property
-    def flown(self) -> BoolArray:
-        """Blocks in which it flies, and has for some seconds: motors that start, and the ground, are none of its ways.
-
-        Where it stands, at the beginning and at the end, and some seconds beside, are left out.
-        """
-        stands, count = self.flight.stands, round(_BESIDE_S / self.flight.blocks.period_s)
-        moves = np.flatnonzero(~stands & self.flight.judged)
-        found = np.zeros(len(stands), dtype=bool)
-        if len(moves):
-            first, last = int(moves[0]), int(moves[-1]) + 1
-            begin = first + count * bool(first > 0 and stands[:first].any())
-            found[begin : max(last - count * bool(stands[last:].any()), begin)] = True
-        return found & self.flight.judged
-
-    @property
-    def flown_s(self) -> Span:
-        """From when to when it flies; (0, 0) where it never does."""
-        rows, blocks = np.flatnonzero(self.flown), self.flight.blocks
-        if not len(rows):
-            return 0.0, 0.0
-        return blocks.start_s + blocks.period_s * float(rows[0]), blocks.start_s + blocks.period_s * float(rows[-1] + 1)
 
     @property
     def second(self) -> int:
@@ -187,15 +171,16 @@ def _with_gps(course: Course, velocity: Sequence[Samples], edges: FloatArray) ->
 
     if not course.has(*ACCELEROMETERS):
         return late(_USUAL_DELAY_S)
-    misfits = np.array([_misfit(late(float(delay_s))) for delay_s in _DELAYS_S])
+    pulled = course.over_second(course.pulled)
+    misfits = np.array([_misfit(late(float(delay_s)), pulled) for delay_s in _DELAYS_S])
     if not np.isfinite(misfits).all():
         return late(_USUAL_DELAY_S)
     return late(float(_DELAYS_S[int(np.argmin(misfits))]))
 
 
-def _misfit(course: Course) -> float:
+def _misfit(course: Course, pulled: FloatArray) -> float:
     """Return how far velocity and force are apart where they differ least, as the median of squares."""
-    apart = course.rates(course.velocity) - course.over_second(course.pulled)
+    apart = course.rates(course.velocity) - pulled
     apart = apart[np.isfinite(apart).all(axis=1)]
     if len(apart) < _FEWEST:
         return float("nan")

@@ -8,19 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.engine.course.course import UNITS, Course, course_of
+from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
-from gtmbench.engine.finding import DECISIVE, FROZEN, Finding
+from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.sums import CELL
-from gtmbench.values.channels import MAGNETOMETER, WHOLE, names_of
+from gtmbench.values.channels import WHOLE, names_of
 from gtmbench.values.record import Span
-from gtmbench.verdict.timeline import Claim, SensorSpan, State, unjudged
+from gtmbench.verdict.timeline import Claim, unjudged
 
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
@@ -31,6 +32,8 @@ _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than els
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
 _MAG = "magnetometer"
+# who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
+_OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,9 +75,9 @@ class CourseJudged:
             candidates=(sensor,),
             kind=FROZEN,
             parameters={"value": reads, "onset_s": span[0]},
-            axis=channel if sensor != channel else "",
+            axis=_axis_of(channel),
         )
-        return sensor, SensorSpan(start_s=span[0], end_s=span[1], state=State.FAILED, judgement=judgement)
+        return next(claims_of(judgement, (sensor,), span))
 
     @property
     def accused(self) -> tuple[Claim, ...]:
@@ -92,39 +95,14 @@ class CourseJudged:
         )
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
-        suspects = sensors_of(finding)
-        state = State.FAILED if len(suspects) == 1 else State.SUSPECTED
-        for sensor in suspects:
-            yield (
-                sensor,
-                SensorSpan(
-                    start_s=finding.onset_s,
-                    end_s=finding.end_s,
-                    state=state,
-                    suspects=() if state is State.FAILED else suspects,
-                    reason="" if state is State.FAILED else f"{' or '.join(suspects)} explains it",
-                    judgement=self._judgement(finding, suspects),
-                ),
-            )
-
-    def _judgement(self, finding: Finding, suspects: tuple[str, ...]) -> Judgement:
-        best = finding.best
-        unit = _unit(self.course, best.suspect)
-        name = {"bias": "size", "drift": "slope"}[best.kind]
-        low, high = finding.interval
-        return Judgement(
-            time_s=max(finding.shows_s, finding.onset_s),
-            sensor=suspects[0] if len(suspects) == 1 else None,
-            candidates=suspects,
-            kind=best.kind,
-            parameters={name: unit * finding.size, "onset_s": finding.onset_s},
-            errors={
-                name: 0.25 * abs(unit) * (high - low),
-                "onset_s": 0.25 * (finding.onset_range_s[1] - finding.onset_range_s[0]),
-            },
-            reason="" if len(suspects) == 1 else f"{' or '.join(suspects)} explains it",
-            axis=best.suspect if names_of(best.suspect)[-1] in WHOLE else "",
+        suspects, shows_s = sensors_of(finding), max(finding.shows_s, finding.onset_s)
+        sensor = suspects[0] if len(suspects) == 1 else None
+        judgement = replace(
+            judgement_of(finding, shows_s), sensor=sensor, candidates=suspects, axis=_axis_of(finding.best.suspect)
         )
+        reason = f"{' or '.join(suspects)} explains it"
+        judgement = replace(judgement, reason="" if sensor else reason)
+        yield from claims_of(judgement, suspects, (finding.onset_s, finding.end_s), reason)
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
@@ -150,19 +128,26 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     sensors : mapping of channel to Samples
         As `course_of` takes them.
     """
-    held = standing(sensors, course_of(flight, {}).flown_s)
+    held = standing(sensors, flight.flown_s)
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     relations = relations_of(course)
     found = found_by(flight, relations, explanations_of(course)).found if relations else ()
-    return CourseJudged(found=tuple(_doubted(course, found)), course=course, stands=stands)
+    doubted = (_in_units(course, each) for each in _doubted(flight, found))
+    return CourseJudged(found=tuple(doubted), course=course, stands=stands)
+
+
+def _in_units(course: Course, finding: Finding) -> Finding:
+    """Return a finding whose size is in its channel's unit."""
+    unit = course.unit_of(finding.best.suspect)
+    low, high = sorted(unit * bound for bound in finding.interval)
+    return replace(finding, size=unit * finding.size, interval=(low, high))
 
 
 def _moves(flight: Flight, span: Span) -> bool:
     """Tell whether the aircraft moves in a span as elsewhere: what stands on the ground reads one value."""
-    time_s = flight.blocks.start_s + flight.time_s
-    inside = (time_s >= span[0]) & (time_s <= span[1]) & flight.judged
+    inside = flight.blocks.within([span]) & flight.judged
     rest = ~inside & flight.judged
     if not inside.any() or not rest.any():
         return False
@@ -170,33 +155,31 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
+def _doubted(flight: Flight, found: Sequence[Finding]) -> Iterator[Finding]:
     for each in found:
-        others = _others(each)
-        reasons = [*_few(each, others), *_short(course, each), *_livelier(course, each), *_field(each)]
-        yield replace(each, others=others, doubt="; ".join([*reasons, *_beside(each, found)]))
+        told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
+        reasons = [*_few(told), *_short(flight, told), *_livelier(flight, told), *_field(told), *_beside(each, found)]
+        yield replace(told, doubt="; ".join(reasons))
 
 
-def _others(finding: Finding) -> tuple[str, ...]:
-    """Return who else enters the one comparison that shows a finding: what that doesn't know of may be theirs."""
-    shown = {name for name, _, nats in finding.shown_by if nats > DECISIVE}
-    return {frozenset({gps_altitude.NAME}): ("gps", "altitude")}.get(frozenset(shown), ())
+def _shown_by(finding: Finding) -> set[str]:
+    """Return the relations that show a finding."""
+    return {name for name, _, _ in finding.shown_by}
 
 
-def _few(finding: Finding, others: tuple[str, ...]) -> list[str]:
+def _few(finding: Finding) -> list[str]:
     """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault."""
-    suspects = sensors_of(replace(finding, others=others))
+    suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    shown = {name for name, _, nats in finding.shown_by if nats > DECISIVE}
-    return ["one comparison alone shows it"] if len(shown) < _WITNESSES and not others else []
+    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others
+    return ["one comparison alone shows it"] if is_alone else []
 
 
-def _short(course: Course, finding: Finding) -> list[str]:
-    rows = np.flatnonzero(course.flown)
-    if not len(rows):
+def _short(flight: Flight, finding: Finding) -> list[str]:
+    _, end_s = flight.flown_s
+    if not flight.flown.any():
         return ["nothing flies"]
-    end_s = course.flight.blocks.start_s + (int(rows[-1]) + 1) * course.flight.blocks.period_s
     if finding.onset_s > end_s - _LANDING_S:
         return ["it begins as the motion ends"]
     lasts_s = min(finding.end_s, end_s) - finding.onset_s
@@ -208,15 +191,15 @@ def _short(course: Course, finding: Finding) -> list[str]:
     return []
 
 
-def _livelier(course: Course, finding: Finding) -> list[str]:
+def _livelier(flight: Flight, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen."""
-    lively, inside = course.flight.lively, np.zeros(len(course.flight), dtype=bool)
+    inside = np.zeros(len(flight), dtype=bool)
     inside[finding.first * CELL : finding.last * CELL] = True
-    there, rest = inside & course.flown, ~inside & course.flown
+    there, rest = inside & flight.flown, ~inside & flight.flown
     if not there.any() or not rest.any():
         return ["nothing is known beside it"]
-    most = (float(np.quantile(lively[rows], _MOST_LIVELY)) for rows in (there, rest))
-    return ["it moves more there than anywhere else"] if next(most) > _OF_REST * next(most) else []
+    most, elsewhere = (float(np.quantile(flight.lively[rows], _MOST_LIVELY)) for rows in (there, rest))
+    return ["it moves more there than anywhere else"] if most > _OF_REST * elsewhere else []
 
 
 def _field(finding: Finding) -> list[str]:
@@ -226,16 +209,13 @@ def _field(finding: Finding) -> list[str]:
 
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:
     """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything."""
-    for other in found:
-        if other is not finding and other.is_healthy and other.meets(finding.first, finding.last):
-            shared = {name for name, _, _ in finding.shown_by} & {name for name, _, _ in other.shown_by}
-            if shared and other.evidence > _BESIDE * finding.evidence:
-                return [f"{other.best.suspect} explains as much beside it"]
-    return []
+    others = [other for other in found if other is not finding and other.is_healthy]
+    others = [other for other in others if other.meets(finding.first, finding.last)]
+    alike = [other for other in others if _shown_by(finding) & _shown_by(other)]
+    strong = [other for other in alike if other.evidence > _BESIDE * finding.evidence]
+    return [f"{other.best.suspect} explains as much beside it" for other in strong[:1]]
 
 
-def _unit(course: Course, channel: str) -> float:
-    """Return what one of a channel's explanation is in the channel's unit."""
-    if channel in MAGNETOMETER:
-        return float(np.nanmedian(np.linalg.norm(course.field, axis=1)))
-    return 1.0 / UNITS.get(channel, 1.0)
+def _axis_of(channel: str) -> str:
+    """Return a channel that is one of a sensor's several; "" of a sensor of its own."""
+    return channel if names_of(channel)[-1] in WHOLE else ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -23,7 +23,7 @@ _SIX, _VANES = (*GYROS, *ATTITUDE), ("alpha", "beta")
 
 
 def flight_of_log(
-    read: ReadLog, mapping: Sequence[str], moving: FlightLog, sensors: Sequence[SensorReadings], origin: Origin
+    read: ReadLog, mapping: Sequence[str], moving: FlightLog, readings: Mapping[str, Samples], origin: Origin
 ) -> Flight:
     """Return the flight of a log: sample by sample; as it was opened where a channel has no samples of its own.
 
@@ -34,8 +34,8 @@ def flight_of_log(
         As `open_log` takes it.
     moving : FlightLog
         The log with gyros and attitude.
-    sensors : sequence of SensorReadings
-        Its accelerometers are taken from them.
+    readings : mapping of channel to Samples
+        Of its other sensors: the accelerometers are taken from them.
     origin : Origin
         Whether the gyros drive the attitude.
     """
@@ -43,7 +43,9 @@ def flight_of_log(
     if f"psi={NONE}" not in mapping:
         with contextlib.suppress(InputError):
             own = {name: Samples(each.time_s, each.values) for name, each in log_samples(read, _SIX, mapping).items()}
-    found = (own or _of_records(moving.segments, _SIX)) | (_forces(sensors) or _felt(moving.segments))
+    has_forces = {*FORCES} <= readings.keys()
+    forces = {name: readings[name] for name in FORCES} if has_forces else _felt(moving.segments)
+    found = (own or _of_records(moving.segments, _SIX)) | forces
     return flight_of(found, is_driven=origin.is_driven, is_assumed=origin.is_assumed)
 
 
@@ -73,11 +75,3 @@ def others_of_log(read: ReadLog, mapping: Sequence[str], sensors: Sequence[Senso
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))
     return found
-
-
-def _forces(sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
-    """Return what the first accelerometers of a log read; nothing where it has none."""
-    felt = next((each for each in sensors if {*FORCES} <= set(each.channels)), None)
-    if felt is None:
-        return {}
-    return {name: Samples(felt.time_s, values) for name, values in zip(felt.channels, felt.values.T, strict=True)}

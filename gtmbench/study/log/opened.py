@@ -168,10 +168,11 @@ def opened(asked: Asked) -> Opened:
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
     sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
+    readings = others_of_log(read, asked.mapping, sensors) if sensors else {}
     flight = None
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
-        flight = flight_of_log(read, asked.mapping, own.motion, sensors, origin)
+        flight = flight_of_log(read, asked.mapping, own.motion, readings, origin)
     return Opened(
         asked=asked,
         watcher=watcher,
@@ -179,7 +180,7 @@ def opened(asked: Asked) -> Opened:
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
         imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
         sensors=sensors,
-        readings=others_of_log(read, asked.mapping, sensors) if sensors else {},
+        readings=readings,
         estimator=estimator_words_of(read),
         attitude=attitude,
         findings=findings,

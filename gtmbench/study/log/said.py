@@ -120,8 +120,8 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
 def doubted(said: Said, progress: Progress) -> Said:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
-    said = replace(said, judged=_judged(said))
-    said = replace(said, course=_course(said))
+    whole = _judged(said)
+    said = replace(said, judged=whole, course=_course(said, whole))
     if said.check.stops or not is_ready(monitor):
         said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
@@ -172,13 +172,13 @@ def _judged(said: Said) -> Judged | None:
     return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)
 
 
-def _course(said: Said) -> CourseJudged | None:
+def _course(said: Said, whole: Judged | None) -> CourseJudged | None:
     """Return what the engine says of the log's other sensors; None where no attitude tells how they turn."""
     readings = said.learnt.opened.readings
-    if said.judged is None or not readings or said.check.stops:
+    if whole is None or not readings or said.check.stops:
         return None
-    broken = [(span.start_s, span.end_s) for _, span in said.judged.accused]
-    return course_judged(said.judged.flight.without(broken), readings)
+    broken = [(span.start_s, span.end_s) for _, span in whole.accused]
+    return course_judged(whole.flight.without(broken), readings)
 
 
 def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:

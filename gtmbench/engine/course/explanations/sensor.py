@@ -54,7 +54,7 @@ def explanations(course: Course) -> list[Explanation]:
 
 
 def _of(course: Course, name: str, bounds: _Bounds) -> Iterator[Explanation]:
-    unit = float(np.nanmedian(np.linalg.norm(course.field, axis=1))) if name in MAGNETOMETER else 1.0
+    unit = course.strength if name in MAGNETOMETER else 1.0
     one = np.full(len(course.flight), unit)
     yield Explanation(
         suspect=name,

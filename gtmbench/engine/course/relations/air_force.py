@@ -9,14 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.between import between, rotated
+from gtmbench.engine.course.relations.between import FORCE_FLOOR, FORCE_PRIOR, between, rotated
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import ACCELEROMETERS
 from gtmbench.values.record import FloatArray
 
 NEEDS = ("tas", *ACCELEROMETERS)
-# biases of accelerometers, a constant, in m/s2; a share of the change
-_PRIOR, _FLOOR = np.array([0.5, 0.5, 0.5, 0.3, 0.5]), np.array([0.05, 0.05, 0.05, 0.05, 0.2])
+_PRIOR, _FLOOR = np.append(FORCE_PRIOR, 0.5), np.append(FORCE_FLOOR, 0.2)  # and a share of the change
 _WANDER_M_S2 = 0.5  # by gusts, and an attitude that leans
 _LEAST_M_S2 = 0.2  # of noise
 
@@ -28,10 +27,10 @@ def relation(course: Course) -> Relation:
     changes = np.nan_to_num(np.einsum("nai,ni->na", course.air_axes, course.rates(course.through)))
     return between(
         course,
-        "air and force",
-        ("along", "across", "normal to"),
         _values,
-        np.concatenate([biases, ones, changes[:, :, np.newaxis]], axis=2),
+        name="air and force",
+        channels=("along", "across", "normal to"),
+        regressors=np.concatenate([biases, ones, changes[:, :, np.newaxis]], axis=2),
         said="acceleration {} the way by the air data, less by the accelerometers",
         unit="m/s2",
         prior=_PRIOR,

@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.between import between
+from gtmbench.engine.course.relations.between import FORCE_FLOOR, FORCE_PRIOR, between
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import ACCELEROMETERS
 from gtmbench.values.record import FloatArray
 
 NEEDS = ("altitude", *ACCELEROMETERS)
-# biases of accelerometers, a constant, in m/s2
-_PRIOR, _FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
 _WANDER_M_S2 = 0.3
 _LEAST_M_S2 = 0.1  # of noise
 
@@ -23,14 +21,14 @@ def relation(course: Course) -> Relation:
     columns = np.column_stack([np.nan_to_num(biases), np.ones(len(biases))])
     return between(
         course,
-        "altitude and force",
-        ("down",),
         _values,
-        columns[:, np.newaxis, :],
+        name="altitude and force",
+        channels=("down",),
+        regressors=columns[:, np.newaxis, :],
         said="acceleration {} by the altitude, less by the accelerometers",
         unit="m/s2",
-        prior=_PRIOR,
-        floor=_FLOOR,
+        prior=FORCE_PRIOR,
+        floor=FORCE_FLOOR,
         wander=_WANDER_M_S2,
         least=_LEAST_M_S2,
     )

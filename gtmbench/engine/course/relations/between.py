@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,32 +17,20 @@ from gtmbench.values.record import FloatArray
 _SHARE = 1e-3  # of an error of one, by which what it changes is worked out: few relations are curved
 _KEPT = 100  # answers: one an explanation, and it is asked for by every channel in every round
 _STILL = 1e-9  # a change that is rounding
+# of forces: biases of three accelerometers, turned by the attitude, and a constant, in m/s2
+FORCE_PRIOR, FORCE_FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
 
 
-def between(
-    course: Course,
-    name: str,
-    channels: Sequence[str],
-    values: Callable[[Course], FloatArray],
-    regressors: FloatArray,
-    *,
-    said: str,
-    unit: str,
-    prior: FloatArray,
-    floor: FloatArray,
-    wander: float,
-    least: float,
-) -> Relation:
+def between(course: Course, values: Callable[[Course], FloatArray], **about: Any) -> Relation:
     """Return a relation of a course.
 
     Parameters
     ----------
     course : Course
-    name, channels, said, unit, prior, floor, wander, least
-        As `Relation` has them.
     values : callable
         From a course to y, shape (blocks, channels).
-    regressors : shape (blocks, channels, constants)
+    **about
+        What else `Relation` has.
     """
     own = values(course)
 
@@ -52,28 +41,9 @@ def between(
         changed = np.nan_to_num((values(course.off_by(effect, _SHARE)) - own) / _SHARE)
         return changed if np.abs(changed).max(initial=0.0) > _STILL else None
 
-    return Relation(
-        name=name,
-        channels=tuple(channels),
-        said=said,
-        unit=unit,
-        values=own,
-        regressors=regressors,
-        prior=prior,
-        floor=floor,
-        wander=wander,
-        least=least,
-        asked=course.flown,
-        response=response,
-        is_shared=True,
-    )
+    return Relation(values=own, asked=course.flight.flown, response=response, is_shared=True, **about)
 
 
 def rotated(matrices: FloatArray, columns: FloatArray) -> FloatArray:
     """Return columns (blocks, 3, n) turned by matrices (blocks, 3, 3)."""
     return np.asarray(np.einsum("nij,njk->nik", matrices, columns))
-
-
-def eyes(count: int) -> FloatArray:
-    """Return unit matrices, shape (count, 3, 3)."""
-    return np.tile(np.eye(3), (count, 1, 1))

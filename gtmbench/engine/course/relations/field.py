@@ -23,18 +23,17 @@ def relation(course: Course) -> Relation:
     """Return the relation of a course's magnetometer and attitude."""
     count = len(course.flight)
     columns = np.column_stack([course.matrices.reshape(count, 9), np.ones(count)])
-    strength = float(np.nanmedian(np.linalg.norm(course.field, axis=1)))
 
     def values(of: Course) -> FloatArray:
         turned = of.matrices is not course.matrices
-        return of.field / strength - (_turned(of, course, strength) if turned else 0.0)
+        return of.field / course.strength - (_turned(of, course) if turned else 0.0)
 
     return between(
         course,
-        "field",
-        ("forward", "right", "down"),
         values,
-        np.repeat(columns[:, np.newaxis, :], 3, axis=1),
+        name="field",
+        channels=("forward", "right", "down"),
+        regressors=np.repeat(columns[:, np.newaxis, :], 3, axis=1),
         said="the field {}, as a share of it",
         unit="",
         prior=_PRIOR,
@@ -44,10 +43,10 @@ def relation(course: Course) -> Relation:
     )
 
 
-def _turned(of: Course, course: Course, strength: float) -> FloatArray:
+def _turned(of: Course, course: Course) -> FloatArray:
     """Return by how much the field would read otherwise in body axes, were the attitude what it is in another course.
 
     An attitude that is off leaves the readings as they are, and what they are compared with turns.
     """
-    north = np.einsum("nij,nj->ni", course.matrices, np.nan_to_num(course.field)) / strength
+    north = np.einsum("nij,nj->ni", course.matrices, np.nan_to_num(course.field)) / course.strength
     return np.asarray(np.einsum("nji,nj->ni", of.matrices - course.matrices, north))

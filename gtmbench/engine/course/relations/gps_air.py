@@ -26,10 +26,10 @@ def relation(course: Course) -> Relation:
     scale = np.einsum("nai,ni->na", course.air_axes, course.through)
     return between(
         course,
-        "gps and air",
-        ("along", "across", "normal to"),
         _values,
-        np.concatenate([course.air_axes, scale[:, :, np.newaxis]], axis=2),
+        name="gps and air",
+        channels=("along", "across", "normal to"),
+        regressors=np.concatenate([course.air_axes, scale[:, :, np.newaxis]], axis=2),
         said="velocity over ground less through the air, {} the way",
         unit="m/s",
         prior=_PRIOR,

@@ -20,10 +20,10 @@ def relation(course: Course) -> Relation:
     """Return the relation of a course's GPS and altitude."""
     return between(
         course,
-        NAME,
-        ("up",),
         _values,
-        np.ones((len(course.flight), 1, 1)),
+        name=NAME,
+        channels=("up",),
+        regressors=np.ones((len(course.flight), 1, 1)),
         said="how fast it goes {} by the altitude, less by the GPS",
         unit="m/s",
         prior=_PRIOR,

@@ -9,14 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.between import between
+from gtmbench.engine.course.relations.between import FORCE_FLOOR, FORCE_PRIOR, between
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY
 from gtmbench.values.record import FloatArray
 
 NEEDS = (*GPS_VELOCITY, *ACCELEROMETERS)
-# biases of accelerometers, a constant, in m/s2
-_PRIOR, _FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
 _WANDER_M_S2 = 0.3  # by an attitude that leans
 _LEAST_M_S2 = 0.05  # of noise
 
@@ -27,14 +25,14 @@ def relation(course: Course) -> Relation:
     ones = np.ones((len(course.flight), 3, 1))
     return between(
         course,
-        "gps and force",
-        ("north", "east", "down"),
         _values,
-        np.concatenate([np.nan_to_num(biases), ones], axis=2),
+        name="gps and force",
+        channels=("north", "east", "down"),
+        regressors=np.concatenate([np.nan_to_num(biases), ones], axis=2),
         said="acceleration {} by the GPS, less by the accelerometers",
         unit="m/s2",
-        prior=_PRIOR,
-        floor=_FLOOR,
+        prior=FORCE_PRIOR,
+        floor=FORCE_FLOOR,
         wander=_WANDER_M_S2,
         least=_LEAST_M_S2,
     )
