@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,13 +16,13 @@ import numpy as np
 
 import gtmbench as gb
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.engine.imus.beside import with_imus
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.contacts import CONTACTS
 from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.imu_comparison import channels_of, watched_imu
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
@@ -221,16 +221,11 @@ def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | N
     """
     changed = replace(log.log, segments=tuple(broken_record(record, fault, estimator) for record in log.log.segments))
     motion = changed if log.own.motion is log.log else None
-    watched = watched_imu(log.log, log.log.imus)
-    imus = log.imus
-    if imus is not None and watched is not None:
-        own = dict(zip(GYROS, channels_of(watched), strict=True))
-        parts = tuple(_with_broken_imu(record, own, fault, estimator) for record in imus.segments)
-        imus = replace(imus, segments=parts)
     flight = log.flight
     if flight is not None and motion is not None:
-        flight = flight_of_records(changed.segments, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
-    return replace(log, own=OpenedLog(log=changed, motion=motion), imus=imus, flight=flight)
+        own = flight_of_records(changed.segments, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
+        flight = with_imus(own, log.imus)
+    return replace(log, own=OpenedLog(log=changed, motion=motion), flight=flight)
 
 
 def broken_record(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:
@@ -241,24 +236,6 @@ def broken_record(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimat
     if estimator is not None and {*GYROS, *ATTITUDE} <= set(record.channels):
         broken = estimator.bent(record, broken)
     return broken
-
-
-def _with_broken_imu(
-    record: Record, own: Mapping[str, str], fault: gb.Fault, estimator: gb.AttitudeEstimator | None
-) -> Record:
-    """Return a record of IMUs side by side in which one is broken, whose channels are told, and the attitude bent."""
-    if not {*own.values()} <= set(record.channels):
-        return record
-    alone = Record(
-        record.matrix((*own.values(), *ATTITUDE)),
-        channels=(*own, *ATTITUDE),
-        sample_period_s=record.sample_period_s,
-        start_s=record.start_s,
-    )
-    broken = broken_record(alone, fault, estimator)
-    for name in broken.channels:
-        record = record.replace(own.get(name, name), broken[name])
-    return record
 
 
 def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
@@ -273,7 +250,7 @@ def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
 
 
 def _left(said: Said) -> list[Alarm]:
-    told = first_alarms(said.watches, said.comparison, said.judged)
+    told = first_alarms(said.watches, said.judged)
     return [alarm for alarm in told if not alarm.has_passed]
 
 

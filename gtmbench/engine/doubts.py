@@ -8,14 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from gtmbench.engine.evidence import MIRROR, axis_number
-from gtmbench.engine.explanation import name_of
+from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.finding import REFERENCES, Finding, Side
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.imus.agreement import change, means_part
+from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
 from gtmbench.engine.sides import constants_of_gyro
 from gtmbench.engine.sums import CELL
 from gtmbench.values.channels import ATTITUDE, GYROS
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray, Span
 
 OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
 _SEEN_S, _OUTSIDE, _AS_LIVELY = 10.0, 0.5, 0.5  # of motion elsewhere; of what lies outside; of the usual there
@@ -28,6 +30,10 @@ _OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it fol
 _PASSING = ("bias", "drift", "scale", "deadzone")  # a gyro that fails seldom heals
 _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
 _LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
+_NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
+_LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
+_ASKEW = 0.06  # three degrees
+_FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
@@ -81,12 +87,16 @@ def _at_once(found: Sequence[Finding]) -> list[Finding]:
 def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_together: bool) -> Finding:
     if finding.is_frozen:
         return finding
-    others = (REFERENCES,) if is_together or _passes(model, finding) or _is_cancelled(finding, found) else ()
+    others: tuple[str, ...] = (
+        (REFERENCES,) if is_together or _passes(model, finding) or _is_cancelled(finding, found) else ()
+    )
+    others += _twin(model, finding)
     if finding.is_healthy:
         return replace(finding, others=others)
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
     reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
-    reasons += _follows(model, finding)
+    reasons += [*_follows(model, finding), *_gain_between(model, finding), *_shaken(model, finding)]
+    reasons += _leaks(finding, found)
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -131,7 +141,8 @@ def _seldom(model: Model, finding: Finding) -> list[str]:
 def _is_own_noise(model: Model, finding: Finding) -> list[str]:
     """Doubt a gain of one to one before or behind: there a gyro's own noise explains itself."""
     axis = axis_number(finding.best.suspect)
-    known = constants_of_gyro(model, axis) if finding.best.kind == "scale" and axis >= 0 else None
+    is_watched = finding.best.suspect in GYROS or finding.best.suspect in ATTITUDE
+    known = constants_of_gyro(model, axis) if finding.best.kind == "scale" and is_watched else None
     if known is None or min(abs(1.0 - known[1]), abs(1.0 - known[1] - finding.size)) > MIRROR:
         return []
     return [f"{finding.best.suspect} and the attitude show no one motion"]
@@ -154,6 +165,87 @@ def _follows(model: Model, finding: Finding) -> list[str]:
     """Name nobody beside an angle that may follow the gyros: it is an estimator's, and no sensor of its own."""
     angles = [name for name in finding.suspects if name in ATTITUDE]
     return [f"{' and '.join(angles)} may follow the gyros"] if model.flight.is_driven and angles else []
+
+
+def _twin(model: Model, finding: Finding) -> tuple[str, ...]:
+    """Give the gyro of the other IMU of two, where no attitude tells which of both it is.
+
+    An estimator that one of them drives is bent so far by its error that no signature tells what it does then.
+    """
+    flight, best = model.flight, finding.best
+    told = {name for name, _, _ in finding.shown_by}
+    if len(flight.imus) != 1 or not flight.is_driven or not finding.parts_imus or "attitude" in told:
+        return ()
+    axis, (imu,) = axis_number(best.suspect), flight.imus
+    watched, further = GYROS[axis], imu.channels[axis]
+    bends = max(_bend_deg(model, finding, fades_s, of=watched) for fades_s in TIMES_S)
+    is_open = best.is_gain or (bends > _FAR_DEG and not _stays(model, finding))
+    return (further if best.suspect == watched else watched,) if is_open else ()
+
+
+def _stays(model: Model, finding: Finding) -> bool:
+    """Tell whether a gyro and the attitude still agree when references have turned back what an error bent.
+
+    Heading is corrected too slowly for that.
+    """
+    axis, size_deg_s = axis_number(finding.best.suspect), finding.reached_deg_s
+    sums, period_s = model.own_axis(axis), model.flight.blocks.period_s
+    if sums is None or axis == _YAW or not size_deg_s:
+        return False
+    left, known = sums.products.equation.left, sums.products.equation.known
+    onset = finding.first * CELL
+    before = slice(max(onset - round(_LATE_S[0] / period_s), 0), onset)
+    late = slice(onset + round(_LATE_S[0] / period_s), min(onset + round(_LATE_S[1] / period_s), finding.last * CELL))
+    if min(np.count_nonzero(known[part]) for part in (before, late)) * period_s < _LATE_S[0]:
+        return False
+    shift = left[late][known[late]].mean() - left[before][known[before]].mean()
+    return bool(abs(shift) < _STAYS * size_deg_s)
+
+
+def _gain_between(model: Model, finding: Finding) -> list[str]:
+    """Doubt a gain that IMUs show of each other where their noise may make it."""
+    if not (finding.best.is_gain and finding.parts_imus):
+        return []
+    axis, flight = axis_number(finding.best.suspect), model.flight
+    inside = np.zeros(len(flight), dtype=bool)
+    inside[finding.first * CELL : finding.last * CELL] = True
+    shown = {name for name, _, _ in finding.shown_by}
+    own = [imu for imu in flight.imus if relation_of(imu) in shown]
+    if any(_bears_out(finding, change(flight, imu, axis, inside)) for imu in own):
+        return []
+    return [f"noise of {finding.best.suspect}, or of another IMU, may do the same"]
+
+
+def _leaks(finding: Finding, found: Sequence[Finding]) -> list[str]:
+    """Doubt an offset beside a far larger one about another axis: axes are never quite square to each other."""
+    axis, reached = axis_number(finding.best.suspect), finding.reached_deg_s
+    for other in found:
+        is_beside = axis_number(other.best.suspect) not in (-1, axis) and other.meets(finding.first, finding.last)
+        if other is not finding and is_beside and 0.0 < reached < _ASKEW * other.reached_deg_s:
+            return [f"{other.best.suspect} is off so far that it shows about this axis, too"]
+    return []
+
+
+def _shaken(model: Model, finding: Finding) -> list[str]:
+    """Doubt noise that leaves the means of IMUs as they are: it is what shakes one more than another."""
+    flight = model.flight
+    if finding.best.kind != "noise" or not flight.imus:
+        return []
+    axis, inside = axis_number(finding.best.suspect), np.zeros(len(flight), dtype=bool)
+    inside[finding.first * CELL : finding.last * CELL] = True
+    own = [imu for imu in flight.imus if finding.best.suspect in (*imu.channels, GYROS[axis])]
+    if all(means_part(flight, imu, axis, inside) for imu in own):
+        return []
+    return ["the means of the IMUs agree, and only noise differs: vibration"]
+
+
+def _bears_out(finding: Finding, changed: Span) -> bool:
+    """Tell whether shares of turns change as a gain of a gyro has it: y = f w, f = 1 / (1 - k)."""
+    left = 1.0 - finding.size
+    if finding.best.suspect not in GYROS:
+        left = 1.0 / left if abs(left) > _NOTHING else np.inf
+    least, most = changed if left > 1.0 else (-changed[1], -changed[0])
+    return least > 0.0 and most > _HALF * abs(left - 1.0)
 
 
 def _own_axis(finding: Finding) -> list[str]:
@@ -212,9 +304,12 @@ def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]
     return []
 
 
-def _bend_deg(model: Model, finding: Finding, fades_s: float) -> float:
-    """Return how far an attitude is off at most that follows a finding's gyro; 0 of what no estimator follows."""
-    name = name_of(finding.best.suspect, finding.best.kind, fades_s)
+def _bend_deg(model: Model, finding: Finding, fades_s: float, of: str = "") -> float:
+    """Return how far an attitude is off at most that follows a finding's gyro, or another of its error.
+
+    0 of what no estimator follows.
+    """
+    name = name_of(of or finding.best.suspect, finding.best.kind, fades_s)
     place = next((place for place, each in enumerate(model.explanations) if each.name == name), None)
     if place is None:
         return 0.0

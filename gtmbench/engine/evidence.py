@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model, unsure
 from gtmbench.engine.sums import Products, Sums, Window
 from gtmbench.values.channels import GYROS, axis_of
@@ -193,8 +194,9 @@ def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
     turns = model.turns_deg_s(onset, last)
     found = np.ones((len(onset), len(model.explanations)), dtype=bool)
     for place, each in enumerate(model.explanations):
-        if each.is_gain and each.suspect in GYROS:
-            found[:, place] = turns[:, GYROS.index(each.suspect)] > _MOVES_DEG_S
+        gyro, _ = gyro_and_imu(each.suspect)
+        if each.is_gain and gyro in GYROS:
+            found[:, place] = turns[:, GYROS.index(gyro)] > _MOVES_DEG_S
     return found
 
 
@@ -331,6 +333,7 @@ def axes_of(model: Model) -> IntArray:
 
 
 def axis_number(suspect: str) -> int:
-    """Return the axis of a gyro or an angle, 0 to 2; -1 of anything else."""
-    own = [GYROS.index(name) for name in axis_of(suspect) if name in GYROS]
+    """Return the axis of a gyro, of whichever IMU, or an angle, 0 to 2; -1 of anything else."""
+    gyro, _ = gyro_and_imu(suspect)
+    own = [GYROS.index(name) for name in axis_of(gyro) if name in GYROS]
     return own[0] if own else -1

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.relation import BETWEEN
 from gtmbench.values.record import Span
 
 FROZEN, REFERENCES = "stuck", "references"
@@ -117,6 +118,11 @@ class Finding:
     def is_frozen(self) -> bool:
         """Whether a gyro stands still: that needs no model of its noise."""
         return self.best.kind == FROZEN
+
+    @property
+    def parts_imus(self) -> bool:
+        """Whether IMUs part by it."""
+        return any(name.startswith(BETWEEN) for name, _, _ in self.shown_by)
 
     def meets(self, first: int, last: int) -> bool:
         """Tell whether it shares cells with [first, last)."""

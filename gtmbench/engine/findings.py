@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.evidence import axes_of, axis_number
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import Finding
@@ -21,6 +22,7 @@ from gtmbench.engine.sides import side_of
 from gtmbench.engine.sums import CELL, Signatures
 from gtmbench.values.record import FloatArray
 
+_BESIDE = 2  # cells, as well as an onset is known
 _MOST = 3  # findings that are searched for
 _FIRST = 1.25  # times the bound, while nothing is known of what chance makes
 _ROUNDS = 2  # what was dropped in one is what is left in the next
@@ -72,6 +74,7 @@ class _Bench:
             self.signatures,
             explained=[self._explained(each) for each in found if not each.is_frozen],
             frozen=frozen,
+            edges=[block for each in found if each.parts_imus for block in _edges(each)],
         )
 
     def _explained(self, finding: Finding) -> Explained:
@@ -94,6 +97,11 @@ class _Bench:
         """Constants of the whole log, nothing taken away."""
         equations = [each.equation for each in self.whole.model.products]
         return {(each.relation.name, each.channel): each.constants for each in equations}
+
+
+def _edges(finding: Finding) -> list[tuple[int, int]]:
+    """Return blocks about the onset and the end of a finding: beside two IMUs' noise a second's error is large."""
+    return [(max(cell - _BESIDE, 0) * CELL, (cell + _BESIDE) * CELL) for cell in (finding.first, finding.last)]
 
 
 def findings_of(flight: Flight) -> Findings:
@@ -161,6 +169,9 @@ def _tempers(scan: Scan, found: Sequence[Finding]) -> FloatArray:
     seen, left = scan.seen, scan.left.copy()
     for each in found:
         if not each.is_frozen:
-            meets = np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset)
-            left -= 2.0 * MISFIT * each.evidence * meets[:, np.newaxis]
+            meets = (np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset))[:, np.newaxis]
+            left -= 2.0 * MISFIT * each.evidence * meets
+            if each.parts_imus:
+                own = axes_of(scan.model) == axis_number(each.best.suspect)
+                left = np.where(meets & own, -np.inf, left)
     return np.asarray(np.maximum(1.0, left.max(axis=0, initial=0.0) / EXPECTED))

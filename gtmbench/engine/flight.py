@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
+from gtmbench.engine.imus.imu import Imu
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
@@ -40,6 +41,8 @@ class Flight:
         The longest usual time between two samples of a gyro.
     is_driven, is_assumed : bool
         Whether the gyros drive the attitude, and whether that is only assumed.
+    imus : tuple of Imu
+        Those beside the one whose gyros are in the blocks.
 
     Examples
     --------
@@ -57,6 +60,13 @@ class Flight:
     gyro_step_s: float = 0.0
     is_driven: bool = True
     is_assumed: bool = False
+    imus: tuple[Imu, ...] = field(default=(), repr=False)
+
+    def by(self, imu: Imu) -> Flight:
+        """Return the flight as it is watched by a further IMU alone."""
+        held_s = np.column_stack([imu.held_s, self.blocks.held_s[:, len(GYROS) :]])
+        blocks = replace(self.blocks, gyros=imu.gyros, rough=imu.rough, held_s=held_s)
+        return replace(self, blocks=blocks, imus=(), is_assumed=True)
 
     def without(self, spans: Sequence[Span]) -> Flight:
         """Return the flight with gyros and attitude missing in some spans, such as a contact with the ground."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,12 +21,17 @@ _CERTAIN = 50.0  # nats
 
 
 def frozen_gyros(flight: Flight) -> tuple[Finding, ...]:
-    """Return where gyros stand still; none where all three do, for then it is the logger."""
-    found = [each for axis in range(3) for each in _of_axis(flight, axis)]
-    return () if len({each.best.suspect for each in found}) == len(GYROS) else tuple(found)
+    """Return where gyros stand still; none of an IMU whose three all do, for then it is the logger."""
+    own = [(GYROS, flight), *((imu.channels, flight.by(imu)) for imu in flight.imus)]
+    return tuple(each for sensors, watched in own for each in _of_gyros(watched, sensors))
 
 
-def _of_axis(flight: Flight, axis: int) -> Iterator[Finding]:
+def _of_gyros(flight: Flight, sensors: Sequence[str]) -> list[Finding]:
+    found = [each for axis in range(3) for each in _of_axis(flight, axis, sensors[axis])]
+    return [] if len({each.best.suspect for each in found}) == len(GYROS) else found
+
+
+def _of_axis(flight: Flight, axis: int, sensor: str) -> Iterator[Finding]:
     held = _held(flight, axis)
     others = max((length for other in range(3) if other != axis for _, _, length in _held(flight, other)), default=0)
     lengths = sorted((length for _, _, length in held), reverse=True)
@@ -37,7 +42,7 @@ def _of_axis(flight: Flight, axis: int) -> Iterator[Finding]:
         if first <= 1 and last >= len(flight) - 1:
             continue  # a column that was never a sensor's
         if length * flight.blocks.period_s > _LEAST_S and length > _OF_USUAL * usual and moves > _SHARE:
-            yield _finding(flight, axis, first, last)
+            yield _finding(flight, axis, sensor, first, last)
 
 
 def _held(flight: Flight, axis: int) -> list[tuple[int, int, int]]:
@@ -56,11 +61,11 @@ def _spread(flight: Flight) -> FloatArray:
     return np.pad(windows, (before, len(rates) - len(windows) - before), mode="edge")
 
 
-def _finding(flight: Flight, axis: int, first: int, last: int) -> Finding:
+def _finding(flight: Flight, axis: int, sensor: str, first: int, last: int) -> Finding:
     start_s, period_s = flight.blocks.start_s, flight.blocks.period_s
     onset_s = start_s + first * period_s
     reads = float(np.nan_to_num(flight.blocks.gyros[min(first + 1, len(flight) - 1), axis]))
-    explanation = Explanation(suspect=GYROS[axis], kind=FROZEN, effect=partial(_nothing))
+    explanation = Explanation(suspect=sensor, kind=FROZEN, effect=partial(_nothing))
     return Finding(
         first=first // CELL,
         last=-(-last // CELL),

@@ -12,9 +12,8 @@ from gtmbench.engine.constants import by_chunks
 from gtmbench.engine.equation import Equation, learn
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import BETWEEN, Relation
 from gtmbench.engine.sums import CELL, Products, Signatures, Sums, products_of, running
-from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, int]  # a relation's name and its channel
@@ -116,6 +115,7 @@ def learnt(
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),
+    edges: Sequence[tuple[int, int]] = (),
 ) -> Model:
     """Return the model of a flight.
 
@@ -128,6 +128,8 @@ def learnt(
         What is taken away before anything is learnt.
     frozen : sequence of (gyro, first, last)
         Blocks in which a gyro stands still: no equation that it enters is asked there.
+    edges : sequence of (first, last)
+        Blocks in which no IMU is held against another.
     """
     products = []
     for relation in relations:
@@ -139,7 +141,7 @@ def learnt(
                 relation,
                 channel,
                 explained=sum(taken[1:], taken[0]) if taken else None,
-                left_out=_left_out(flight, relation, channel, frozen),
+                left_out=_left_out(flight, relation, channel, frozen, edges),
             )
             if equation is not None:
                 beside = _beside(explained, key, flight)
@@ -166,13 +168,18 @@ def _beside(explained: Sequence[Explained], key: Key, flight: Flight) -> FloatAr
 
 
 def _left_out(
-    flight: Flight, relation: Relation, channel: int, frozen: Sequence[tuple[str, int, int]]
+    flight: Flight,
+    relation: Relation,
+    channel: int,
+    frozen: Sequence[tuple[str, int, int]],
+    edges: Sequence[tuple[int, int]],
 ) -> BoolArray | None:
-    if not frozen:
+    if not frozen and not edges:
         return None
     found = np.zeros(len(flight), dtype=bool)
     for gyro, first, last in frozen:
-        enters = relation.is_shared or relation.channels[channel] == gyro
-        if enters and relation.channels[channel] in GYROS:
+        if gyro == relation.channels[channel] or gyro in relation.enters:
             found[first:last] = True
+    for first, last in edges if relation.name.startswith(BETWEEN) else ():
+        found[first:last] = True
     return found

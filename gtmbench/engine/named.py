@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.finding import FROZEN, Finding
+from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State
 
@@ -37,9 +38,11 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
     is_told = bool(name) and kind != _SIGN
     onset_s = {"onset_s": finding.onset_s}
     of_onset = {"onset_s": 0.25 * (finding.onset_range_s[1] - finding.onset_range_s[0])}
+    sensor, imu = (None, "") if finding.named is None else gyro_and_imu(finding.named)
     return Judgement(
         time_s=time_s,
-        sensor=finding.named,
+        sensor=sensor,
+        imu=imu,
         candidates=finding.suspects,
         kind=kind,
         parameters=({name: size} if is_told else {}) | onset_s,

@@ -9,6 +9,7 @@ from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
 from gtmbench.values.record import BoolArray, FloatArray
 
+BETWEEN = "between IMUs"  # relations are called so that hold one against another
 Response = Callable[[Flight, Effect], FloatArray | None]
 
 
@@ -44,8 +45,10 @@ class Relation:
         are made of the attitude; None for nothing.
     regime : shape (blocks, channels), or None
         What its noise depends on beside the liveliness of the motion.
-    is_shared : bool
-        Whether every gyro enters each of its equations.
+    enters : tuple of str
+        The gyros that enter each of its equations, beside the one that it is of.
+    is_of_axes : bool
+        Whether its channels are gyros, and each shows its own one first.
     is_witness : bool
         Whether it has no say in a fault's size, and at most half of the evidence.
     """
@@ -64,7 +67,8 @@ class Relation:
     shift: Response | None = field(default=None, repr=False)
     regime: FloatArray | None = field(default=None, repr=False)
     least: float = 0.0
-    is_shared: bool = False
+    enters: tuple[str, ...] = ()
+    is_of_axes: bool = False
     is_witness: bool = False
 
     def title(self, channel: int) -> str:

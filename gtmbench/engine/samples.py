@@ -60,8 +60,8 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
         rates=rates_deg_s(angles, period_s),
         euler_rates=np.diff(angles, axis=0) / period_s,
         angles=angles[:-1],
-        rough=np.column_stack([_rough(sensors[name], edges) for name in GYROS]),
-        held_s=np.column_stack([_held_s(sensors[name], edges) for name in (*GYROS, *ATTITUDE)]),
+        rough=np.column_stack([rough_between(sensors[name], edges) for name in GYROS]),
+        held_s=np.column_stack([held_between(sensors[name], edges) for name in (*GYROS, *ATTITUDE)]),
     )
     step_s = max(sensors[name].step_s for name in GYROS)
     if not set(FORCES) <= sensors.keys():
@@ -172,7 +172,7 @@ def _block_of(time_s: FloatArray, edges: FloatArray) -> tuple[IntArray, BoolArra
     return at, (at >= 0) & (at < len(edges) - 1)
 
 
-def _rough(samples: Samples, edges: FloatArray) -> FloatArray:
+def rough_between(samples: Samples, edges: FloatArray) -> FloatArray:
     """Return mean squares of second differences between edges; NaN where there is none."""
     steps = np.diff(samples.time_s)
     even = np.maximum(steps[1:], steps[:-1]) < _GAP * samples.step_s
@@ -184,7 +184,7 @@ def _rough(samples: Samples, edges: FloatArray) -> FloatArray:
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
-def _held_s(samples: Samples, edges: FloatArray) -> FloatArray:
+def held_between(samples: Samples, edges: FloatArray) -> FloatArray:
     """Return for how long a sensor has read one value, at the end of each block; 0 where samples are missing."""
     held = held_for_s(samples.time_s, samples.values)
     before = np.clip(np.searchsorted(samples.time_s, edges[1:] + 1e-9, side="right") - 1, 0, len(held) - 1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from gtmbench.engine.evidence import Evidence, axes_of, axis_number, evidence
 from gtmbench.engine.finding import DECISIVE, Finding
+from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.restless import Place, restless_sums
 from gtmbench.engine.sums import Sums
@@ -135,14 +136,21 @@ class Search:
     def _suspects(self) -> NDArray[np.str_]:
         return np.array([each.suspect for each in self.model.explanations])
 
+    @cached_property
+    def _imus(self) -> NDArray[np.str_]:
+        return np.array([gyro_and_imu(suspect)[1] for suspect in self._suspects])
+
     def _bounds(self, onset: IntArray, last: IntArray, bound: float) -> FloatArray:
         """Return what evidence has to exceed in windows: more where an earlier finding may be a bit wrong."""
         found = np.full((len(onset), len(self.model.explanations)), bound * (1.0 + _MORE * len(self.found)))
         axes = axes_of(self.model)
         for each in self.found:
             meets = (np.minimum(each.last, last) > np.maximum(each.first, onset))[:, np.newaxis]
+            own = axes == axis_number(each.best.suspect)
             if each.is_frozen:
-                own = axes == axis_number(each.best.suspect)
+                own = own & (self._imus == gyro_and_imu(each.best.suspect)[1])
+                found = np.where(meets & own, np.inf, found)
+            elif each.parts_imus:  # what its shape leaves between two IMUs is large beside their noise
                 found = np.where(meets & own, np.inf, found)
             elif axis_number(each.best.suspect) < 0:  # it isn't off twice at a time
                 found = np.where(meets & (self._suspects == each.best.suspect), np.inf, found)
@@ -297,6 +305,6 @@ class Search:
         axis = int(axes_of(self.model)[place])
         shown = 0.0
         for equation, each in zip(self.model.products, one.by_equation[:, 0, place], strict=True):
-            if equation.equation.relation.name == "attitude" and axis in (-1, equation.equation.channel):
+            if equation.equation.relation.is_of_axes and axis in (-1, equation.equation.channel):
                 shown += float(each)
         return shown

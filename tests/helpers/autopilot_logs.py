@@ -21,8 +21,11 @@ def truth(duration_s=130.0, seed=1):
     return fly_once(duration_s=duration_s, seed=710_000 + seed).select([*GYROS, *ATTITUDE])
 
 
-def imus(count=2, *, faults=(), seed=1, duration_s=130.0, driver=0):
-    """Return IMUs, each a record at 10 Hz with the attitude that the driver's gyros drive; faults: (number, fault)."""
+def imus(count=2, *, faults=(), seed=1, duration_s=130.0, driver=0, step=STEP):
+    """Return IMUs, each a record every so many steps of 10 ms, with the attitude that the driver's gyros drive.
+
+    faults: (number, fault).
+    """
     flight, draw = truth(duration_s, seed), np.random.default_rng([seed, 5])
     read = []
     for number in range(count):
@@ -36,9 +39,9 @@ def imus(count=2, *, faults=(), seed=1, duration_s=130.0, driver=0):
     guessed = filtered_attitude(read[driver], time_constant_s=TIME_CONSTANT_S, seed=seed).matrix(ATTITUDE)
     return [
         gb.Record(
-            np.column_stack([each.matrix(GYROS), guessed])[::STEP],
+            np.column_stack([each.matrix(GYROS), guessed])[::step],
             channels=[*GYROS, *ATTITUDE],
-            sample_period_s=0.01 * STEP,
+            sample_period_s=0.01 * step,
         )
         for each in read
     ]

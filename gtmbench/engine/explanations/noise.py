@@ -11,16 +11,14 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.values.channels import GYROS
 
-_PRICE = 8.0  # shaking that one axis feels alone isn't rare
-_LEAST = 1.5  # e^1.5 is twice the deviation
+PRICE = 8.0  # shaking that one axis feels alone isn't rare
+LEAST = 1.5  # e^1.5 is twice the deviation
 
 
 def explanations(_: Flight) -> list[Explanation]:
     """Return one for each gyro, of size one in the logarithm of its power."""
     return [
-        Explanation(
-            suspect=gyro, kind="noise", effect=partial(_rougher, axis=axis), price=_PRICE, low=0.0, least=_LEAST
-        )
+        Explanation(suspect=gyro, kind="noise", effect=partial(_rougher, axis=axis), price=PRICE, low=0.0, least=LEAST)
         for axis, gyro in enumerate(GYROS)
     ]
 

@@ -41,7 +41,8 @@ def relation(flight: Flight) -> Relation | None:
         wander=_WANDER_DEG_S,
         asked=flight.judged,
         response=response,
-        is_shared=True,
+        enters=GYROS,
+        is_of_axes=True,
         regime=others_rough(flight),
     )
 

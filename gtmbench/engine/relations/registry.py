@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.imus import between
+from gtmbench.engine.imus import roughness as roughness_of_imus
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations import attitude, gravity, rest, roughness
 
@@ -19,4 +21,5 @@ def relations_of(flight: Flight) -> tuple[Relation, ...]:
     >>> [relation.name for relation in relations_of(Flight(blocks=blocks_of([level])))]
     ['attitude', 'roughness']
     """
-    return tuple(relation for make in RELATIONS if (relation := make(flight)) is not None)
+    own = tuple(relation for make in RELATIONS if (relation := make(flight)) is not None)
+    return (*own, *between.relations(flight), *roughness_of_imus.relations(flight))

@@ -12,7 +12,7 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.attitude import log_rough, others_rough
 from gtmbench.values.channels import GYROS
-from gtmbench.values.record import FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
 
 _PRIOR = np.array([10.0, 1.0, 1.0])  # level, share of the others', power of the liveliness
 _FLOOR = np.array([0.2, 0.05, 0.08])
@@ -35,10 +35,15 @@ def relation(flight: Flight) -> Relation | None:
         prior=_PRIOR,
         floor=_FLOOR,
         wander=_WANDER,
-        asked=flight.judged & (flight.lively > _MOVES * np.quantile(flight.lively, _LIVELIEST)),
+        asked=in_motion(flight),
         response=response,
-        is_shared=True,
+        enters=GYROS,
     )
+
+
+def in_motion(flight: Flight) -> BoolArray:
+    """Tell in which blocks a flight moves so much that what its gyros shake by is told by motion."""
+    return np.asarray(flight.judged & (flight.lively > _MOVES * np.quantile(flight.lively, _LIVELIEST)))
 
 
 def response(_: Flight, effect: Effect) -> FloatArray | None:

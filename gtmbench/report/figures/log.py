@@ -24,7 +24,7 @@ from gtmbench.report.log_findings import (
     whole_of,
 )
 from gtmbench.report.score_units import LOWEST, level, part
-from gtmbench.report.style import COLOURS, EVENTS, STATES, VERDICTS, colours
+from gtmbench.report.style import COLOURS, EVENTS, STATES, VERDICTS
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.findings import made_text
 from gtmbench.report.words.judgement import MOST_ALARMS, alarm_text
@@ -73,7 +73,6 @@ def _figure(watched: WatchedLog) -> Figure:
     spans = [whole, *(about(fault, whole) for fault in faults)]
     lanes = len(told_sensors(watched.verdict)) + bool(watched.log.remarks)
     heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
-    heights += [1.5] if _parting(watched) else []
     heights += [1.7] * len(_curves(watched))
     for name in signals_of(watched):
         heights += [1.7, 1.2] if name in residuals_of(watched) else [1.7]
@@ -107,8 +106,6 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, span: Span) -> None:
     _timelines(next(rest), watched)
     if scores_of(watched):
         _levels(next(rest), watched, span)
-    if _parting(watched):
-        _imus(next(rest), watched, span)
     for curve in _curves(watched):
         _evidence(next(rest), watched, curve, span)
     for name in signals_of(watched):
@@ -176,19 +173,6 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     draw_threshold(axis, tops)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.set_ylabel("test statistic\n(alarm above 1)")
-
-
-def _parting(watched: WatchedLog) -> list[tuple[str, FloatArray, FloatArray]]:
-    return [] if watched.comparison is None else watched.comparison.parting()
-
-
-def _imus(axis: Axes, watched: WatchedLog, span: Span) -> None:
-    """Draw what the IMUs differ by, of the channels that part."""
-    parts = _parting(watched)
-    tints = colours([label for label, _, _ in parts])
-    for label, time_s, values in parts:
-        _line(axis, time_s, values, span, tints[label], label)
-    axis.set_ylabel("IMUs part\n(deg/s)")
 
 
 def _curves(watched: WatchedLog) -> Sequence[Curve]:

@@ -376,8 +376,6 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     began = [(began_s(alarm), alarm) for alarm in alarms if began_s(alarm) < alarm.time_s]
     events += [(time_s, "WARN", f"{alarm.verdict}: it began about here") for time_s, alarm in began]
     events += watch_events(watched.watches)
-    apart = () if watched.comparison is None else watched.comparison.alarms
-    events += [(alarm.time_s, "WARN", f"{alarm.source}: {alarm.verdict}") for alarm in apart]
     events += [(of.onset_s, "WARN", f"injected: {injection_text(of)}") for of in watched.log.injections]
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.verdict.outcome]
     end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)

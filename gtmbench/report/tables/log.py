@@ -54,7 +54,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "autopilot": _autopilot(watched),
-        "imus": _comparison(watched),
+        "imus": _imus(watched),
         "sensors": [sensor_table(each) for each in watched.sensors],
         "estimator": [_estimator(each) for each in watched.estimator],
         "installation": None if watched.installation is None else watched.installation.table(),
@@ -171,15 +171,14 @@ def _autopilot(watched: WatchedLog) -> Mapping[str, Any]:
     }
 
 
-def _comparison(watched: WatchedLog) -> Mapping[str, Any] | None:
-    """Return what several IMUs say of each other; None where the log has one."""
-    compared = watched.comparison
-    if compared is None:
+def _imus(watched: WatchedLog) -> Mapping[str, Any] | None:
+    """Return which IMUs were compared, and how each is mounted; None where the log has one."""
+    if not watched.further_imus:
         return None
     return {
-        "imus": [imu.name for imu in compared.imus],
-        "watched": None if compared.watched is None else compared.watched.name,
-        "alarms": [_finding(alarm, None) for alarm in compared.alarms],
+        "imus": watched.compared_imus,
+        "watched": watched.watched_imu or None,
+        "turned_deg": {imu.name: imu.mounting.turned_deg for imu in watched.further_imus},
     }
 
 

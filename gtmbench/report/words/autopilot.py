@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gtmbench.checks import listed
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.engine.finding import Finding
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
 from gtmbench.report.words.units import counted
@@ -84,26 +84,20 @@ def _answer_text(row: Scored) -> str:
 
 def imu_lines(watched: WatchedLog) -> list[str]:
     """Return what the IMUs say of each other; nothing of a log that has one."""
-    if len(watched.log.imus) < 2 or not (watched.watches or watched.comparison):
+    if len(watched.log.imus) < 2 or not (watched.watches or watched.judged):
         return []
-    names = listed([imu.name for imu in watched.log.imus])
-    if watched.comparison is None:
-        return [
-            f"IMUs: {names} can't be compared: no attitude, no common time, too little that is healthy, or too long"
-        ]
-    compared = watched.comparison
-    names = listed([imu.name for imu in compared.imus])
-    if not compared.alarms:
-        return [f"IMUs: {names} agree in what their means over seconds tell"]
-    return [f"IMUs: {_parting_text(alarm)}" for alarm in compared.alarms]
+    if not watched.further_imus:
+        names = listed([imu.name for imu in watched.log.imus])
+        return [f"IMUs: {names} can't be compared: no attitude, no common time, or too long"]
+    names = listed(watched.compared_imus)
+    parts = [finding for finding in watched.judged.found if finding.parts_imus] if watched.judged else []
+    return [f"IMUs: {_parting_text(each)}" for each in parts] or [f"IMUs: {names} agree in what their means tell"]
 
 
-def _parting_text(alarm: Alarm) -> str:
-    size = None if alarm.last is None else alarm.last.parameters.get("size")
-    by = "" if size is None else f" by {size:.2g} deg/s"
-    what = f"{alarm.source} part{by}" if " and " in alarm.source else f"{alarm.source} stands still"
-    known = "" if alarm.isolated_s is None else f", known at {alarm.isolated_s:.2f} s"
-    return f"{what} at {alarm.time_s:.2f} s, since about {alarm.onset_s:.2f} s: {alarm.verdict}{known}"
+def _parting_text(finding: Finding) -> str:
+    who = listed(finding.suspects, "or")
+    told = "" if finding.accuses else f"; {finding.doubt or 'no failure is needed for that'}"
+    return f"they part from {finding.onset_s:.1f} s on, as {who} does with {finding.best.kind}{told}"
 
 
 def score_verdict(scores: ScoredLog) -> str:

@@ -15,6 +15,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
@@ -31,7 +32,7 @@ from gtmbench.study.log.asked import Asked
 from gtmbench.study.log.auto_bank import bank_for_logs
 from gtmbench.study.log.flight import flight_of_log, others_of_log
 from gtmbench.study.log.headings import no_heading, with_heading
-from gtmbench.study.log.imu_comparison import opened_with
+from gtmbench.study.log.imus import ImuSamples, imu_samples, watched_imu
 from gtmbench.study.log.origin import FROM_LOG, origin_in_log, origin_in_logs, rests_on_attitude, with_origin
 from gtmbench.study.log.records import open_for, within
 from gtmbench.study.log.self_check.outcome import Part, rests_on_motion
@@ -80,8 +81,10 @@ class Opened:
         The log that is watched.
     others : tuple of OpenedLog
         Healthy ones, at its rate.
-    imus : FlightLog or None
-        The log with the gyros of all its IMUs side by side; None where it has one.
+    imus : mapping of name to three Samples
+        What the gyros of its IMUs read beside the one that is watched.
+    watched_imu : str
+        The name of that; "" where a log has one, or p, q and r are none of theirs.
     sensors : tuple of SensorReadings
         Those of the log that no gyro enters; none where the log has no heading, or nothing rests on motion.
     estimator : tuple of EstimatorWord
@@ -109,7 +112,8 @@ class Opened:
     watcher: Detector | Monitor
     own: OpenedLog
     others: tuple[OpenedLog, ...]
-    imus: FlightLog | None = field(repr=False)
+    imus: ImuSamples = field(repr=False)
+    watched_imu: str
     sensors: tuple[SensorReadings, ...] = field(repr=False)
     estimator: tuple[EstimatorWord, ...] = field(repr=False)
     attitude: Origin | None
@@ -134,7 +138,7 @@ class Opened:
     @property
     def out_of_range(self) -> tuple[OutOfRange, ...]:
         """The readings of the log that no sensor reads, a channel each."""
-        logs = filter(None, (self.own.log, self.own.motion, self.imus))
+        logs = filter(None, (self.own.log, self.own.motion))
         return tuple({each.channel: each for log in logs for each in log.out_of_range}.values())
 
 
@@ -168,17 +172,20 @@ def opened(asked: Asked) -> Opened:
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
     sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
+    imus = imu_samples(read, log, asked.mapping) if own.motion is not None else {}
+    watched = watched_imu(log)
     readings = others_of_log(read, asked.mapping, sensors) if sensors else {}
     flight = None
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
-        flight = flight_of_log(read, asked.mapping, own.motion, readings, origin)
+        flight = with_imus(flight_of_log(read, asked.mapping, own.motion, readings, origin), imus)
     return Opened(
         asked=asked,
         watcher=watcher,
         own=own,
         others=tuple(_with_motion(other, its, watcher, asked) for other, its in beside),
-        imus=opened_with(read, log.imus, asked.mapping) if len(log.imus) > 1 else None,
+        imus=imus,
+        watched_imu="" if watched is None else watched.name,
         sensors=sensors,
         readings=readings,
         estimator=estimator_words_of(read),

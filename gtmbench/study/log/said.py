@@ -1,7 +1,7 @@
 """What a monitor says of a log: it listens to all that it wasn't learnt on, then what others contradict is doubted.
 
-What looks at the log as a whole comes after listening: the engine, whether several IMUs agree, and what the residuals
-explain.
+What looks at the log as a whole comes after listening: the engine, by gyros, attitude and further IMUs, and what the
+residuals explain.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.engine.course.judged import CourseJudged, course_judged
+from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
@@ -26,9 +27,9 @@ from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.claims import excused_s
 from gtmbench.study.log.contacts import crash_of
 from gtmbench.study.log.flight import flight_of_records
-from gtmbench.study.log.imu_comparison import Comparison, beside, compare, further, with_doubt
+from gtmbench.study.log.imus import SAME, is_contradicted
 from gtmbench.study.log.learnt import Learnt
-from gtmbench.study.log.records import first_part, outside, whole_s, within, without
+from gtmbench.study.log.records import outside, within, without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.values.record import Record, Span
 
@@ -36,7 +37,6 @@ LOST = "its messages are missing: the link lost them, or it stopped"
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
 _SOON_S = 15.0  # within which two tell of one fault
-_BEGINNING_S = 30.0  # how IMUs differ, where nothing could be learnt
 _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth a word
 
 
@@ -54,8 +54,6 @@ class Said:
     check : SelfCheck
     installation : Installation or None
         Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
-    comparison : Comparison or None
-        What several IMUs say of each other.
     judged : Judged or None
         What the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
         nothing rests on them.
@@ -70,16 +68,14 @@ class Said:
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     check: SelfCheck = field(repr=False)
     installation: Installation | None = None
-    comparison: Comparison | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
     course: CourseJudged | None = field(default=None, repr=False)
     findings: tuple[str, ...]
 
 
-def first_alarms(watches: Sequence[Watch], comparison: Comparison | None, judged: Judged | None) -> tuple[Alarm, ...]:
+def first_alarms(watches: Sequence[Watch], judged: Judged | None) -> tuple[Alarm, ...]:
     """Return the first alarm of each fault that is said of a log, in order of time."""
     told = [alarm for watch in watches for alarm in watch.faults]
-    told += further(told, comparison)
     told += beyond(told, () if judged is None else judged.alarms)
     return tuple(sorted(told, key=lambda alarm: alarm.time_s))
 
@@ -123,20 +119,35 @@ def doubted(said: Said, progress: Progress) -> Said:
     whole = _judged(said)
     said = replace(said, judged=whole, course=_course(said, whole))
     if said.check.stops or not is_ready(monitor):
-        said = replace(said, comparison=_compared(said, [_beginning(learnt.opened.log)]))
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, watches = learnt.opened.log, said.watches
     watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
     progress("compare", watched_s, watched_s)
-    comparison = _compared(said, learnt.identified_s or (first_part(log),))
-    watches = tuple(beside(watches, comparison))
+    watches = _but_contradicted(watches, whole)
     if learnt.opened.bends:
         watches = _but_bent(watches)
     if log.is_received:
         watches = _but_lost(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
-    return replace(said, watches=watches, check=check, comparison=comparison, findings=findings)
+    return replace(said, watches=watches, check=check, findings=findings)
+
+
+def _but_contradicted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
+    """Return watches that doubt of a gyro what the other IMUs contradict."""
+    return tuple(
+        replace(
+            watch,
+            alarms=tuple(with_doubt(each, SAME) if is_contradicted(each, whole) else each for each in watch.alarms),
+        )
+        for watch in watches
+    )
+
+
+def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
+    """Return an alarm that may be no fault after all, and why."""
+    judged = alarm.judgements[-1].doubted(doubt)
+    return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
 def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
@@ -165,7 +176,8 @@ def _judged(said: Said) -> Judged | None:
     flight = opened.flight
     if said.installation is not None and said.installation.said and said.watches:
         records = [watch.record for watch in said.watches]
-        flight = flight_of_records(records, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
+        again = flight_of_records(records, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
+        flight = with_imus(again, opened.imus)
     crash = crash_of(said.watches, said.excursions)
     after = [(crash.start_s, np.inf)] if crash else []
     flown = flight.without([*excused_s(said.excursions), *after])
@@ -179,20 +191,6 @@ def _course(said: Said, whole: Judged | None) -> CourseJudged | None:
         return None
     broken = [(span.start_s, span.end_s) for _, span in whole.accused]
     return course_judged(whole.flight.without(broken), readings)
-
-
-def _compared(said: Said, healthy: Sequence[Span]) -> Comparison | None:
-    """Return what several IMUs say of each other; None where there is one, or too little to compare."""
-    opened = said.learnt.opened
-    if opened.imus is None:
-        return None
-    return compare(opened.log, opened.imus, healthy=healthy, excursions=said.excursions)
-
-
-def _beginning(log: FlightLog) -> Span:
-    """Return the log's first seconds: how its IMUs differ, where nothing was learnt."""
-    start_s, _ = whole_s(log)
-    return start_s, start_s + _BEGINNING_S
 
 
 def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:

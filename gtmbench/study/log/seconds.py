@@ -1,22 +1,20 @@
-"""Means over seconds: what two sensors of one rotation differ by, without what two healthy ones differ by."""
+"""Means over seconds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from gtmbench.values.record import BoolArray, FloatArray, Record, Span
+from gtmbench.values.record import FloatArray, Record
 
 IntArray = npt.NDArray[np.int_]
 
 SECOND_S = 1.0
-FEWEST = 15  # seconds that are healthy: with fewer, nothing is known of a difference
 _COVERED = 0.7  # of a second
 _BLOCK = 1000  # seconds that are taken at a time
-_GAIN = 0.02  # by which scale and direction of two gyros differ: an a priori standard deviation
 
 
 def rows_by_second(record: Record, start_s: float) -> Iterator[tuple[int, slice]]:
@@ -84,58 +82,6 @@ def of_seconds(record: Record, start_s: float, columns: Callable[[Record], Float
         means=np.concatenate(means) if means else none,
         deviations=np.concatenate(deviations) if deviations else none,
     )
-
-
-def seconds_in(spans: Sequence[Span], start_s: float, count: int) -> BoolArray:
-    """Tell which of so many seconds since a time have their middle in any of some spans.
-
-    >>> seconds_in([(0.0, 1.0), (2.5, 9.0)], start_s=0.0, count=3)
-    array([ True, False,  True])
-    """
-    middle_s = start_s + (np.arange(count, dtype=np.float64) + 0.5) * SECOND_S
-    within = np.zeros(count, dtype=np.bool_)
-    for first_s, last_s in spans:
-        within |= (middle_s >= first_s) & (middle_s <= last_s)
-    return within
-
-
-def beyond_gains(difference: FloatArray, motion: FloatArray, healthy: BoolArray) -> FloatArray:
-    """Return a difference without its median where healthy, and without what turning explains there.
-
-    Two healthy gyros differ by a bias, a scale of a percent or two, and an angle between their axes.
-
-    Parameters
-    ----------
-    difference, motion : shape (seconds, 3)
-        In deg/s; NaN where nothing is known.
-    healthy : shape (seconds,)
-
-    Returns
-    -------
-    shape (seconds, 3)
-        NaN throughout where less than `FEWEST` seconds are healthy.
-
-    Examples
-    --------
-    >>> motion = np.random.default_rng(1).standard_normal((40, 3)) * 20.0
-    >>> difference = 0.5 + 0.02 * motion
-    >>> left = beyond_gains(difference, motion, np.ones(40, dtype=bool))
-    >>> float(np.std(difference).round(2)), float(np.std(left).round(2))
-    (0.34, 0.02)
-    """
-    rows = healthy & np.isfinite(difference).all(axis=1) & np.isfinite(motion).all(axis=1)
-    if np.count_nonzero(rows) < FEWEST:
-        return np.full(difference.shape, np.nan)
-    middle = np.median(difference[rows], axis=0)
-    turned, left = motion[rows] - motion[rows].mean(axis=0), difference[rows] - middle
-    noise = 1.4826 * np.median(np.abs(left), axis=0) + 1e-9
-    gains = np.column_stack(
-        [
-            np.linalg.solve(turned.T @ turned + np.eye(3) * (noise[axis] / _GAIN) ** 2, turned.T @ left[:, axis])
-            for axis in range(3)
-        ]
-    )
-    return np.asarray(difference - middle - (motion - motion[rows].mean(axis=0)) @ gains)
 
 
 def trailing_means(values: FloatArray, window: int, known: float = 1.0) -> FloatArray:

@@ -18,7 +18,6 @@ from gtmbench.faults.replacing import Dropout
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
-    excused_s,
     motion_spans,
     of_alarm,
     of_certificate,
@@ -28,7 +27,7 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.study.log.other_imus import claims_of, of_other_imus
+from gtmbench.study.log.imus import told_of_imus
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
@@ -84,8 +83,6 @@ class Evidence:
         What limits the verdict, where nothing could have alarmed.
     out_of_range : tuple of OutOfRange
         Of all that was read.
-    imus : FlightLog or None
-        The log with the gyros of all its IMUs side by side; None where it has one.
     """
 
     log: FlightLog
@@ -105,7 +102,6 @@ class Evidence:
     watched_imu: str
     reasons: tuple[str, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
-    imus: FlightLog | None = field(default=None, repr=False)
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
@@ -123,17 +119,10 @@ def timeline_of(evidence: Evidence) -> Timeline:
     if not evidence.check.causes:
         claims += _cleared(evidence, claims)
     told = _told(evidence, claims)
-    if evidence.imus is not None and not evidence.check.stops:
-        of_others = of_other_imus(
-            evidence.imus,
-            evidence.log.imus,
-            evidence.watched_imu,
-            is_driven=evidence.is_driven,
-            excused_s=excused_s(evidence.excursions),
-        )
-        for name, said in of_others:
-            claims += claims_of(name, said)
-            told += [f"{name}: {change.text}." for change in said.changes]
+    if evidence.judged is not None and not evidence.check.stops:
+        of_imus = told_of_imus(evidence.judged, claims)
+        claims += of_imus.claims
+        told += of_imus.lines
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)

@@ -278,9 +278,8 @@ def _why_not(watched: WatchedLog, injection: Injection) -> str:
     """Say why a failure can't be scored; nothing where it can."""
     if injection.sensor != GYRO:
         return f"no {injection.sensor} is watched"
-    comparison = watched.comparison
     seen = _watched_number(watched)
-    compared = {imu.number for imu in comparison.imus} if comparison is not None else set()
+    compared = {imu.number for imu in watched.log.imus if imu.name in watched.compared_imus}
     if injection.number is not None and seen is not None and injection.number not in {seen, *compared}:
         return f"gyro {injection.number} isn't watched"
     records = [watch.record for watch in watched.watches]

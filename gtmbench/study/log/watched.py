@@ -15,6 +15,7 @@ from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.imus.imu import Imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
 from gtmbench.intake.estimator_words import EstimatorWord
@@ -24,7 +25,6 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.gps_itself import FIX, JUMP, with_itself
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.imu_comparison import Comparison
 from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
 from gtmbench.study.log.said import Said, beyond, first_alarms, healthy_of
 from gtmbench.study.log.second_faults import second_faults
@@ -63,8 +63,6 @@ class WatchedLog:
         The stretches without a verdict, because the motion is beyond that of identification.
     left_out : tuple of LeftOut
         The parts of the healthy spans, and of other logs, that weren't identified on.
-    comparison : Comparison or None
-        The comparison of several IMUs; None if the log has one, or they can't be compared.
     judged : Judged or None
         The verdict of the engine on gyros and attitude over the whole log; None if the log hasn't both, is misread, or
         the monitor rests on no attitude.
@@ -92,8 +90,8 @@ class WatchedLog:
         The sensors that the log has.
     out_of_range : tuple of OutOfRange
         The readings of the log that no sensor reads, a channel each.
-    imus : FlightLog or None
-        The log with the gyros of all its IMUs side by side; None where it has one.
+    watched_imu : str
+        The IMU whose gyros p, q and r are; "" where a log has one, or none of its IMUs is.
     later : tuple of Alarm
         Those that name another gyro while a first one that failed is replaced by what is predicted.
     swap : Swap or None
@@ -125,7 +123,6 @@ class WatchedLog:
     check: SelfCheck = field(default=SelfCheck(), repr=False)
     excursions: tuple[Excursion, ...] = field(default=(), repr=False)
     left_out: tuple[LeftOut, ...] = ()
-    comparison: Comparison | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
     course: CourseJudged | None = field(default=None, repr=False)
     sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
@@ -138,7 +135,7 @@ class WatchedLog:
     has_heading: bool = True
     there: tuple[str, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
-    imus: FlightLog | None = field(default=None, repr=False)
+    watched_imu: str = ""
     later: tuple[Alarm, ...] = ()
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
@@ -155,7 +152,7 @@ class WatchedLog:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
-        told = first_alarms(self.watches, self.comparison, self.judged)
+        told = first_alarms(self.watches, self.judged)
         more = beyond(told, (*self.later, *self._of_swap))
         return tuple(sorted([*told, *more], key=lambda alarm: alarm.time_s))
 
@@ -179,6 +176,16 @@ class WatchedLog:
     def whole_alarms(self) -> tuple[Alarm, ...]:
         """Those of them that only the engine raised, by the whole log."""
         return tuple(alarm for alarm in self.alarms if alarm.test == WHOLE)
+
+    @property
+    def further_imus(self) -> tuple[Imu, ...]:
+        """The IMUs beside the one that is watched, as the engine compared them; none where the log has one."""
+        return () if self.judged is None else self.judged.flight.imus
+
+    @property
+    def compared_imus(self) -> list[str]:
+        """The names of all IMUs that were compared."""
+        return [name for name in (self.watched_imu, *(imu.name for imu in self.further_imus)) if name]
 
     @property
     def armed_hours(self) -> float:
@@ -223,7 +230,7 @@ class WatchedLog:
     @property
     def _others(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault that isn't the engine's."""
-        told = first_alarms(self.watches, self.comparison, None)
+        told = first_alarms(self.watches, None)
         of_swap = () if self.swap is None else self.swap.alarms
         return (*told, *beyond(told, (*self.later, *of_swap)))
 
@@ -238,7 +245,6 @@ class WatchedLog:
         others = tuple(each.failed for each in self.sensors if each.failed is not None)
         if self.course is not None:  # the engine compares the same sensors over the whole log
             others = tuple(alarm for alarm in others if alarm.test in (FIX, JUMP) or not self._is_explained(alarm))
-        watched_imu = "" if self.comparison is None or self.comparison.watched is None else self.comparison.watched.name
         return Evidence(
             log=self.log,
             sensors=self.there or self.log.channels,
@@ -254,10 +260,9 @@ class WatchedLog:
             excursions=self.excursions,
             unwatched=tuple((each, why) for name, why in self.unwatched.items() for each in axis_of(name)),
             certified=() if self.moving else self._certified,
-            watched_imu=watched_imu,
+            watched_imu=self.watched_imu,
             reasons=self.reasons,
             out_of_range=self.out_of_range,
-            imus=self.imus,
         )
 
     @cached_property
@@ -295,7 +300,6 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         check=said.check,
         excursions=said.excursions,
         left_out=learnt.left_out,
-        comparison=said.comparison,
         judged=said.judged,
         course=said.course,
         sensors=sensors_of(said),
@@ -307,7 +311,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         moving=moving_of(said),
         has_heading=f"psi={NONE}" not in opened.asked.mapping,
         there=there_of(said),
-        imus=opened.imus,
+        watched_imu=opened.watched_imu,
         out_of_range=opened.out_of_range,
         swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said)),

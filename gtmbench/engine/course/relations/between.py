@@ -41,7 +41,7 @@ def between(course: Course, values: Callable[[Course], FloatArray], **about: Any
         changed = np.nan_to_num((values(course.off_by(effect, _SHARE)) - own) / _SHARE)
         return changed if np.abs(changed).max(initial=0.0) > _STILL else None
 
-    return Relation(values=own, asked=course.flight.flown, response=response, is_shared=True, **about)
+    return Relation(values=own, asked=course.flight.flown, response=response, **about)
 
 
 def rotated(matrices: FloatArray, columns: FloatArray) -> FloatArray:

@@ -1,0 +1,87 @@
+"""Whether further IMUs read what a watched gyro reads while the attitude turns otherwise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.imus.imu import Imu
+from gtmbench.values.record import BoolArray, FloatArray, Span
+
+_WIDER = 2.0  # times the usual spread
+_FEWEST = 20  # blocks of a fit
+_LOUD, _QUIET = 3.0, 0.25  # times what gyro and attitude usually differ by; of what they do there
+
+
+def agree(flight: Flight, axis: int, span_s: Span) -> bool:
+    """Tell whether all further IMUs agree with a gyro that the attitude contradicts in a span, as it did not before.
+
+    Parameters
+    ----------
+    flight : Flight
+    axis : int
+    span_s : (start, end)
+    """
+    if not flight.imus:
+        return False
+    inside, blocks = flight.blocks.within([span_s]), flight.blocks
+    own = blocks.gyros[:, axis]
+    apart = own - blocks.rates[:, axis]
+    before = blocks.time_s < span_s[0]
+    here = _rms(apart, inside)
+    beside = [_rms(imu.gyros[:, axis] - own, inside) for imu in flight.imus]
+    return here > _LOUD * _rms(apart, before) and all(each < _QUIET * here for each in beside)
+
+
+def _rms(values: FloatArray, rows: BoolArray) -> float:
+    """Return the root mean square beside the median of all; NaN, which is never less, of nothing."""
+    known = values[rows & np.isfinite(values)]
+    return float(np.sqrt(np.mean(np.square(known - np.nanmedian(values))))) if len(known) else float("nan")
+
+
+def factors(own: FloatArray, other: FloatArray, rows: BoolArray) -> Span:
+    """Return between which factors one gyro reads another's turns: noise of either makes a fit of it less, or more.
+
+    By least squares of the one on the other, and the other way round (Frisch's bounds).
+
+    >>> turns = np.sin(np.arange(400.0))
+    >>> low, high = factors(1.5 * turns, turns, np.ones(400, dtype=bool))
+    >>> round(low, 2), round(high, 2)
+    (1.5, 1.5)
+    >>> noise = np.random.default_rng(1).standard_normal((2, 400))
+    >>> low, high = factors(turns + noise[0], turns + noise[1], np.ones(400, dtype=bool))
+    >>> low < 1.0 < high
+    True
+    """
+    there = rows & np.isfinite(own) & np.isfinite(other)
+    if np.count_nonzero(there) < _FEWEST:
+        return -np.inf, np.inf
+    (a, shared), (_, b) = np.cov(own[there], other[there])
+    if not (a > 0.0 and b > 0.0 and shared != 0.0):
+        return -np.inf, np.inf
+    low, high = sorted((float(shared / b), float(a / shared)))
+    return low, high
+
+
+def change(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> Span:
+    """Return by how much more of the watched gyro's turns an IMU's reads in some blocks than in the rest, at least.
+
+    The first is the least that noise leaves, the second the most.
+    """
+    own, watched = imu.gyros[:, axis], flight.blocks.gyros[:, axis]
+    inside, outside = (factors(own, watched, part & flight.judged) for part in (rows, ~rows))
+    return inside[0] - outside[1], inside[1] - outside[0]
+
+
+def means_part(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> bool:
+    """Tell whether means over a second of what two gyros differ by spread more in some blocks than in the rest."""
+    apart = imu.gyros[:, axis] - flight.blocks.gyros[:, axis]
+    second = np.ones(max(round(1.0 / flight.blocks.period_s), 1))
+    means = np.convolve(apart, second / len(second), "same")
+    inside, outside = (_usual(means[part & np.isfinite(means)]) for part in (rows, ~rows & flight.judged))
+    return inside > _WIDER * outside
+
+
+def _usual(values: FloatArray) -> float:
+    """Return the median distance from the median; NaN, which is never more, of nothing."""
+    return float(np.median(np.abs(values - np.median(values)))) if len(values) else float("nan")

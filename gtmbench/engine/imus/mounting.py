@@ -1,0 +1,92 @@
+"""How a further IMU is mounted, by what its gyros and others read of one motion.
+
+The rotation M of g = M g' is the median of those over stretches of the log, so that no fault of a part of it turns it:
+each is fitted by least squares and made orthogonal by its singular values. Small angles are left to constants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gtmbench.values.record import FloatArray
+
+_STRETCH, _FEWEST = 50, 5  # blocks of one fit; fits of which the median is any
+_RIDGE, _LIVELY_DEG_S = 1e-3, 1.0  # an axis that turns less in a stretch tells nothing
+_TURNED_DEG = 10.0  # more is no constant of a gyro that stands a bit askew
+_REFLECTED = -0.5  # of a determinant near -1: no rotation does that
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounting:
+    """A rotation from an IMU's axes to the aircraft's.
+
+    Attributes
+    ----------
+    matrix : shape (3, 3)
+        The identity where it isn't turned, or nothing tells how.
+    turned_deg : float
+        By how much it is turned; 0 for not at all.
+    is_reflected : bool
+        Whether an odd number of axes has the wrong sign, which no mounting does.
+    """
+
+    matrix: FloatArray = field(default_factory=lambda: np.eye(3), repr=False)
+    turned_deg: float = 0.0
+    is_reflected: bool = False
+
+    @property
+    def taken(self) -> list[int]:
+        """Which of the IMU's axes lies nearest to each of the aircraft's."""
+        return [int(each) for each in np.argmax(np.abs(self.matrix), axis=1)]
+
+    def turned(self, gyros: FloatArray) -> FloatArray:
+        """Return what gyros read about the aircraft's axes, shape (blocks, 3)."""
+        return gyros if not self.turned_deg else np.asarray(gyros @ self.matrix.T)
+
+
+def mounting_of(gyros: FloatArray, known: FloatArray) -> Mounting:
+    """Return how an IMU is mounted whose gyros read one motion as those do that are known.
+
+    Parameters
+    ----------
+    gyros, known : shape (blocks, 3)
+
+    Examples
+    --------
+    >>> known = 10.0 * np.random.default_rng(1).standard_normal((1500, 3))
+    >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    >>> mounting = mounting_of(known @ quarter, known)
+    >>> round(mounting.turned_deg), np.allclose(mounting.turned(known @ quarter), known, atol=1e-6)
+    (90, True)
+    >>> mounting_of(known * [1.0, 1.0, -1.0], known).is_reflected
+    True
+    """
+    there = np.isfinite(gyros).all(axis=1) & np.isfinite(known).all(axis=1)
+    own, others = gyros[there], known[there]
+    fits = [
+        fit
+        for begin in range(0, len(own) - _STRETCH + 1, _STRETCH)
+        if (fit := _fit(own[begin : begin + _STRETCH], others[begin : begin + _STRETCH])) is not None
+    ]
+    if len(fits) < _FEWEST:
+        return Mounting()
+    usual = np.median(fits, axis=0)
+    left, sizes, right = np.linalg.svd(usual)
+    if sizes[-1] < 0.5 * sizes[0]:  # they don't read one motion
+        return Mounting()
+    found = left @ right
+    if np.linalg.det(found) < _REFLECTED:
+        return Mounting(is_reflected=True)
+    turned_deg = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(found) - 1.0), -1.0, 1.0))))
+    return Mounting(matrix=found, turned_deg=turned_deg) if turned_deg > _TURNED_DEG else Mounting()
+
+
+def _fit(own: FloatArray, others: FloatArray) -> FloatArray | None:
+    """Return M of a stretch; None where an axis hardly turns."""
+    own, others = own - own.mean(axis=0), others - others.mean(axis=0)
+    if others.std(axis=0).min() < _LIVELY_DEG_S:
+        return None
+    squares = own.T @ own
+    return np.asarray(np.linalg.solve(squares + _RIDGE * np.trace(squares) / 3.0 * np.eye(3), own.T @ others).T)

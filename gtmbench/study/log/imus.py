@@ -1,0 +1,111 @@
+"""The IMUs of a log beside the one that is watched: their samples, what the engine says of each, and how it stands."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from gtmbench.detectors.alarm import Alarm
+from gtmbench.engine.hindsight.cleared import Failure, hindsight_of
+from gtmbench.engine.imus.agreement import agree
+from gtmbench.engine.imus.imu import Imu, gyro_of
+from gtmbench.engine.judged import Judged, failure_of
+from gtmbench.engine.samples import Samples
+from gtmbench.errors import InputError
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.imus import Imu as LoggedImu
+from gtmbench.intake.read import ReadLog
+from gtmbench.intake.samples import log_samples
+from gtmbench.intake.units import unit
+from gtmbench.study.log.claims import began_s
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.record import Span
+from gtmbench.verdict.timeline import Claim, State, unjudged
+
+SAME = "the other IMUs read the same"
+_MOST = 3  # that are compared, the watched one among them
+_LONGEST_S = 2e4  # of a log whose IMUs are compared
+_TOLD_S = 8.0  # of an alarm, in which the others would show it
+_REFLECTED = "has an odd number of axes turned round, which no mounting does"
+
+ImuSamples = Mapping[str, Sequence[Samples]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What is told of the IMUs beside the one that is watched: claims of their gyros, and sentences."""
+
+    claims: tuple[Claim, ...] = ()
+    lines: tuple[str, ...] = ()
+
+
+def watched_imu(log: FlightLog) -> LoggedImu | None:
+    """Return the IMU whose gyros are a log's p, q and r; None where none of them is, or the log has one."""
+    columns = {source.column for source in log.sources if source.channel in GYROS}
+    found = next((imu for imu in log.imus if set(imu.columns) & columns), None)
+    return found if len(log.imus) > 1 else None
+
+
+def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> ImuSamples:
+    """Return what the gyros of a log's other IMUs read, by the IMU's name, in deg/s; none of a log that is too long."""
+    span_s = log.span_s
+    if span_s[1] - span_s[0] > _LONGEST_S:
+        return {}
+    watched, found = watched_imu(log), {}
+    for imu in log.imus[:_MOST]:
+        names = [gyro_of(gyro, imu.name) for gyro in GYROS]
+        maps = [f"{name}={column}:{imu.unit}" for name, column in zip(names, imu.columns, strict=True)]
+        if watched is None or imu.name != watched.name:
+            with contextlib.suppress(InputError):
+                samples = log_samples(read, names, [*mapping, *maps])
+                own = [samples[name] for name in names]
+                found[imu.name] = [Samples(each.time_s, _factor(imu) * each.values) for each in own]
+    return found
+
+
+def _factor(imu: LoggedImu) -> float:
+    known = unit(imu.unit)
+    return known.factor if known else 1.0
+
+
+def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
+    """Return where the gyros of other IMUs are clear, beside all that failed, and how they are mounted."""
+    failures: dict[str, list[Failure]] = {}
+    for sensor, span in claims:
+        if span.state in (State.FAILED, State.SUSPECTED):
+            failures.setdefault(sensor, []).append(failure_of(span))
+    found: list[Claim] = []
+    lines: list[str] = []
+    for imu in judged.flight.imus:
+        found += _of(judged, imu, failures, lines)
+        lines += _mounting(imu)
+    return Told(claims=tuple(found), lines=tuple(lines))
+
+
+def _of(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]], lines: list[str]) -> Iterator[Claim]:
+    flight, span_s = judged.flight.by(imu), (judged.flight.blocks.start_s, judged.flight.blocks.end_s)
+    if imu.mounting.is_reflected:
+        yield from ((name, unjudged(span_s, f"{imu.name} {_REFLECTED}")) for name in imu.channels)
+        return
+    own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.channels, strict=True)}
+    beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
+    said = hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=False, failures=own | beside)
+    lines += [f"{imu.name}: {change.text}." for change in said.changes]
+    yield from ((name, span) for gyro, name in zip(GYROS, imu.channels, strict=True) for span in said.claims[gyro])
+
+
+def _mounting(imu: Imu) -> Iterator[str]:
+    if imu.mounting.is_reflected:
+        yield f"{imu.name} {_REFLECTED}; its columns, or their signs, are wrong."
+    if imu.mounting.turned_deg:
+        yield f"{imu.name} is mounted turned by {imu.mounting.turned_deg:.0f} deg; its gyros are judged as turned back."
+
+
+def is_contradicted(alarm: Alarm, judged: Judged | None) -> bool:
+    """Tell whether the other IMUs read what the watched one reads while an alarm says that its gyro is wrong."""
+    if judged is None or alarm.sensor not in GYROS or alarm.last is None or alarm.last.imu:
+        return False
+    start_s = began_s(alarm)
+    span_s: Span = (start_s, max(alarm.last.time_s, start_s + _TOLD_S))
+    return agree(judged.flight, GYROS.index(alarm.sensor), span_s)

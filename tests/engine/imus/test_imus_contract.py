@@ -1,0 +1,127 @@
+"""Several IMUs on the engine: who parts is named or suspected, never a healthy one; a mounting is told, not accused."""
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.engine.imus.beside import with_imus
+from gtmbench.engine.imus.imu import gyro_of
+from gtmbench.engine.judged import judged
+from gtmbench.engine.samples import Samples, flight_of
+from gtmbench.study.log.imus import is_contradicted, told_of_imus
+from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.verdict.timeline import State
+from tests.helpers.autopilot_logs import STEP, imus
+
+ONSET_S = 80.0
+FAST = 4  # steps of 10 ms: gyros that are slower tell no factor
+QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def flown(records, turned=None, late_s=0.0, is_driven=True):
+    """Return the flight of the first IMU, with the others beside it."""
+    first, *others = records
+    own = {name: Samples(first.time_s, first[name]) for name in (*GYROS, *ATTITUDE)}
+    beside = {}
+    for number, record in enumerate(others, 2):
+        gyros = record.matrix(GYROS) @ (np.eye(3) if turned is None else turned)
+        beside[f"IMU{number}"] = [Samples(record.time_s + late_s, column) for column in gyros.T]
+    return with_imus(flight_of(own, is_driven=is_driven), beside)
+
+
+def said(*faults, count=2, seed=1, driver=0, step=STEP, **how):
+    return judged(flown(imus(count, faults=faults, seed=seed, driver=driver, step=step), **how))
+
+
+def accused(found):
+    """Return who failed, and who may have."""
+    failed = {sensor for sensor, span in found.accused if span.state is State.FAILED}
+    return failed, {sensor for sensor, span in found.accused if span.state is State.SUSPECTED}
+
+
+def name_of(channel, number):
+    return gyro_of(channel, f"IMU{number + 1}") if number else channel
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("count", [2, 3])
+def test_healthy_imus_accuse_nobody_and_are_clear(count, seed):
+    found = said(count=count, seed=seed)
+    assert accused(found) == (set(), set())
+    told = told_of_imus(found, ())
+    assert told.lines == ()
+    names = {gyro_of(gyro, f"IMU{number}") for gyro in GYROS for number in range(2, count + 1)}
+    assert {sensor for sensor, span in told.claims if span.state is State.CLEAR} == names
+
+
+@pytest.mark.parametrize("driver", [0, 1])
+@pytest.mark.parametrize("liar", [0, 1])
+@pytest.mark.parametrize("channel", GYROS)
+@pytest.mark.parametrize("size", [2.0, -10.0])
+def test_of_two_the_liar_is_named_or_suspected_whoever_drives_the_estimator(channel, liar, driver, size):
+    found = said((liar, gb.Bias(channel=channel, onset_s=ONSET_S, size=size)), driver=driver)
+    failed, suspected = accused(found)
+    own = name_of(channel, liar)
+    assert own in failed | suspected
+    assert failed <= {own}
+    assert suspected <= {name_of(channel, 0), name_of(channel, 1), "psi", *ATTITUDE}
+
+
+FAULTS = {
+    "bias": lambda channel: gb.Bias(channel=channel, onset_s=ONSET_S, size=1.0),
+    "drift": lambda channel: gb.Drift(channel=channel, onset_s=ONSET_S, slope=0.1),
+    "sign": lambda channel: gb.SignFlip(channel=channel, onset_s=ONSET_S),
+    "scale": lambda channel: gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=1.6),
+    "stuck": lambda channel: gb.Jam(channel=channel, onset_s=ONSET_S),
+    "noise": lambda channel: gb.Noise(channel=channel, onset_s=ONSET_S, deviation=5.0),
+}
+
+
+@pytest.mark.parametrize("liar", [0, 2])
+@pytest.mark.parametrize("kind", FAULTS)
+@pytest.mark.parametrize("channel", ["p", "r"])
+def test_of_three_the_one_that_parts_from_both_is_named(channel, kind, liar):
+    failed, suspected = accused(said((liar, FAULTS[kind](channel)), count=3, step=FAST))
+    assert failed == {name_of(channel, liar)}
+    assert suspected == set()
+
+
+def test_of_three_of_which_two_fail_no_healthy_one_is_named():
+    both = [(number, gb.Bias(channel="p", onset_s=ONSET_S, size=size)) for number, size in ((0, 2.0), (1, -2.0))]
+    failed, suspected = accused(said(*both, count=3))
+    assert failed | suspected
+    assert failed <= {"p", gyro_of("p", "IMU2")}
+
+
+@pytest.mark.parametrize("turned", [QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]])
+def test_one_that_is_mounted_turned_is_told_and_its_fault_is_on_the_aircrafts_axis(turned):
+    assert accused(said(turned=turned)) == (set(), set())
+    found = said((1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)), count=2, turned=turned)
+    (line,) = [line for line in told_of_imus(found, found.accused).lines if "mounted" in line]
+    assert line.startswith("IMU2 is mounted turned by ")
+    failed, suspected = accused(found)
+    assert gyro_of("q", "IMU2") in failed | suspected
+
+
+def test_one_whose_axis_has_the_wrong_sign_is_told_and_not_judged():
+    found = said(turned=np.diag([1.0, 1.0, -1.0]))
+    told = told_of_imus(found, found.accused)
+    assert any("no mounting does" in line for line in told.lines)
+    assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
+
+
+def test_one_that_is_late_and_scaled_is_judged_none_the_worse():
+    assert accused(said(late_s=0.01, turned=1.02 * np.eye(3))) == (set(), set())
+    late = said((1, gb.Bias(channel="p", onset_s=ONSET_S, size=2.0)), late_s=0.01, turned=1.02 * np.eye(3))
+    assert accused(late)[0] <= {gyro_of("p", "IMU2")}
+    assert gyro_of("p", "IMU2") in set().union(*accused(late))
+
+
+def test_what_the_others_agree_on_is_no_gyros_fault():
+    """The attitude is wrong: an alarm that names the gyro is contradicted, where the other reads the same."""
+    judgement = gb.Judgement(time_s=ONSET_S + 9.0, sensor="p", candidates=("p",), kind="bias")
+    alarm = gb.Alarm(number=0, time_s=ONSET_S + 1.0, onset_s=ONSET_S, source="p", judgements=(judgement,))
+    drifting = [each.replace("phi", each["phi"] + 4.0 * np.maximum(each.time_s - ONSET_S, 0.0)) for each in imus(2)]
+    assert is_contradicted(alarm, judged(flown(drifting)))
+    assert not is_contradicted(alarm, said((0, gb.Bias(channel="p", onset_s=ONSET_S, size=4.0)), driver=1))
+    assert not is_contradicted(alarm, judged(flown(drifting[:1])))
