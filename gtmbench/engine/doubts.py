@@ -11,7 +11,7 @@ from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.finding import REFERENCES, Finding, Side
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.agreement import change, means_part
+from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
 from gtmbench.engine.sides import constants_of_gyro
@@ -32,6 +32,7 @@ _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel 
 _LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
 _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
+_VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
@@ -96,7 +97,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
     reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
     reasons += [*_follows(model, finding), *_gain_between(model, finding), *_shaken(model, finding)]
-    reasons += _leaks(finding, found)
+    reasons += [*_leaks(finding, found), *_outvoted(model, finding)]
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -224,6 +225,21 @@ def _leaks(finding: Finding, found: Sequence[Finding]) -> list[str]:
         if other is not finding and is_beside and 0.0 < reached < _ASKEW * other.reached_deg_s:
             return [f"{other.best.suspect} is off so far that it shows about this axis, too"]
     return []
+
+
+def _outvoted(model: Model, finding: Finding) -> list[str]:
+    """Doubt a gyro of three IMUs where the other two don't agree, or it doesn't part from both."""
+    flight, best = model.flight, finding.best
+    if len(flight.imus) < _VOTERS or not finding.parts_imus or best.kind == "noise":
+        return []
+    axis, inside = axis_number(best.suspect), np.zeros(len(flight), dtype=bool)
+    inside[finding.first * CELL : finding.last * CELL] = True
+    far = apart(flight, axis, inside)
+    most = float(np.nanmax(far, initial=0.0))
+    own = np.array([best.suspect in imu.channels for imu in flight.imus])
+    parts = far > _PARTS * most
+    is_alone = bool((parts == own).all()) if own.any() else bool(parts[np.isfinite(far)].all())
+    return [] if is_alone else ["more than one of the IMUs parts from the others"]
 
 
 def _shaken(model: Model, finding: Finding) -> list[str]:

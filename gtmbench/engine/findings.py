@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,14 +34,22 @@ class Findings:
 
     Attributes
     ----------
-    model : Model
-        With everything that was found taken away.
+    scan : Scan
+        Of the model with everything that was found taken away, all its windows looked at once.
+    tempers : shape (explanations,)
+        What evidence is divided by: chance makes more of some explanations on this log than noise would.
     found : tuple of Finding
         In order of time.
     """
 
-    model: Model
+    scan: Scan
+    tempers: FloatArray = field(repr=False)
     found: tuple[Finding, ...]
+
+    @property
+    def model(self) -> Model:
+        """The model with everything that was found taken away."""
+        return self.scan.model
 
 
 class _Bench:
@@ -141,10 +149,10 @@ def found_by(
         found = kept
         if is_settled:
             break
-    model = bench.without(found).model
-    sided = [replace(each, side=side_of(model, each)) for each in found]
+    scan = bench.without(found)
+    sided = [replace(each, side=side_of(scan.model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(model=model, found=tuple(in_time))
+    return Findings(scan=scan, tempers=tempers, found=tuple(in_time))
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:

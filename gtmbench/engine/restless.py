@@ -92,4 +92,4 @@ def _wander(sums: Sums, model: Model, place: Place) -> float:
     left = (means[:, 0] - means[:, 1:known] @ constants - place.size * signature) / own_precision
     columns_mean = means[:, 1:known] / own_precision[:, np.newaxis]
     unknown = 1.0 / own_precision + np.einsum("ck,kl,cl->c", columns_mean, gain, columns_mean)
-    return float(np.sqrt(np.mean(np.square(left) + unknown)))
+    return float(np.sqrt(np.mean(np.square(left) + np.maximum(unknown, 0.0))))  # which rounding may turn below none

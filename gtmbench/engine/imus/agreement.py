@@ -39,6 +39,12 @@ def _rms(values: FloatArray, rows: BoolArray) -> float:
     return float(np.sqrt(np.mean(np.square(known - np.nanmedian(values))))) if len(known) else float("nan")
 
 
+def apart(flight: Flight, axis: int, rows: BoolArray) -> FloatArray:
+    """Return how far each further IMU's gyro is from the watched one in some blocks, shape (imus,), in deg/s."""
+    own = flight.blocks.gyros[:, axis]
+    return np.array([_rms(imu.gyros[:, axis] - own, rows & flight.judged) for imu in flight.imus])
+
+
 def factors(own: FloatArray, other: FloatArray, rows: BoolArray) -> Span:
     """Return between which factors one gyro reads another's turns: noise of either makes a fit of it less, or more.
 

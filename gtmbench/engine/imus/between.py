@@ -23,8 +23,8 @@ _WANDER_DEG_S, _LEAST_DEG_S = 0.05, 0.02  # by vibration that aliases; of noise
 
 
 def relations(flight: Flight) -> list[Relation]:
-    """Return the relation of each further IMU."""
-    return [_relation(flight, imu) for imu in flight.imus]
+    """Return the relation of each further IMU, but of one that no mounting allows."""
+    return [_relation(flight, imu) for imu in flight.imus if not imu.mounting.is_reflected]
 
 
 def relation_of(imu: Imu) -> str:

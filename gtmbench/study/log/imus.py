@@ -24,7 +24,7 @@ from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, State, unjudged
 
 SAME = "the other IMUs read the same"
-_MOST = 3  # that are compared, the watched one among them
+_FEWEST, _MOST = 2, 3  # that are compared, the watched one among them
 _LONGEST_S = 2e4  # of a log whose IMUs are compared
 _TOLD_S = 8.0  # of an alarm, in which the others would show it
 _REFLECTED = "has an odd number of axes turned round, which no mounting does"
@@ -44,13 +44,13 @@ def watched_imu(log: FlightLog) -> LoggedImu | None:
     """Return the IMU whose gyros are a log's p, q and r; None where none of them is, or the log has one."""
     columns = {source.column for source in log.sources if source.channel in GYROS}
     found = next((imu for imu in log.imus if set(imu.columns) & columns), None)
-    return found if len(log.imus) > 1 else None
+    return found if len(log.imus) >= _FEWEST else None
 
 
 def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> ImuSamples:
     """Return what the gyros of a log's other IMUs read, by the IMU's name, in deg/s; none of a log that is too long."""
     span_s = log.span_s
-    if span_s[1] - span_s[0] > _LONGEST_S:
+    if len(log.imus) < _FEWEST or span_s[1] - span_s[0] > _LONGEST_S:
         return {}
     watched, found = watched_imu(log), {}
     for imu in log.imus[:_MOST]:
