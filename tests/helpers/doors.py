@@ -1,0 +1,155 @@
+"""Every door where a file or bytes come in, what is whole there, and damaged files that once got through one.
+
+`tests/damaged/` holds a description of each such file, never its bytes: the door, what was found, and how it differs
+from what is whole there. `tests.fuzz` writes such a description of whatever it finds.
+"""
+
+import base64
+import difflib
+import hashlib
+import json
+import tempfile
+import tomllib
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import gtmbench as gb
+from gtmbench.bench.known_aircraft import load_aircraft
+from gtmbench.files.shipped import share
+from gtmbench.link.source import Delivery, Source
+from tests.helpers import links, log_makers, monitors
+from tests.intake.test_every_log_hostile import IN_PLACE
+from tests.intake.test_every_log_hostile import whole as whole_log
+from tests.intake.test_intake_hostile import FORMATS, damaged, whole
+
+PACKAGE = Path(gb.__file__).parent
+DAMAGED = Path(__file__).parent.parent / "damaged"
+FILES: dict[str, tuple[Callable[[Path], object], Path]] = {
+    "monitor.json": (gb.load_monitor, PACKAGE / "baselines/bank-C.json"),
+    "scenario.toml": (gb.load_scenario, PACKAGE / "cli/template.toml"),
+    "campaign.toml": (gb.load_campaign, share() / "experiments/campaigns/ci.toml"),
+    "aircraft.toml": (lambda path: load_aircraft(path.parent), share() / "aircraft/gtm/aircraft.toml"),
+}
+# of a folder's files one is damaged
+IN_FOLDERS = [
+    "bag2/metadata.yaml",
+    "bag2/bag2.db3",
+    "tables/log_7_vehicle_attitude_0.csv",
+    "tables/log_7_vehicle_angular_velocity_0.csv",
+]
+READ_APART = ("flight.bag", "flight.mat", "flight73.mat", "flight.xlsx", *IN_FOLDERS[:2])  # in a process of its own
+DOORS = [*FORMATS, *IN_PLACE, *IN_FOLDERS, *FILES, "link", "lines"]
+LINK_SAMPLES = 200
+
+
+class _Pieces(Source):
+    """Bytes as a link brings them, a few hundred at a time."""
+
+    is_live = False
+
+    def __init__(self, data: bytes, *, is_table: bool) -> None:
+        super().__init__()
+        self._data, self.is_table = data, is_table
+
+    def deliveries(self):
+        for number, place in enumerate(range(0, len(self._data), 300)):
+            yield Delivery(1e9 + 0.1 * number, self._data[place : place + 300], ("127.0.0.1", 1))
+
+
+class Door:
+    """Where input comes in: what is whole there, and what takes it."""
+
+    def __init__(self, name: str, folder: Path) -> None:
+        self.name, self.folder = name, folder
+        self._path = folder / name
+        self._path.parent.mkdir(exist_ok=True)
+        self.whole = whole_at(name)
+        self._reads = FILES[name][0] if name in FILES else gb.open_log
+        self._opened = self._path
+        if name in IN_FOLDERS:
+            self._opened = self._path.parent
+            for own, content in whole_log(self._opened.name).items():
+                (self._opened / own).write_bytes(content)
+
+    def take(self, data: bytes) -> None:
+        """Let it read some bytes."""
+        if self.name in ("link", "lines"):
+            with gb.live(_Pieces(data, is_table=self.name == "lines"), monitors.monitor()) as link:
+                list(link)
+            return
+        self._path.write_bytes(data)
+        self._reads(self._opened)
+
+
+@cache
+def whole_at(name: str) -> bytes:
+    """Return what is whole at a door."""
+    if name in FILES:
+        content = FILES[name][1].read_bytes()
+        if name.endswith(".json"):  # as older versions wrote it, without a digest, which would refuse all the rest
+            document = json.loads(content)
+            del document["digest"]
+            content = json.dumps(document | {"version": 2}).encode()
+        return content
+    if name in ("link", "lines"):
+        record = monitors.record(LINK_SAMPLES, seed=21)
+        if name == "link":
+            return b"".join(packet for _, packet in links.packets(record))
+        with tempfile.TemporaryDirectory() as folder:
+            gb.write_log(record, Path(folder, "lines.csv"))
+            return Path(folder, "lines.csv").read_bytes()
+    if name in FORMATS:
+        return whole(name)
+    if name in IN_FOLDERS:
+        folder, _, own = name.partition("/")
+        return whole_log(folder)[own]
+    with tempfile.TemporaryDirectory() as folder:
+        return log_makers.make(folder, name, log_makers.flight(4.0)).read_bytes()
+
+
+@dataclass(frozen=True)
+class DamagedFile:
+    """A file that once got through a door: where, what was found, and how it is made.
+
+    Either ``seed`` says it, or ``replace`` (pairs of text), or ``edits`` (from, to, and in hexadecimal what stands there
+    instead), or ``packed`` (all of it, by zlib and base64).
+    """
+
+    name: str
+    door: str
+    found: str
+    seed: str = ""
+    replace: tuple[tuple[str, str], ...] = ()
+    edits: tuple[tuple[int, int, str], ...] = ()
+    packed: str = ""
+
+    def content(self, door: Door) -> bytes:
+        """Return its bytes."""
+        if self.packed:
+            return zlib.decompress(base64.b64decode(self.packed))
+        content = damaged(door.whole, self.seed) if self.seed else door.whole
+        for was, now in self.replace:
+            assert was.encode() in content, f"{self.name}: nothing reads {was!r}"
+            content = content.replace(was.encode(), now.encode())
+        for since, until, instead in reversed(self.edits):
+            content = content[:since] + bytes.fromhex(instead) + content[until:]
+        return content
+
+
+def damaged_files() -> list[DamagedFile]:
+    """Return all that are described."""
+    return [DamagedFile(name=path.stem, **tomllib.loads(path.read_text())) for path in sorted(DAMAGED.glob("*.toml"))]
+
+
+def described(door: Door, data: bytes, found: str) -> tuple[str, str]:
+    """Return a name and a description for a damaged file, by what differs from what is whole."""
+    lines = [f"door = {json.dumps(door.name)}", f"found = {json.dumps(found)}"]
+    matcher = difflib.SequenceMatcher(None, door.whole, data, autojunk=len(data) > 10_000)
+    parts = [part for part in matcher.get_opcodes() if part[0] != "equal"]
+    edits = [f'    [{since}, {until}, "{data[a:b].hex()}"],' for _, since, until, a, b in parts]
+    packed = base64.b64encode(zlib.compress(data, 9)).decode()
+    lines += ["edits = [", *edits, "]"] if sum(map(len, edits)) < len(packed) else [f'packed = "{packed}"']
+    return f"{hashlib.sha256(data).hexdigest()[:12]}-{door.name.replace('/', '-')}.toml", "\n".join(lines) + "\n"
