@@ -231,8 +231,6 @@ def folder_beside(target: Path) -> Iterator[Path]:
     parent = target.absolute().parent
     if not parent.is_dir():
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
-    if not os.access(parent, os.W_OK | os.X_OK):
-        raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
     _clear_once(parent)
     try:
         own, lock = _own_folder(parent)

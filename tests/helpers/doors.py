@@ -5,11 +5,16 @@ from what is whole there. `tests.fuzz` writes such a description of whatever it 
 """
 
 import base64
+import contextlib
 import difflib
 import hashlib
 import json
+import signal
 import tempfile
+import time
 import tomllib
+import traceback
+import warnings
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,6 +48,7 @@ IN_FOLDERS = [
 READ_APART = ("flight.bag", "flight.mat", "flight73.mat", "flight.xlsx", *IN_FOLDERS[:2])  # in a process of its own
 DOORS = [*FORMATS, *IN_PLACE, *IN_FOLDERS, *FILES, "link", "lines"]
 LINK_SAMPLES = 200
+LONGEST_S = 10
 
 
 class _Pieces(Source):
@@ -84,6 +90,31 @@ class Door:
         self._reads(self._opened)
 
 
+def tried(door: Door, data: bytes) -> str:
+    """Return what went wrong at a door, by which it is told apart from other finds; "" where nothing did."""
+    began_s = time.monotonic()
+
+    def ring(*_: object) -> None:
+        raise TimeoutError
+
+    signal.signal(signal.SIGALRM, ring)
+    signal.alarm(LONGEST_S)
+    try:
+        with warnings.catch_warnings(), contextlib.redirect_stdout(None), contextlib.redirect_stderr(None):
+            warnings.simplefilter("ignore")
+            door.take(data)
+    except gb.GtmbenchError as error:
+        if "\n" in str(error):
+            return "an error of several lines"
+    except (Exception, TimeoutError) as error:
+        frame = traceback.extract_tb(error.__traceback__)[-1]
+        return f"{type(error).__name__} in {Path(frame.filename).name}:{frame.lineno}: {str(error)[:100]}"
+    finally:
+        signal.alarm(0)
+    took_s = time.monotonic() - began_s
+    return f"it took {took_s:.0f} s" if took_s > LONGEST_S else ""
+
+
 @cache
 def whole_at(name: str) -> bytes:
     """Return what is whole at a door."""
@@ -114,8 +145,8 @@ def whole_at(name: str) -> bytes:
 class DamagedFile:
     """A file that once got through a door: where, what was found, and how it is made.
 
-    Either ``seed`` says it, or ``replace`` (pairs of text), or ``edits`` (from, to, and in hexadecimal what stands there
-    instead), or ``packed`` (all of it, by zlib and base64).
+    Either ``seed`` says it, or ``replace`` (pairs of text), or ``edits`` (from, to, and in hexadecimal what stands
+    there instead), or ``packed`` (all of it, by zlib and base64).
     """
 
     name: str
