@@ -188,7 +188,9 @@ def told(target: Path, aside: Path) -> Iterator[None]:
 def unwritten(target: Path, error: OSError) -> GtmbenchError:
     """Return the error that says which file couldn't be written, and why."""
     why = os.strerror(error.errno) if error.errno else one_line(str(error))
-    return GtmbenchError(f"can't write {target}: {why}; what stood there before still stands")
+    return GtmbenchError(
+        f"can't write {target}: {why}; make room or choose another place; what stood there before still stands"
+    )
 
 
 def to_disk(path: Path) -> None:
