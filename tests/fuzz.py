@@ -46,7 +46,7 @@ REACHED = {  # beside the readers, what of us and of libraries reads a door's fi
     "flight.bag": ["rosbags"],
     "flight.mat": ["scipy.io.matlab"],
     "flight73.mat": ["h5py"],
-    "flight.xlsx": ["openpyxl"],
+    **{name: ["openpyxl"] for name in DOORS if name.startswith("flight.xlsx")},
     "log.ulg": ["pyulog"],
     **{name: ["rosbags", "ruamel"] for name in DOORS if name.startswith("bag2/")},
 }
@@ -54,7 +54,7 @@ IMPORTS = {
     "flight.bag": "import rosbags.rosbag1, rosbags.typesys",
     "flight.mat": "import scipy.io.matlab",
     "flight73.mat": "import h5py",
-    "flight.xlsx": "import openpyxl",
+    **{name: "import openpyxl" for name in DOORS if name.startswith("flight.xlsx")},
     **{name: "import rosbags.rosbag2, rosbags.typesys, ruamel.yaml" for name in DOORS if name.startswith("bag2/")},
 }
 MOST_BYTES = 1 << 30
@@ -112,7 +112,7 @@ def guided(door: Door, seed: int, seconds: int) -> None:
         (corpus / str(number)).write_bytes(damaged(door.whole, f"{door.name} {seed} {number}"))
     for number, each in enumerate(each for each in damaged_files() if each.door == door.name):
         (corpus / f"known{number}").write_bytes(each.content(door))
-    if door.name.endswith((".toml", ".json", ".yaml", ".csv")):
+    if door.name.endswith((".toml", ".json", ".yaml", ".csv", ".xml")):
         words = {*re.findall(r"[\w.-]{2,40}", door.whole.decode()), *NASTY}
         dictionary.write_text("".join(f'"{word}"\n' for word in sorted(words) if '"' not in word))
     known: set[str] = set()

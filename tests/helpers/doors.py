@@ -8,6 +8,7 @@ import base64
 import contextlib
 import difflib
 import hashlib
+import io
 import json
 import signal
 import tempfile
@@ -15,6 +16,7 @@ import time
 import tomllib
 import traceback
 import warnings
+import zipfile
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -45,8 +47,11 @@ IN_FOLDERS = [
     "tables/log_7_vehicle_attitude_0.csv",
     "tables/log_7_vehicle_angular_velocity_0.csv",
 ]
-READ_APART = ("flight.bag", "flight.mat", "flight73.mat", "flight.xlsx", *IN_FOLDERS[:2])  # in a process of its own
-DOORS = [*FORMATS, *IN_PLACE, *IN_FOLDERS, *FILES, "link", "lines"]
+# of an archive's files one is damaged, and packed again: damage to the archive itself hardly gets past its checksums
+IN_ARCHIVES = ["flight.xlsx/xl/worksheets/sheet1.xml", "flight.xlsx/xl/workbook.xml", "flight.npz/gyro_x_rad_s.npy"]
+# in a process of its own
+READ_APART = ("flight.bag", "flight.mat", "flight73.mat", "flight.xlsx", *IN_FOLDERS[:2], *IN_ARCHIVES[:2])
+DOORS = [*FORMATS, *IN_PLACE, *IN_FOLDERS, *IN_ARCHIVES, *FILES, "link", "lines"]
 LINK_SAMPLES = 200
 LONGEST_S = 10
 
@@ -70,9 +75,10 @@ class Door:
 
     def __init__(self, name: str, folder: Path) -> None:
         self.name, self.folder = name, folder
-        self._path = folder / name
-        self._path.parent.mkdir(exist_ok=True)
         self.whole = whole_at(name)
+        archive, _, self._member = name.partition("/") if name in IN_ARCHIVES else (name, "", "")
+        self._path = folder / archive
+        self._path.parent.mkdir(exist_ok=True)
         self._reads = FILES[name][0] if name in FILES else gb.open_log
         self._opened = self._path
         if name in IN_FOLDERS:
@@ -86,8 +92,17 @@ class Door:
             with gb.live(_Pieces(data, is_table=self.name == "lines"), monitors.monitor()) as link:
                 list(link)
             return
-        self._path.write_bytes(data)
+        self._path.write_bytes(_packed_again(whole_at(self._path.name), self._member, data) if self._member else data)
         self._reads(self._opened)
+
+
+def _packed_again(archive: bytes, member: str, data: bytes) -> bytes:
+    """Return an archive in which one file holds something else."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(archive)) as whole_one, zipfile.ZipFile(out, "w") as other:
+        for own in whole_one.namelist():
+            other.writestr(own, data if own == member else whole_one.read(own))
+    return out.getvalue()
 
 
 def tried(door: Door, data: bytes) -> str:
@@ -137,6 +152,10 @@ def whole_at(name: str) -> bytes:
     if name in IN_FOLDERS:
         folder, _, own = name.partition("/")
         return whole_log(folder)[own]
+    if name in IN_ARCHIVES:
+        archive, _, member = name.partition("/")
+        with zipfile.ZipFile(io.BytesIO(whole_at(archive))) as packed:
+            return packed.read(member)
     with tempfile.TemporaryDirectory() as folder:
         return log_makers.make(folder, name, log_makers.flight(4.0)).read_bytes()
 
