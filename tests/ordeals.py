@@ -80,7 +80,8 @@ COMMANDS = {
     "report": ["report", "done", "--out", "r.html", "--force"],
     "diff": ["diff", "a.rrd", "b.rrd", "--overlay", "o.rrd", "--force"],
     "check": ["check", "mine.toml", "--update"],
-    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--map-file", "map.toml", "--force"],
+    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--force"],
+    "map": ["monitor", "log.csv", *WATCH, "--map-file", "map.toml", "--force"],
     "export": ["export", str(ROOT / "gtmbench/baselines/bank-C.json"), "--out", "c", "--force"],
     "autopilot": ["autopilot", "--out", "gains.toml", "--force"],
     "new": ["new", "mine-new.toml"],
@@ -92,7 +93,13 @@ COMMANDS = {
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
 KEPT = {"campaign": "out/", "fleet": "fleet/", "live": "saved.tlog"}  # parts that stay, for the next run to go on
-FOUND = {"diff": 1, "monitor": 3, "fleet": 3, "live": 3}  # exit codes that are as good as 0 here: what was found
+FOUND = {
+    "diff": 1,
+    "monitor": 3,
+    "map": 3,
+    "fleet": 3,
+    "live": 3,
+}  # exit codes that are as good as 0 here: what was found
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 FULL = "full disk"  # from then on no file grows beyond a line
 # SIGXCPU: a limit of time
