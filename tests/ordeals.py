@@ -289,6 +289,7 @@ class Ordeals:
         for number in range(tries):
             if not left:
                 break
+            self.count(number)
             name, failure = list(left)[number % len(left)]
             work, err, nth = self.folder / "writes", self.folder / "err", left[name, failure]
             place(work, self.folder / "given")
@@ -304,9 +305,9 @@ class Ordeals:
                 told[errno.errorcode[failure]] += 1
                 self.hold_words(what, text, failure)
                 self.hold(what, (f"half output: {outputs}", not outputs))
-                left[name, failure] += 1 + int(self.draw.integers(0, 1 + nth // 4))
+                left[name, failure] += 1 + int(self.draw.integers(0, 1 + nth // 2))
             else:
-                lacks = [each for each in COMMANDS[name] if Path(each).suffix in ENDED and each not in after]
+                lacks = [each for each in COMMANDS[name] if Path(each).suffix in ENDED and not (work / each).exists()]
                 self.hold(
                     what,
                     (f"another exit code: {text}", code in (0, FOUND.get(name))),
