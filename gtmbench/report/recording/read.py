@@ -115,14 +115,19 @@ def _table_of(path: Path, *what: str) -> pa.Table:
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as reader:
         late = Event()
-        watchdog = Timer(longest_s, lambda: (late.set(), reader.kill()))
+
+        def end() -> None:
+            late.set()
+            reader.kill()
+
+        watchdog = Timer(longest_s, end)
         watchdog.start()
         try:
             table = _table(reader)
         finally:
             watchdog.cancel()
             reader.kill()
-    if late.is_set():
+    if table is None and late.is_set():
         raise InputError(f"{path} wasn't read within {longest_s:.0f} s: the machine is busy, or the file is damaged")
     if table is None:
         raise InputError(f"{path} isn't a whole rerun recording; write it again with `gtmbench run`")
