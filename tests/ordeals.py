@@ -92,7 +92,8 @@ COMMANDS = {
     "junit": ["check", "mine.toml", "--junit", "j.xml"],
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
-KEPT = {"campaign": "out/", "fleet": "fleet/", "live": "saved.tlog"}  # parts that stay, for the next run to go on
+# what stays, for the next run to go on, or to be looked at
+KEPT = {"campaign": "out/", "fleet": "fleet/", "live": ("saved.tlog", "live.rrd")}
 FOUND = {
     "diff": 1,
     "monitor": 3,
@@ -300,18 +301,26 @@ class Ordeals:
             changed = sorted(each for each in {*before, *after} if before.get(each) != after.get(each))
             outputs = [each for each in changed if is_seen(each) and not each.startswith(KEPT.get(name, "-"))]
             what, text = f"{name}, change {nth} fails as {errno.errorcode[failure]}, exit {code}", err.read_text()
-            is_told = code == 2 or (name == "live" and "saved" in text)  # a link is watched to its end all the same
-            if is_told:
+            # a link is watched to its end all the same; rerun, which records it, gives no reason
+            is_unrecorded = name == "live" and "note: the recording ended" in text
+            if code == 2 or is_unrecorded or (name == "live" and "saved" in text):
                 told[errno.errorcode[failure]] += 1
-                self.hold_words(what, text, failure)
-                self.hold(what, (f"half output: {outputs}", not outputs))
+                if code == 2 or not is_unrecorded:
+                    self.hold_words(what, text, failure)
+                is_cut = after.get("live.rrd") == "a recording that is cut"
+                self.hold(
+                    what,
+                    (f"half output: {outputs}", not outputs),
+                    (f"a recording is cut: {text}", not is_cut or is_unrecorded),
+                )
                 left[name, failure] += 1 + int(self.draw.integers(0, 1 + nth // 2))
             else:
                 lacks = [each for each in COMMANDS[name] if Path(each).suffix in ENDED and not (work / each).exists()]
                 self.hold(
                     what,
                     (f"another exit code: {text}", code in (0, FOUND.get(name))),
-                    (f"no output: {lacks}", not lacks and (outputs or "-" not in KEPT.get(name, "-"))),
+                    ("a recording is cut", "a recording that is cut" not in after.values()),
+                    (f"no output: {lacks}", not lacks and (outputs or name in KEPT)),
                 )
                 del left[name, failure]
             shutil.rmtree(work)
