@@ -398,6 +398,7 @@ class Ordeals:
                 lines, is_one = self.said(err)
                 self.hold(what, (f"no line with the reason: {lines}", is_one and "File too large" in lines[0]))
             half = [each for each in self.differs(of, work) if each in left_by(work) and is_output(each)]
+            half = [each for each in half if of != "live" or each not in KEPT[of]]
             if (
                 of in ("campaign", "fleet")
                 and (work / arguments[arguments.index("--out") + 1] / "manifest.json").exists()
@@ -587,8 +588,8 @@ def is_output(name):
 
 
 def gone(session):
-    """Whether no process of a session is left, a few seconds after its first has ended."""
-    for _ in range(100):
+    """Whether no process of a session is left, a minute of a busy machine after its first has ended."""
+    for _ in range(600):
         left = subprocess.run(["ps", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False)
         if not any(line.strip() and not line.startswith("Z") for line in left.stdout.splitlines()):
             return True
