@@ -20,11 +20,11 @@ MINUTES ?= 60
 nightly: .venv/ready ## looks for more than tests do, with other seeds every day: fuzzing, ordeals, damaged logs, oracles of verdicts; all run, whatever fails
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
 	seed=$$(( $$(date +%s) / 86400 )); failed=; for each in \
-	  "tests.fuzz --minutes $(MINUTES) --seed $$seed" "tests.ordeals writes --tries 300 --seed $$seed" \
+	  "tests.fuzz --minutes $(MINUTES) --seed $$seed" "tests.ordeals writes --tries 600 --seed $$seed" \
 	  "tests.ordeals kills --tries 60 --seed $$seed" "tests.ordeals flips --tries 60 --seed $$seed" "tests.ordeals writers --tries 30 --seed $$seed"; \
 	do echo "== $$each"; OPENBLAS_NUM_THREADS=1 $(BIN)/python -m $$each || failed="$$failed; $$each"; done; \
-	GTMBENCH_DAMAGED=200 GTMBENCH_ORACLES=$$seed OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "" \
-	  tests/intake/test_every_log_hostile.py tests/verdicts/test_metamorphic.py || failed="$$failed; pytest"; \
+	GTMBENCH_DAMAGED=200 GTMBENCH_SEED=$$seed GTMBENCH_ORACLES=$$seed OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest \
+	  -q -m "" tests/intake/test_every_log_hostile.py tests/intake/test_intake_hostile.py tests/verdicts/test_metamorphic.py || failed="$$failed; pytest"; \
 	test -z "$$failed" || { echo "found something:$$failed"; exit 1; }
 
 lint: .venv/ready ## style, types, layers

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import json
 import os
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,6 +34,7 @@ from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 from tests.check.test_check import SHORT
 from tests.helpers.campaigns import TINY
+from tests.helpers.log_makers import flight, telemetry
 from tests.study.campaign.test_campaign_cluster import Cluster
 
 ROOT = Path(__file__).parent.parent
@@ -77,23 +81,34 @@ COMMANDS = {
     "report": ["report", "done", "--out", "r.html", "--force"],
     "diff": ["diff", "a.rrd", "b.rrd", "--overlay", "o.rrd", "--force"],
     "check": ["check", "mine.toml", "--update"],
-}
-WRITES = {
-    **COMMANDS,
-    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--map-file", "map.toml", "--force"],
-    "export": ["export", str(ROOT / "gtmbench/baselines/bank-C.json"), "--out", "c"],
+    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--force"],
+    "map": ["monitor", "log.csv", *WATCH, "--map-file", "map.toml", "--force"],
+    "export": ["export", str(ROOT / "gtmbench/baselines/bank-C.json"), "--out", "c", "--force"],
     "autopilot": ["autopilot", "--out", "gains.toml", "--force"],
     "new": ["new", "mine-new.toml"],
     "rescue": ["rescue", "--out", "rescue.rrd", "--figure", "rescue.png", "--force"],
+    "demo": ["demo", "--out", "shown", "--force"],
+    "flown": ["fly", "--duration", "20", "--out", "f.csv", "--noise", "t2", "--force"],
+    "words": ["report", "done", "--out", "r.md", "--force"],
+    "junit": ["check", "mine.toml", "--junit", "j.xml"],
+    "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
-del WRITES["check"]  # it writes into what it is given
-KEPT = {"campaign": "out/", "fleet": "fleet/"}  # whose parts stay, for the next run to go on
-FOUND = {"diff": 1, "monitor": 3, "fleet": 3}  # exit codes that are as good as 0 here: what was found
+# what stays, for the next run to go on, or to be looked at
+KEPT = {"campaign": "out/", "fleet": "fleet/", "live": ("saved.tlog", "live.rrd")}
+FOUND = {
+    "diff": 1,
+    "monitor": 3,
+    "map": 3,
+    "fleet": 3,
+    "live": 3,
+}  # exit codes that are as good as 0 here: what was found
+FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES)
 FULL = "full disk"  # from then on no file grows beyond a line
 # SIGXCPU: a limit of time
 ENDINGS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM, signal.SIGXCPU, FULL)
 FAULT = '[[faults]]\nkind = "bias"\nchannels = ["p"]\nonset_s = 20.0\nsize = 3.0\n'
 MB, LINE = 1 << 20, 1000
+ENDED = (".csv", ".parquet", ".rrd", ".png", ".html", ".md", ".xml", ".json", ".toml", ".tlog")
 
 
 class Forks:
@@ -144,6 +159,7 @@ def prepare(given, forks):
         (given / name / "study.rrd").rename(given / f"{name}.rrd")
         shutil.rmtree(given / name)
     err.unlink()
+    telemetry(given / "link.tlog", flight(60.0))
 
 
 def left_by(folder):
@@ -160,6 +176,8 @@ def content_of(path):
     if path.suffix == ".rrd":
         content = path.read_bytes()
         return f"a recording that is {'whole' if b'RRF2FOOT' in content[-12:] else 'cut'}"
+    if path.suffix == ".xml":  # it says how long it took
+        return re.sub(rb' time(stamp)?="[^"]*"', b"", path.read_bytes())
     if path.name == SUMS:
         sums = read_sums(path)
         return [(name, None if name.endswith(".rrd") else digest) for name, digest in sums.items()]
@@ -264,43 +282,64 @@ class Ordeals:
                 subprocess.run(["umount", "-l", work], check=True)
         print(f"disk: {tries} tries, {full} of them too full, {self.failed} failed", flush=True)
 
-    def writes(self, tries):
-        """Let every write from the n-th on fail, as on a full disk, of each command in turn, for growing n."""
-        shim, told = self.folder / "shim.so", 0
+    def writes(self, tries, commands):
+        """Let every change of the disk from the n-th on fail, in four ways, of each command in turn, for growing n."""
+        shim, told = self.folder / "shim.so", Counter()
         source = Path(__file__).with_name("full_disk.c")
         subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", shim, source, "-ldl"], check=True)
         forks = Forks(shim)
-        names = dict.fromkeys(WRITES, 0)  # of each, the write that fails next
+        # of each, which change fails next
+        left = {(name, failure): 0 for name in commands or COMMANDS for failure in FAILURES}
         for number in range(tries):
-            if not names:
+            if not left:
                 break
-            name = list(names)[number % len(names)]
-            work, err = self.folder / "writes", self.folder / "err"
+            self.count(number)
+            name, failure = list(left)[number % len(left)]
+            work, err, nth = self.folder / "writes", self.folder / "err", left[name, failure]
             place(work, self.folder / "given")
-            before, nth = left_by(work), names[name]
-            code = forks.run(WRITES[name], work, err, {"FULL_IN": str(work), "FULL_FROM": str(nth)})
-            text = err.read_text()
-            lines = [line for line in text.splitlines() if not line.startswith("note: ")]
-            half = sorted(each for each, content in left_by(work).items() if before.get(each) != content)
-            what = f"{name}, write {nth} fails, exit {code}"
-            if code == 2:
-                told += 1
-                is_one = len(lines) == 1 and lines[0].startswith("gtmbench: ")
-                outputs = [each for each in half if is_output(each) and not each.startswith(KEPT.get(name, "-"))]
+            before = left_by(work)
+            environment = {"FULL_IN": str(work), "FULL_FROM": str(nth), "FULL_AS": str(failure)}
+            code = forks.run(COMMANDS[name], work, err, environment)
+            after = left_by(work)
+            changed = sorted(each for each in {*before, *after} if before.get(each) != after.get(each))
+            outputs = [each for each in changed if is_seen(each) and not each.startswith(KEPT.get(name, "-"))]
+            what, text = f"{name}, change {nth} fails as {errno.errorcode[failure]}, exit {code}", err.read_text()
+            # a link is watched to its end all the same; rerun, which records it, gives no reason
+            is_unrecorded = name == "live" and "note: the recording ended" in text
+            if code == 2 or is_unrecorded or (name == "live" and "saved" in text):
+                told[errno.errorcode[failure]] += 1
+                if code == 2 or not is_unrecorded:
+                    self.hold_words(what, text, failure)
+                is_cut = after.get("live.rrd") == "a recording that is cut"
                 self.hold(
                     what,
-                    (f"not one line: {lines}", is_one),
-                    (f"no output and reason: {lines}", "can't write" in text and "No space left on device" in text),
-                    (f"the input is blamed: {lines}", "readable" not in text and "log.csv:" not in text),
                     (f"half output: {outputs}", not outputs),
+                    (f"a recording is cut: {text}", not is_cut or is_unrecorded),
                 )
-                names[name] += 1 + int(self.draw.integers(0, 1 + nth // 4))
+                left[name, failure] += 1 + int(self.draw.integers(0, 1 + nth // 2))
             else:
-                self.hold(what, ("another exit code", code in (0, FOUND.get(name))))
-                del names[name]
+                lacks = [each for each in COMMANDS[name] if Path(each).suffix in ENDED and not (work / each).exists()]
+                self.hold(
+                    what,
+                    (f"another exit code: {text}", code in (0, FOUND.get(name))),
+                    ("a recording is cut", "a recording that is cut" not in after.values()),
+                    (f"no output: {lacks}", not lacks and (outputs or name in KEPT)),
+                )
+                del left[name, failure]
             shutil.rmtree(work)
         forks.end()
-        print(f"writes: {told} writes failed, {self.failed} failed", flush=True)
+        print(f"writes: {dict(told)} failed, {self.failed} wrongly, not tried to the end: {sorted(left)}", flush=True)
+
+    def hold_words(self, what, text, failure):
+        """Hold what is said to one line, which names an output and the reason, and not the input."""
+        lines = [line for line in text.splitlines() if not line.startswith("note: ")]
+        is_named = ("can't write" in text or "saved" in text) and os.strerror(failure) in text
+        self.hold(
+            what,
+            (f"not one line: {lines}", len(lines) == 1 and lines[0].startswith("gtmbench: ")),
+            (f"no output and reason: {lines}", is_named),
+            (f"the input is blamed: {lines}", "readable" not in text and "log.csv:" not in text),
+        )
 
     def writers(self, tries):
         """Begin a command twice, the second some time later, while the first is at work."""
@@ -336,7 +375,7 @@ class Ordeals:
         cluster, at_work = None, 0
         for number in range(tries):
             self.count(number)
-            name = names[number % len(names)]
+            name = (names or [*COMMANDS, "dask"])[number % (len(names) or len(COMMANDS) + 1)]
             arguments, of = COMMANDS["campaign" if name == "dask" else name], "campaign" if name == "dask" else name
             if name == "dask":
                 cluster = cluster or Cluster(self.folder, workers=2)
@@ -359,6 +398,7 @@ class Ordeals:
                 lines, is_one = self.said(err)
                 self.hold(what, (f"no line with the reason: {lines}", is_one and "File too large" in lines[0]))
             half = [each for each in self.differs(of, work) if each in left_by(work) and is_output(each)]
+            half = [each for each in half if of != "live" or each not in KEPT[of]]
             if (
                 of in ("campaign", "fleet")
                 and (work / arguments[arguments.index("--out") + 1] / "manifest.json").exists()
@@ -367,8 +407,10 @@ class Ordeals:
                 self.hold(what, (f"damaged parts {parts.damaged()}", not parts.damaged()))
                 half = []
             self.hold(what, (f"half output: {half}", not half))
+            time.sleep(1.1)  # a hidden folder that is younger may be one that somebody else is making
             again = self.forks.run(arguments, work, err)
-            self.hold(f"{what}, again", (f"exit {again}: {err.read_text()}", again in (0, FOUND.get(of))))
+            stands = of == "new" and again == 2 and "exists" in err.read_text()
+            self.hold(f"{what}, again", (f"exit {again}: {err.read_text()}", again in (0, FOUND.get(of)) or stands))
             hidden = [path.name for path in work.rglob(".*")]
             self.hold(f"{what}, again", (f"left {hidden}", not hidden))
             self.hold(f"{what}, again", (f"other files: {self.differs(of, work)}", not self.differs(of, work)))
@@ -535,14 +577,19 @@ def interrupt(process, ending):
         os.kill(process, ending)
 
 
-def is_output(name):
+def is_seen(name):
     """Whether a file has a name that a user would look at."""
-    return not any(part.startswith(".") for part in Path(name).parts) and name != "mine.toml"
+    return not any(part.startswith(".") for part in Path(name).parts)
+
+
+def is_output(name):
+    """Whether it is one, and not what was given."""
+    return is_seen(name) and name != "mine.toml"
 
 
 def gone(session):
-    """Whether no process of a session is left, a few seconds after its first has ended."""
-    for _ in range(100):
+    """Whether no process of a session is left, a minute of a busy machine after its first has ended."""
+    for _ in range(600):
         left = subprocess.run(["ps", "-o", "stat=", "-s", str(session)], capture_output=True, text=True, check=False)
         if not any(line.strip() and not line.startswith("Z") for line in left.stdout.splitlines()):
             return True
@@ -555,13 +602,12 @@ def main():
     parser.add_argument("ordeal", choices=["flips", "disk", "writes", "writers", "kills", "cost"])
     parser.add_argument("--tries", type=int, default=60)
     parser.add_argument("--seed", type=int, default=1)
-    kinds = ["run", "campaign", "dask", "fleet", "calibrate", "inject"]
-    parser.add_argument("--commands", nargs="*", default=kinds, help="of kills")
+    parser.add_argument("--commands", nargs="*", default=(), help="of kills and writes; by default all")
     given = parser.parse_args()
     with TemporaryDirectory() as folder:
         ordeals = Ordeals(Path(folder), given.seed)
         try:
-            more = (given.commands,) if given.ordeal == "kills" else ()
+            more = (given.commands,) if given.ordeal in ("kills", "writes") else ()
             getattr(ordeals, given.ordeal)(given.tries, *more)
         finally:
             ordeals.forks.end()

@@ -216,15 +216,16 @@ def _print_end(
         click.echo(
             dumps(envelope("live", link.verdict, _ended(link, source, save), exit_code=code, findings=_found(link)))
         )
-    elif not quiet:
+        return
+    if save is not None and link.unsaved:
+        echo(f"gtmbench: not all saved: {link.unsaved}; {save} holds what came before", err=True)
+    if not quiet:
         for line in _closing_lines(link):
             echo(line)
         echo(f"link: {link.counts}")
-        if save is not None and link.unsaved:
-            echo(f"not all saved: {link.unsaved}; {save} holds what came before", err=True)
-        elif save is not None:
+        if save is not None and not link.unsaved:
             echo(f"saved: {save}    look closer: gtmbench monitor {save} {_asked(detector)} --details")
-        _print_drawn(link)
+    _print_drawn(link, quiet=quiet)
 
 
 def _closing_lines(link: Live) -> list[str]:
@@ -245,11 +246,11 @@ def _asked(detector: str | None) -> str:
     return f"--detector {'auto' if detector is None else shlex.quote(detector)}"
 
 
-def _print_drawn(link: Live) -> None:
+def _print_drawn(link: Live, *, quiet: bool) -> None:
     for drawn in link.drawn:
-        for path in drawn.paths:
+        for path in () if quiet else drawn.paths:
             echo(f"recorded: {path}    look at it: gtmbench view {path}")
-        if drawn.left_out:
+        if drawn.left_out and not quiet:
             echo(f"note: the picture lacks {drawn.left_out} rows, which came faster than they were drawn", err=True)
         if drawn.failure:
             echo(f"note: {drawn.failure}", err=True)

@@ -16,6 +16,7 @@ from gtmbench.detectors.bank.calibration import calibrate_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.monitor.alarm_engine import Engine
 from gtmbench.detectors.monitor.arming import Arming
@@ -130,6 +131,7 @@ class BankMonitor(CalibratedBank):
         """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return BankTrials(self, self, record)
 
+    @gated
     def watch(
         self,
         record: Record,

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import number
 from gtmbench.detectors.alarm import Alarm, alarms_at
 from gtmbench.detectors.buffered_stream import BufferedStream, RollingBuffer
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Score, Stream, Watch
 from gtmbench.detectors.tables import PERIODS_S, keys, table_of
 from gtmbench.errors import InputError
@@ -22,7 +23,7 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import taught_records
 from gtmbench.method.windowed_alarms import came_down, rising
 from gtmbench.values.clock import FloatArray
-from gtmbench.values.record import Record, check_record
+from gtmbench.values.record import Record
 
 
 class BaseMonitor:
@@ -203,6 +204,7 @@ class SimpleMonitor:
         """How many samples after its own a score is known."""
         return math.ceil(self.look_ahead_s / self.sample_period_s - 1e-6)
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return scores and alarms: a score that rises above 1, having been known at or below it.
 
@@ -211,7 +213,6 @@ class SimpleMonitor:
         InputError
             If the record lacks a channel or has another sample period.
         """
-        check_record(record)
         known_s = np.round(record.time_s + self.look_ahead_s, 9)
         scores = {
             name: Score(name=name, values=values, known_s=known_s, armed=came_down(values, 1.0))

@@ -10,9 +10,10 @@ from types import MappingProxyType
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.values.clock import ChunkClock, advanced
-from gtmbench.values.record import Record, check_record
+from gtmbench.values.record import Record
 
 _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those of the whole
 
@@ -42,8 +43,8 @@ class RollingBuffer:
         InputError
             Where the chunk doesn't continue the one before, or lacks a channel.
         """
-        check_record(chunk)
-        new = chunk.select(self._channels) if self._channels else chunk
+        inside = taken_inside(chunk)
+        new = inside.select(self._channels) if self._channels else inside
         source = ", ".join(new.channels)
         here = ChunkClock(start_s=new.start_s, sample_period_s=new.sample_period_s, source=source, count=len(new))
         clock = advanced(self._clock, here)

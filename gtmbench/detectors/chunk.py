@@ -8,9 +8,10 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.protocol import Monitor, Score, Watch
 from gtmbench.values.clock import ChunkClock, advanced
-from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 
 class Said(NamedTuple):
@@ -76,8 +77,7 @@ def taken(
     InputError
         If the chunk doesn't continue the one before, lacks a channel or has another sample period.
     """
-    check_record(chunk)
-    new = chunk.select(channels)
+    new = taken_inside(chunk).select(channels)
     new.check_period(sample_period_s, f"'{name}' was calibrated at")
     here = ChunkClock(
         start_s=new.start_s, sample_period_s=new.sample_period_s, source=", ".join(new.channels), count=len(new)

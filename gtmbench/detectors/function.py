@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 from gtmbench.checks import shown
 from gtmbench.detectors.alarm import alarms_at
 from gtmbench.detectors.base import BaseMonitor
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.tables import keys
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.values.record import Record, check_record
+from gtmbench.values.record import Record
 
 Function = Callable[[Record], ArrayLike]
 
@@ -100,9 +101,9 @@ class FunctionMonitor(BaseMonitor):
         """Return nothing: a function has no figures."""
         return {}
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return the alarms that the function gives, in time."""
-        check_record(record)
         record.columns(self.channels)
         times_s = _times(self.name, self.function(record))
         return Watch(monitor=self, record=record, alarms=alarms_at((time_s, self.name) for time_s in times_s))

@@ -16,8 +16,10 @@ import numpy as np
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.excursion import Excursion
+from gtmbench.detectors.gate import watch_inside
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.values.notebook import card
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 Signals = Mapping[str, FloatArray]  # by sensor, shape (samples,)
@@ -273,6 +275,8 @@ class Watch:
         For statistics whose noise is learnt on the record: its deviation at the beginning over that of the calibration.
     outside : tuple of Excursion
         The stretches in which residuals are no evidence.
+    out_of_range : tuple of OutOfRange
+        The readings that no sensor reads, which were taken as missing.
 
     Examples
     --------
@@ -294,6 +298,7 @@ class Watch:
     widening: Signals = field(default_factory=lambda: MappingProxyType({}), repr=False)
     noise_levels: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}), repr=False)
     outside: tuple[Excursion, ...] = field(default=(), repr=False)
+    out_of_range: tuple[OutOfRange, ...] = ()
 
     def _repr_html_(self) -> str:
         record, faults = self.record, self.faults
@@ -371,4 +376,4 @@ def watch(monitor: Monitor, record: Record) -> Watch:
     >>> gb.watch(gb.FunctionDetector(limit).calibrate(), record).alarm_s
     2.0
     """
-    return monitor.watch(record)
+    return watch_inside(monitor.watch, record)

@@ -11,6 +11,7 @@ import numpy as np
 
 from gtmbench.checks import number, text, whole
 from gtmbench.detectors.alarm import Alarm, alarms_at
+from gtmbench.detectors.gate import gated, taken_inside
 from gtmbench.detectors.norm_trials import NormTrials
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import OPERATOR_KEYS, PERIODS_S, keys, names_of, operator_of, operator_table
@@ -23,7 +24,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.method.windowed_alarms import came_down, rising, threshold
 from gtmbench.values.channels import unit_of
 from gtmbench.values.notebook import card, figure
-from gtmbench.values.record import Record, Span, check_record
+from gtmbench.values.record import Record, Span
 
 SCORE = "E(k)"
 _GROSS = 1e4  # in the outputs' unit: a residual that no detector may overlook
@@ -233,6 +234,7 @@ class NormMonitor:
         """Return whether and when faults alarm on a healthy record, without watching each broken record."""
         return NormTrials(self, self.operator, self.window, self.threshold, record)
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return residual, E(k) and alarms. An alarm is E(k) rising above the threshold, dated (k + w + d) Ts.
 
@@ -241,7 +243,6 @@ class NormMonitor:
         InputError
             If the record lacks a channel or has another sample period.
         """
-        check_record(record)
         errors = residual(self.operator, record)
         norm = windowed_norm(errors, window=self.window)
         known_s = np.round(norm.known_s, 9)
@@ -298,7 +299,7 @@ class NormAlarmStream:
         InputError
             If the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
-        crossed = self._crossings.push(self._norm.push(self._residual.push(chunk)))
+        crossed = self._crossings.push(self._norm.push(self._residual.push(taken_inside(chunk))))
         times_s = np.round(crossed.time_s, 9).tolist()
         alarms = alarms_at(((time_s, SCORE) for time_s in times_s), first=len(self._alarms))
         self._is_armed = not np.isnan(crossed.armed_s)

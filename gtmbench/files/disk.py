@@ -188,7 +188,9 @@ def told(target: Path, aside: Path) -> Iterator[None]:
 def unwritten(target: Path, error: OSError) -> GtmbenchError:
     """Return the error that says which file couldn't be written, and why."""
     why = os.strerror(error.errno) if error.errno else one_line(str(error))
-    return GtmbenchError(f"can't write {target}: {why}; what stood there before still stands")
+    return GtmbenchError(
+        f"can't write {target}: {why}; make room or choose another place; what stood there before still stands"
+    )
 
 
 def to_disk(path: Path) -> None:
@@ -231,8 +233,6 @@ def folder_beside(target: Path) -> Iterator[Path]:
     parent = target.absolute().parent
     if not parent.is_dir():
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")
-    if not os.access(parent, os.W_OK | os.X_OK):
-        raise InputError(f"can't write {target}: no permission in {parent}; choose another place")
     _clear_once(parent)
     try:
         own, lock = _own_folder(parent)

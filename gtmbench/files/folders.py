@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 import shutil
 import signal
@@ -29,15 +28,13 @@ def check_folder(target: Path, *, force: bool) -> None:
     InputError
         Before the long work, not after it.
     """
-    if target.is_dir() and force and os.access(target, os.W_OK | os.X_OK):
-        settle(target)
-        return
     if target.is_dir() and not force:
         raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
-    if target.exists():
-        raise InputError(f"can't write into {target}: it isn't a folder of yours to write; give another --out")
-    with folder_beside(resolved(target)):
+    if target.exists() and not target.is_dir():
+        raise InputError(f"can't write into {target}: it isn't a folder; give another --out")
+    with folder_beside(target / SUMS if target.is_dir() else resolved(target)):
         pass
+    settle(target)
 
 
 @contextmanager

@@ -106,7 +106,9 @@ def _acquire(lease: SoftFileLease, lock: Path, what: str, patience_s: float) -> 
     except Timeout:
         raise InputError(f"{what}: {_holder(lock)}; it is alive, so wait for it, or give another --out") from None
     except OSError as error:
-        raise InputError(f"can't write {lock}, which keeps others out: {error.strerror or error}") from error
+        raise InputError(
+            f"can't write {lock}, which keeps others out: {error.strerror or error}; choose another place"
+        ) from error
 
 
 def _clear_unsigned(lock: Path) -> None:

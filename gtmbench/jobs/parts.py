@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,7 +20,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gtmbench.checks import listed, naming, one_line, shown
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
-from gtmbench.files.disk import atomic_write, check_size, is_file
+from gtmbench.files.disk import atomic_write, check_size, folder_beside, is_file
 from gtmbench.files.locks import FOR_EVER_S, alone
 from gtmbench.files.plain import dumps, plain
 from gtmbench.files.seals import SLOT, check_seal, fill_slot, is_intact, seal
@@ -434,8 +433,8 @@ def _make(folder: Path) -> None:
         folder.mkdir(exist_ok=True)
     except (OSError, ValueError) as error:
         raise InputError(f"can't write {folder}: {error}; give another --out") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise InputError(f"can't write into {folder}: no permission; give another --out")
+    with folder_beside(folder / _MANIFEST):
+        pass
 
 
 @contextmanager

@@ -127,6 +127,7 @@ _UNITS_OF_OWN_RATE = dict.fromkeys(MAGNETOMETER, "uT") | dict.fromkeys(GPS_VELOC
 _LIMITS = dict.fromkeys(GYROS, 1e5) | dict.fromkeys(ACCELEROMETERS, 1e4)  # deg/s, g
 _LIMITS |= {"psi": 1e7, "tas": 1e5, "altitude": 1e7} | dict.fromkeys(("phi", "theta", "alpha", "beta"), 1e5)
 _LIMITS |= dict.fromkeys(MAGNETOMETER, 1e5) | dict.fromkeys(GPS_VELOCITY, 1e5) | dict.fromkeys(COMMANDS, 1e5)
+LEAST_LIMIT = min(_LIMITS.values())
 _ANY = 1e100  # of a channel that the table doesn't know
 _AXES = {name: axis for axis in zip(GYROS, ATTITUDE, strict=True) for name in axis}
 

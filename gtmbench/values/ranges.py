@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.values.channels import limit_of
+from gtmbench.values.channels import LEAST_LIMIT, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray, Record, Span
 
@@ -89,6 +89,8 @@ def within_range(record: Record) -> tuple[Record, tuple[OutOfRange, ...]]:
     array([ 1., nan])
     """
     found: list[OutOfRange] = []
+    if not (np.abs(record.values) > LEAST_LIMIT).any():
+        return record, ()
     for channel in record.channels:
         values = record[channel]
         outside = np.abs(values) > limit_of(channel)

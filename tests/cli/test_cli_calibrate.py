@@ -205,7 +205,7 @@ def test_a_folder_that_is_not_ours_is_refused_at_once(cli, tmp_path):
     (tmp_path / "theirs").mkdir(mode=0o500)
     code, _, err = cli("calibrate", "--out", "theirs/m.json")
     assert code == 2
-    assert "no permission" in err
+    assert "Permission denied" in err
 
 
 def test_a_disk_that_fills_up_leaves_nothing(cli, logs, tmp_path, monkeypatch):

@@ -15,7 +15,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.formats.registry import read_raw
 from tests.helpers import log_makers as makers
-from tests.intake.test_intake_hostile import damaged
+from tests.intake.test_intake_hostile import SEED, damaged
 
 INPUTS = int(os.environ.get("GTMBENCH_DAMAGED", "25"))  # a format: 200 by GTMBENCH_DAMAGED=200
 APART = 3  # times fewer of those that a process of its own reads: starting it takes longer than reading
@@ -39,11 +39,11 @@ def put(folder, name, seed):
     path = Path(folder, name)
     content = whole(name)
     if isinstance(content, bytes):
-        path.write_bytes(damaged(content, f"{name} {seed}"))
+        path.write_bytes(damaged(content, f"{SEED}{name} {seed}"))
         return path
     path.mkdir(exist_ok=True)
     for number, (own, told) in enumerate(sorted(content.items())):
-        Path(path, own).write_bytes(damaged(told, f"{name} {seed}") if number == seed % len(content) else told)
+        Path(path, own).write_bytes(damaged(told, f"{SEED}{name} {seed}") if number == seed % len(content) else told)
     return path
 
 

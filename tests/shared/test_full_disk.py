@@ -26,7 +26,8 @@ def test_inject_names_what_it_writes(suffix, tmp_path, capsys, monkeypatch):
         main(["inject", log, "--fault", "bias:q:size=3", "--onset", "3", "--attitude", "own", "--out", out])
     assert ended.value.code == 2
     assert capsys.readouterr().err == (
-        f"gtmbench: can't write {out}: No space left on device; what stood there before still stands\n"
+        f"gtmbench: can't write {out}: No space left on device; make room or choose another place; "
+        "what stood there before still stands\n"
     )
     assert [path.name for path in tmp_path.iterdir()] == [f"log.{suffix}"]
 

@@ -21,7 +21,7 @@ from gtmbench.files.folders import SUMS, atomic_folder, check_folder, read_sums
 from gtmbench.report.recording.entities import log_lines, recorded
 
 ROOT = Path(__file__).parents[2]
-FULL = r"File too large; what stood there before still stands"
+FULL = r"File too large; make room or choose another place; what stood there before still stands"
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from gtmbench.detectors.crosscheck.relations import (
     gps_delay_s,
     relations,
 )
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.tables import PERIODS_S, keys
 from gtmbench.errors import InputError
@@ -31,7 +32,7 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import taught_records
 from gtmbench.method.windowed_alarms import came_down
 from gtmbench.values.channels import ATTITUDE, GYROS, MAGNETOMETER
-from gtmbench.values.record import FloatArray, Record, check_record
+from gtmbench.values.record import FloatArray, Record
 
 CROSS_CHECK = "cross-check"
 _LOOKS_S = (*range(21), *range(25, 121, 5))  # after an alarm: what drifts is told late
@@ -190,6 +191,7 @@ class CrossCheckMonitor(BaseMonitor):
     by_itself: bool = True
     provenance: Mapping[str, object] = field(default_factory=dict)
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return the alarms on a record: a relation that is violated, and which sensor that accuses, as time goes on.
 
@@ -198,7 +200,6 @@ class CrossCheckMonitor(BaseMonitor):
         InputError
             If the record lacks a channel or has another sample period.
         """
-        check_record(record)
         record.columns(self.channels)
         record.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
         record_of_own = record.select(self.channels)

@@ -20,6 +20,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
+from gtmbench.detectors.gate import taken_inside
 from gtmbench.detectors.monitor.alarm_engine import Engine
 from gtmbench.detectors.monitor.alarms import span_rows
 from gtmbench.detectors.monitor.memory import Memory
@@ -27,7 +28,7 @@ from gtmbench.detectors.monitor.sample_scores import RowByRow
 from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.errors import InputError
 from gtmbench.values.clock import lateness_s
-from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+from gtmbench.values.record import BoolArray, FloatArray, Record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -74,6 +75,7 @@ class BankStream:
             Where the chunk doesn't continue the one before, lacks a channel or has another sample period; it changes
             nothing.
         """
+        chunk = taken_inside(chunk)
         columns = self._checked(chunk)
         if not len(chunk):
             return ()
@@ -142,7 +144,6 @@ class BankStream:
 
     def _checked(self, chunk: Record) -> list[int]:
         """Refuse a chunk that isn't the next; return where what is taken stands in it, -1 where it doesn't."""
-        check_record(chunk)
         if chunk.sample_period_s != self._period_s:
             chunk.check_period(self._period_s, "the monitor was calibrated at")
         if self._known is None or chunk.channels != self._known[0]:

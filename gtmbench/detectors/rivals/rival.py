@@ -16,6 +16,7 @@ import numpy as np
 
 from gtmbench.checks import number, shown
 from gtmbench.detectors.bank.calibration import divided
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.rivals.judging import Judge, Judging, judgings
 from gtmbench.detectors.rivals.level import Level
@@ -249,6 +250,7 @@ class RivalMonitor:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
         return RivalStream(self)
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return scores and alarms: a stream's, of the record as one chunk.
 

@@ -19,6 +19,7 @@ from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibration import divided
 from gtmbench.detectors.bank_detector import BankMonitor, restore_bank
 from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
+from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import Answer, answer_of
@@ -301,6 +302,7 @@ class SurfaceMonitor:
         """Return a fresh stream; its memory, and time a sample, don't grow."""
         return SurfaceStream(self)
 
+    @gated
     def watch(self, record: Record) -> Watch:
         """Return scores and alarms: a stream's, of the record as one chunk.
 

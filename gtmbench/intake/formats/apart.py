@@ -14,7 +14,7 @@ import sys
 import tempfile
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,9 +66,14 @@ def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[s
 
 
 def main(reader: str, path: str) -> None:
-    """Write what a reader returns to stdout: a line of JSON, and array after array."""
+    """Write what a reader returns to stdout, under limits that suit the file's size."""
     _limit(bytes_of(Path(path)))
-    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    with os.fdopen(os.dup(sys.stdout.fileno()), "wb") as out:
+        answer(reader, path, out)
+
+
+def answer(reader: str, path: str, out: IO[bytes]) -> None:
+    """Write what a reader returns: a line of JSON, and array after array."""
     try:
         with quiet():
             facts, arrays = import_module(f"{__package__}.{reader}").arrays(path)
@@ -79,10 +84,9 @@ def main(reader: str, path: str) -> None:
         facts, arrays = {"error": "it unpacks to far more than its size"}, {}
     except Exception as error:  # libraries raise nearly anything on garbage
         facts, arrays = {"error": one_line(str(error))[:160] or type(error).__name__}, {}
-    with out:
-        out.write(json.dumps(facts if "error" in facts else facts | {"names": list(arrays)}).encode() + b"\n")
-        for array in arrays.values():
-            np.save(out, np.ascontiguousarray(array), allow_pickle=False)
+    out.write(json.dumps(facts if "error" in facts else facts | {"names": list(arrays)}).encode() + b"\n")
+    for array in arrays.values():
+        np.save(out, np.ascontiguousarray(array), allow_pickle=False)
 
 
 def _limit(size: int) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from threading import Timer
+from threading import Event, Timer
 from typing import TYPE_CHECKING
 
 from gtmbench.checks import listed, shown
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _READER = Path(__file__).with_name("arrow_rows.py")
 _LARGEST_BYTES = 1 << 31
-_LONGEST_S, _BYTES_PER_S = 60.0, 1e6  # it takes a second for 70 MB
+_LONGEST_S, _BYTES_PER_S = 300.0, 1e6  # it takes a second for 70 MB, and a busy machine may be slow
 
 
 def read_recording(path: str | Path) -> pd.DataFrame:
@@ -114,13 +114,21 @@ def _table_of(path: Path, *what: str) -> pa.Table:
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ) as reader:
-        watchdog = Timer(longest_s, reader.kill)
+        late = Event()
+
+        def end() -> None:
+            late.set()
+            reader.kill()
+
+        watchdog = Timer(longest_s, end)
         watchdog.start()
         try:
             table = _table(reader)
         finally:
             watchdog.cancel()
             reader.kill()
+    if table is None and late.is_set():
+        raise InputError(f"{path} wasn't read within {longest_s:.0f} s: the machine is busy, or the file is damaged")
     if table is None:
         raise InputError(f"{path} isn't a whole rerun recording; write it again with `gtmbench run`")
     return table
