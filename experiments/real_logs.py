@@ -3,7 +3,7 @@
     python experiments/real_logs.py [FOLDER ...] [--synthetic] [--gtm N] [--broken N] [--misread N] [--kept DIR]
         [--quick] [--out DIR]
 
-Watches every log below the folders as `gtmbench monitor LOG --detector auto` does: nobody says what is healthy. Those
+Watches every log below the folders as `gtmbench monitor LOG` does: nobody says what is healthy. Those
 that end with 0, every nth of them (`--broken`), are watched with faults of eight kinds, each on one gyro, from a drawn
 time on: on the gyro alone, and with an attitude that follows through an estimator of 5 s. Every nth log's flight
 (`--misread`, 3) is read in 23 wrong ways (`recorded/mutations.py`),
@@ -42,7 +42,7 @@ SYNTHETIC, GTM = "synthetic", "gtm"
 SEEDS = 2  # of every mechanism
 GTM_S = 240.0
 SAID_QUICK = "**Quick: few faults and readings of each log. It shows that the script runs, and bounds nothing.**\n\n"
-INTRODUCTION = """All of each log, as `gtmbench monitor LOG --detector auto` watches it; nobody says what is healthy.
+INTRODUCTION = """All of each log, as `gtmbench monitor LOG` watches it; nobody says what is healthy.
 The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
 dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`), erlerobot/logs (a name
 has its folders), huangwen0907/File (`hw_`), ArduPilot/UAVLogViewer (`src/assets/vtol.tlog`), joeydouglas/dataflash_logs

@@ -41,7 +41,7 @@ from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 PROMISES, HEALTHY, CATALOGUE = "promises", "healthy", "catalogue"
-AUTO, IDENTIFY, C = "auto", "--identify", "C"
+AUTO, IDENTIFY, C = "auto", "--healthy", "C"
 IDENTIFIED = 0.3  # of a log, where its healthy part is named
 CHANNELS = (*GYROS, *ATTITUDE)
 READ = ("nz",)  # by a gyro that is sensitive to it; it isn't logged

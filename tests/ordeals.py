@@ -26,8 +26,9 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import gtmbench as gb
-from gtmbench.check.baseline import new_baseline, read_reference, write_figures
+from gtmbench.check.baseline import read_reference, write_figures
 from gtmbench.check.figures import figures_of
+from gtmbench.check.template import new_baseline
 from gtmbench.files.folders import SUMS, read_sums
 from gtmbench.jobs.parts import read_parts
 from gtmbench.study.run import run_study
@@ -56,7 +57,12 @@ for line in sys.stdin:
     print(process, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(process, 0)[1]), flush=True)
 """
-WATCH = ("--inputs", "p", "--outputs", "q", "--look", "0.2")
+WATCH = ("--detector", "own.toml")
+OWN = """title = "q from p"
+suspects = ["q", "p"]
+residuals = [{ output = "q", inputs = ["p"], look_back_s = 0.2, look_ahead_s = 0.2 }]
+alarm = { statistic = "energy", windows_s = [0.5, 2.0], two_sided = false }
+"""
 COMMANDS = {
     "run": ["run", "short.toml", "--out", "study", "--force"],
     "campaign": ["campaign", "tiny.toml", "--out", "out", "--jobs", "2", "--resume"],
@@ -64,32 +70,32 @@ COMMANDS = {
         "monitor",
         "log.csv",
         *WATCH,
-        "--identify",
+        "--healthy",
         "0:30",
         "--record",
         "m.rrd",
-        "--figure",
+        "--report",
         "m.png",
-        "--save",
-        "m.json",
+        "--report",
+        "m.html",
         "--force",
     ],
-    "fleet": ["monitor", "logs", *WATCH, "--identify", "0:30", "--out", "fleet", "--resume"],
+    "fleet": ["monitor", "logs", *WATCH, "--healthy", "0:30", "--out", "fleet", "--resume"],
     "calibrate": ["calibrate", "log.csv", "--detector", "limits", "--out", "c.json", "--force"],
     "inject": ["inject", "log.csv", "--fault", "fault.toml", "--out", "broken.csv", "--force"],
     "fly": ["fly", "--duration", "60", "--out", "f.parquet", "--force"],
-    "report": ["report", "done", "--out", "r.html", "--force"],
-    "diff": ["diff", "a.rrd", "b.rrd", "--overlay", "o.rrd", "--force"],
+    "report": ["campaign", "done", "--report", "html", "--out", "r.html", "--force"],
+    "diff": ["verify", "a.rrd", "--against", "b.rrd", "--overlay", "o.rrd", "--force"],
     "check": ["check", "mine.toml", "--update"],
-    "page": ["monitor", "log.csv", "--detector", "auto", "--report", "m.html", "--force"],
-    "map": ["monitor", "log.csv", *WATCH, "--map-file", "map.toml", "--force"],
+    "page": ["monitor", "log.csv", "--report", "m.html", "--force"],
+    "map": ["monitor", "log.csv", *WATCH, "--map", "map.toml", "--force"],
     "export": ["export", str(ROOT / "gtmbench/baselines/bank-C.json"), "--out", "c", "--force"],
-    "autopilot": ["autopilot", "--out", "gains.toml", "--force"],
-    "new": ["new", "mine-new.toml"],
-    "rescue": ["rescue", "--out", "rescue.rrd", "--figure", "rescue.png", "--force"],
+    "autopilot": ["aircraft", "--autopilot", "--out", "gains.toml", "--force"],
+    "new": ["run", "--new", "mine-new.toml"],
+    "rescue": ["fly", "--rescue", "--out", "rescue.rrd", "--figure", "rescue.png", "--force"],
     "demo": ["demo", "--out", "shown", "--force"],
     "flown": ["fly", "--duration", "20", "--out", "f.csv", "--noise", "t2", "--force"],
-    "words": ["report", "done", "--out", "r.md", "--force"],
+    "words": ["campaign", "done", "--report", "md", "--out", "r.md", "--force"],
     "junit": ["check", "mine.toml", "--junit", "j.xml"],
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
@@ -148,6 +154,7 @@ def prepare(given, forks):
     for seed, name in enumerate(("log", "logs/a", "logs/b", "logs/c")):
         record = gb.measure(truth, snr=50, seed=seed).select(["p", "q", "r", "phi", "theta", "psi"])
         gb.write_log(record, given / f"{name}.csv")
+    (given / "own.toml").write_text(OWN)
     scenario = load_scenario(given / "short.toml")
     text = new_baseline(given / "mine.toml", scenarios=[str(given / "short.toml")], detector=None)
     write_figures(given / "mine.toml", text, seed=1, groups=figures_of(run_study([scenario])))

@@ -24,9 +24,9 @@ _SECTIONS = {
     "excitation": "how many times what an excitation moves on the GTM (a multisine: 0.7 deg RMS) it moves here",
     "envelope": "where the model is valid; a flight that leaves it is an error. Any channel may stand here",
     "departure": "beyond this it isn't flown any more but falls; of a flight in the loop that is an event",
-    "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench autopilot",
+    "autopilot": "gains of the autopilot that flies in the loop; found by gtmbench aircraft NAME --autopilot",
     "chain": "by sensor, the way from motion to reading: rate_hz, delay_s, filter_hz, quantum, noise",
-    "chain_autopilot": "gains of the autopilot on that chain; found by gtmbench autopilot --sensors chain",
+    "chain_autopilot": "gains of the autopilot on that chain; gtmbench aircraft NAME --autopilot --sensors chain",
     "properties": "what is set when the model has been loaded: gear, flaps, fuel, levers of engines, other simulators'",
 }
 
@@ -72,7 +72,7 @@ def autopilot_table(gains: Facts, section: str = "autopilot") -> str:
     """Return gains as the table of an ``aircraft.toml`` or a scenario; on a chain, as ``[chain_autopilot]``.
 
     >>> print(autopilot_table({"psi_to_phi": 0.8}))
-    # gains of the autopilot that flies in the loop; found by gtmbench autopilot
+    # gains of the autopilot that flies in the loop; found by gtmbench aircraft NAME --autopilot
     [autopilot]
     psi_to_phi = 0.8
     <BLANKLINE>

@@ -24,7 +24,7 @@ from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import OWN, AttitudeEstimator, too_steep
 from gtmbench.values.channels import SENSORS
 
-GAINS_WANTED = "find its gains by gtmbench autopilot, or give some"
+GAINS_WANTED = "find its gains by gtmbench aircraft NAME --autopilot, or give some"
 
 Readings = Sequence[float]  # one sample of every sensor, in the order of `SENSORS`, NaN where one is missing
 Watching = Callable[[float, Readings, Sequence[float]], Mapping[str, str | None]]

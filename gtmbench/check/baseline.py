@@ -7,20 +7,20 @@ settings are yours to edit, and that they were is said.
 
 from __future__ import annotations
 
-import json
-import os
 import re
 import tomllib
 import warnings
-from collections.abc import Collection, Mapping, MutableMapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
+from gtmbench.check.logs import log_paths, new_logs, texts_of
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
-from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, whole
+from gtmbench.check.template import TOLERATED, is_file_of_detector, quoted
+from gtmbench.checks import boolean, keys, meant, naming, number, shown, table_of, whole
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.files.seals import KEY, altered, digest_of
@@ -28,26 +28,12 @@ from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
-TOLERATED = tuple(name for name, rule in RULES.items() if rule.form != "flag")
-_SETTINGS = ("scenarios", "seed", "detector", "tolerances")
+_SETTINGS = ("scenarios", "seed", "detector", "tolerances", "logs", "map")
 _SETTINGS_KEY = "settings"  # in [recorded]: the digest of these
+_IN_LINES = ("trials", "sensors")  # tables with a line a group
 _A_LINE = 10  # numbers of a list
 _BARE = re.compile("[A-Za-z0-9_-]+")  # keys that TOML takes without quotes
 _REMEDY = "remove what stands from [recorded] on"
-_HEAD = """\
-# A baseline of `gtmbench check`: what is run, how much worse a figure may get, and the figures of a run that was good.
-# Edit what stands above [recorded]; `gtmbench check {name} --update` writes what stands below, and keeps comments.
-
-# names of `gtmbench list`, or files, found from this one's folder
-scenarios = [{scenarios}]
-# of excitation and noise
-seed = {seed}
-# a monitor's file of `gtmbench calibrate`, or a detector, calibrated in every run; without: [operator] and [alarm]
-{detector}
-
-[tolerances]  # a share of the figure, a number in its unit, or the larger of both; better is never too much
-{tolerances}
-"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +44,10 @@ class Reference:
     ----------
     path : Path
     scenarios : tuple of Scenario
+    logs : mapping of name to Path
+        Recorded flights, by their names from the file's folder.
+    mapping : tuple of str
+        How their columns are read, as ``--map`` takes it.
     seed : int
         Of excitation and noise: the file's, else the scenarios'.
     detector : str or None
@@ -76,6 +66,8 @@ class Reference:
 
     path: Path
     scenarios: tuple[Scenario, ...]
+    logs: Mapping[str, Path]
+    mapping: tuple[str, ...]
     seed: int
     detector: str | None
     tolerances: Mapping[str, Tolerance]
@@ -107,20 +99,23 @@ class Reference:
                 "back, or record anew by --update"
             )
         was = self.recorded.get("trials", {})
-        new = [name for name in self.trials if name not in was]
-        gone = [name for name in was if name not in self.trials]
-        if new:
-            raise InputError(f"{self.path}: it holds no figures of trial '{new[0]}' yet; --update records them")
-        if gone:
-            raise InputError(
-                f"{self.path}: it holds figures of trial '{gone[0]}', which isn't in its scenarios; put it back, or "
-                "drop it by --update"
-            )
+        new, gone = [name for name in self.trials if name not in was], [name for name in was if name not in self.trials]
+        self._check_known("trial", new, gone)
+        self._check_known("log", *new_logs(self.recorded.get("sensors", {}), [*self.logs]))
         if self.altered:
             with naming(self.path):
                 raise altered("put its copy back, or record anew by --update")
         if self.note:
             warnings.warn(NoteWarning(f"{self.path} {self.note}"), stacklevel=2)
+
+    def _check_known(self, what: str, new: Sequence[str], gone: Sequence[str]) -> None:
+        if new:
+            raise InputError(f"{self.path}: it holds no figures of {what} '{new[0]}' yet; --update records them")
+        if gone:
+            raise InputError(
+                f"{self.path}: it holds figures of {what} '{gone[0]}', which isn't there any more; put it back, or "
+                "drop it by --update"
+            )
 
 
 def find_baseline(source: str) -> Path:
@@ -159,14 +154,17 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
     """
     with naming(path):
         table = keys(table, (*_SETTINGS, "recorded", *KINDS))
-        scenarios = _scenarios(path, table.get("scenarios"))
+        logs = log_paths(path, texts_of("logs", table["logs"])) if "logs" in table else {}
+        scenarios = () if logs and "scenarios" not in table else _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
         recorded = _known_keys("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
             scenarios=scenarios,
-            seed=common_setup(scenarios[:1], seed).seed,  # the others': when they are run
+            logs=logs,
+            mapping=texts_of("map", table.get("map", [])),
+            seed=common_setup(scenarios[:1], seed).seed if scenarios else seed or 0,  # others': when they are run
             detector=detector,
             tolerances=_tolerances(table.get("tolerances", {})),
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
@@ -206,7 +204,7 @@ def _detector(path: Path, given: Any) -> str | None:
         return None
     if not isinstance(given, str):
         raise InputError(f"detector is {shown(given)}; it must be a name of `gtmbench list`, or a file")
-    if _is_file_of_detector(given):
+    if is_file_of_detector(given):
         return str(path.parent / given)
     if ":" in given:
         raise InputError(
@@ -214,11 +212,6 @@ def _detector(path: Path, given: Any) -> str | None:
             f"--detector {given} on the command line"
         )
     return given
-
-
-def _is_file_of_detector(name: str) -> bool:
-    """Whether a bank's or a monitor's file is meant, not a name."""
-    return Path(name).suffix.lower() in (".toml", ".json")
 
 
 def _tolerances(given: Any) -> dict[str, Tolerance]:
@@ -254,40 +247,6 @@ def _real(where: str, given: Any) -> float:
 
 def _known_keys(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, Any]:
     return keys(table_of(section, given), legal, section=section)
-
-
-def new_baseline(path: Path, *, scenarios: Sequence[str], detector: str | None) -> str:
-    """Return the text of a baseline without figures.
-
-    Parameters
-    ----------
-    path : Path
-        Where it will stand: its files are named from there.
-    scenarios : sequence of str
-        Shipped names, or files.
-    detector : str, optional
-        A name of `gtmbench list`, a bank's or a monitor's file, or the own name of a detector in Python.
-
-    Raises
-    ------
-    InputError
-        Where the first scenario, whose seed it takes, can't be read.
-    """
-    strange = ("thresholds", "isolation_delay_s") if detector is None else ("threshold",)
-    figures = [figure for figure in TOLERATED if figure not in strange]
-    stated = [f"{figure} = {json.dumps(RULES[figure].tolerance)}" for figure in figures]
-    width = max(len(line) for line in stated)
-    return _HEAD.format(
-        name=printable(path.name),
-        scenarios=", ".join(_text(_seen_from(path, name, shipped_scenarios())) for name in scenarios),
-        seed=load_scenario(scenarios[0]).setup.seed,
-        detector='# detector = "monitor.json"'
-        if detector is None
-        else f"detector = {_text(_seen_from(path, detector, () if _is_file_of_detector(detector) else (detector,)))}",
-        tolerances="\n".join(
-            f"{line:<{width}}  # {RULES[figure].meaning}" for line, figure in zip(stated, figures, strict=True)
-        ),
-    )
 
 
 def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) -> None:
@@ -352,11 +311,13 @@ def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
 
 
 def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
-    """Return figures as a baseline has them, with digests: a table each, but one line a trial."""
+    """Return figures as a baseline has them, with digests: a table each, but one line a trial or sensor."""
     head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
-    blocks = [_block(group) for group in groups if group.kind != "trials"]
-    trials = [group for group in groups if group.kind == "trials"]
-    blocks.append("[trials]\n" + "".join(_line(trial) for trial in trials))
+    blocks = [_block(group) for group in groups if group.kind not in _IN_LINES]
+    lines = {kind: "".join(_line(group) for group in groups if group.kind == kind) for kind in _IN_LINES}
+    blocks += [
+        f"[{kind}]\n{rows}" for kind, rows in lines.items() if rows or (kind == "trials" and not lines["sensors"])
+    ]
     digest = _figures_digest(tomllib.loads("\n".join([head, *blocks])))
     digests = f'{KEY} = "{digest}"  # of the figures\n{_SETTINGS_KEY} = "{settings}"  # of what stands above\n'
     return "\n".join([head + digests, *blocks])
@@ -365,13 +326,13 @@ def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
 def _block(group: Group) -> str:
     unit = f"  # {group.unit}" if group.unit else ""
     lines = [f"{figure} = {_value(value, group.labels.get(figure, ()))}\n" for figure, value in group.values.items()]
-    name = group.name if _BARE.fullmatch(group.name) else _text(group.name)
+    name = group.name if _BARE.fullmatch(group.name) else quoted(group.name)
     return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
 
 
 def _line(trial: Group) -> str:
     figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in trial.values.items())
-    return f"{_text(trial.name)} = {{ {figures} }}\n"
+    return f"{quoted(trial.name)} = {{ {figures} }}\n"
 
 
 def _value(value: Value, labels: Sequence[str] = ()) -> str:
@@ -387,13 +348,3 @@ def _value(value: Value, labels: Sequence[str] = ()) -> str:
         numbers = ", ".join(f"{entry!r:>{width}}" for entry in value[i : i + _A_LINE])
         lines.append(f"  {numbers},  # {labels[i]}, ...\n")
     return "[\n" + "".join(lines) + "]"
-
-
-def _text(given: str) -> str:
-    # DEL is the one that TOML escapes and JSON doesn't
-    return json.dumps(given, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _seen_from(path: Path, name: str, shipped: Collection[str]) -> str:
-    """Return a shipped name, or a file's path from the folder of a baseline."""
-    return name if name in shipped else Path(os.path.relpath(Path(name), path.absolute().parent)).as_posix()

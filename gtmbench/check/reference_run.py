@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, compare
 from gtmbench.check.figures import Group, figures_of
+from gtmbench.check.logs import log_groups
 from gtmbench.checks import naming
+from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.run import run_study
@@ -52,9 +54,14 @@ def run_reference(
     GtmbenchError
         Where that can't be run.
     """
-    watches = [] if reference.detector is None else [reference.detector if detector is None else detector]
-    study = run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress)
-    return figures_of(study)
+    watcher = reference.detector if detector is None else detector
+    groups: list[Group] = []
+    if reference.scenarios:
+        watches = [] if watcher is None else [watcher]
+        groups += figures_of(run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress))
+    if reference.logs:
+        groups += log_groups(reference.logs, watcher or AUTO, reference.mapping, progress)
+    return tuple(groups)
 
 
 def check(reference: Reference, groups: Sequence[Group]) -> Check:

@@ -156,6 +156,7 @@ def _origin(reference: Reference) -> dict[str, Any]:
     return {
         "baseline": str(reference.path),
         "scenarios": [scenario.name for scenario in reference.scenarios],
+        "logs": list(reference.logs),
         "seed": reference.seed,
         "detector": reference.detector,
     }

@@ -119,7 +119,14 @@ RULES = {
         "isolation delay", "real", "higher", _DELAY, "until the sensor was named", "s", needs="isolated"
     ),
     "kind_right": Rule("kind right", "flag", "lower"),
+    "failed": Rule("failed", "flag", "either"),
+    "suspected": Rule("suspected", "flag", "either"),
+    "onset_s": Rule("onset", "real", "either", 1.0, "of a log's failure: how far it may move", "s", needs="failed"),
+    "judged_s": Rule("judged", "real", "lower", "2 %", "of a log's sensor: how much shorter", "s"),
+    "error": Rule("smallest error", "real", "higher", "5 %", "that would show in a log's sensor", "*"),
 }
+
+OF_LOGS = ("failed", "suspected", "onset_s", "judged_s", "error")  # figures of a log's sensor
 
 KINDS = {  # the tables of a baseline: what a report calls them, and the figures that stand in them
     "healthy": ("healthy {}", ("false_alarms", "hours")),
@@ -129,4 +136,5 @@ KINDS = {  # the tables of a baseline: what a report calls them, and the figures
         "{}",
         ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right"),
     ),
+    "sensors": ("{}", OF_LOGS),
 }

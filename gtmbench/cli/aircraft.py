@@ -1,36 +1,47 @@
-"""What commands do alike with aircraft: options, what is said of a model, a file of facts."""
+"""``gtmbench aircraft``: trim, modes, gains and facts of an aircraft; and what commands do alike with aircraft."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.output import F, echo
+from gtmbench.cli.command import Command
+from gtmbench.cli.output import F, claim_file, common_options, echo, print_json, print_table, write_new
+from gtmbench.errors import InputError
+from gtmbench.files.disk import atomic_write
 from gtmbench.files.shipped import shipped_aircraft
+from gtmbench.jobs.progress import progress_bar
+from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
+    from gtmbench.bench.modes import Mode
+    from gtmbench.bench.trim import Trim
 
 
-def aircraft_options(command: F) -> F:
-    """Add what says which aircraft, and where it flies: ``name``, ``altitude``, ``tas``, ``without_io``."""
+def condition_options(command: F) -> F:
+    """Add what says where an aircraft flies: ``altitude``, ``tas``, ``without_io``."""
     for option in (
         click.option("--without-io", is_flag=True, help="Leave out the model's input and output sections."),
         click.option("--tas", type=float, help="True airspeed in kt.  [default: the aircraft's own]"),
         click.option("--altitude", type=float, help="Altitude in ft.  [default: the aircraft's own]"),
-        click.option(
-            "--aircraft",
-            "name",
-            default="gtm",
-            show_default=True,
-            help="A name from `gtmbench list --all`, or an aircraft's folder.",
-        ),
     ):
         command = option(command)
     return command
+
+
+def aircraft_options(command: F) -> F:
+    """Add what says which aircraft, and where it flies: ``name``, ``altitude``, ``tas``, ``without_io``."""
+    return click.option(
+        "--aircraft",
+        "name",
+        default="gtm",
+        show_default=True,
+        help="A name from `gtmbench list --all`, or an aircraft's folder.",
+    )(condition_options(command))
 
 
 def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
@@ -48,13 +59,13 @@ def told_aircraft(name: str, *, altitude: float | None, tas: float | None, witho
     return aircraft
 
 
-def at_condition(aircraft: Aircraft, *, altitude_ft: float | None, tas_kt: float | None) -> Aircraft:
+def _at_condition(aircraft: Aircraft, altitude_ft: float | None, tas_kt: float | None) -> Aircraft:
     """Return an aircraft that is trimmed at another condition where one is given."""
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     return replace(aircraft, altitude_ft=altitude_ft, tas_kt=aircraft.tas_kt if tas_kt is None else tas_kt)
 
 
-def aircraft_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
+def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
     """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text.
 
     Raises
@@ -72,3 +83,159 @@ def aircraft_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[
     folder = folder or (Path(f"my-{own.name}") if is_known else own)
     model = None if folder.resolve() == own else own.name if is_known else str(own)
     return folder / FACTS, commented(facts_of(craft), model)
+
+
+@click.command("aircraft", cls=Command)
+@click.argument("name", default="gtm", metavar="[NAME|FOLDER]")
+@condition_options
+@click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")
+@click.option(
+    "--autopilot",
+    "finds_gains",
+    is_flag=True,
+    help="Find gains of an autopilot that holds the aircraft in turbulence, by flying it; it takes seconds.",
+)
+@click.option(
+    "--sensors",
+    default="ideal",
+    show_default=True,
+    metavar="ideal|chain",
+    help="With --autopilot: find gains on the aircraft's own sensor chain; they go into [chain_autopilot].",
+)
+@click.option(
+    "--facts",
+    "writes_facts",
+    is_flag=True,
+    help="Write what is known of it as aircraft.toml, commented, to be edited: into --out, or its own folder.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="With --autopilot: also write its table into this file. With --facts: the folder.",
+)
+@click.option("--force", is_flag=True, help="Write over an existing file of --autopilot.")
+@common_options
+def aircraft_command(
+    name: str,
+    altitude: float | None,
+    tas: float | None,
+    without_io: bool,
+    with_modes: bool,
+    finds_gains: bool,
+    sensors: str,
+    writes_facts: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Trim an aircraft for level flight; also find gains of an autopilot for it, or write down what is known of it.
+
+    Example: gtmbench aircraft c172p --modes
+
+    NAME is one of `gtmbench list --all`, or the folder of a JSBSim model (docs/how_to/aircraft.md). The gains of
+    --autopilot are a table for its aircraft.toml or for a scenario; then `gtmbench fly --closed-loop` and `gtmbench
+    run` fly in the loop.
+    """
+    if finds_gains and writes_facts:
+        raise InputError("--autopilot and --facts are both given; write the facts first, then find the gains")
+    if out is not None and not (finds_gains or writes_facts):
+        raise InputError(f"--out is '{out}', and a trim is only printed; add --autopilot or --facts")
+    if writes_facts:
+        _write_facts(name, out, without_io=without_io, as_json=as_json, quiet=quiet)
+        return
+    if finds_gains and out is not None:
+        claim_file(out, force=force)
+    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    if finds_gains:
+        _find_gains(_at_condition(aircraft, altitude, tas), sensors, out, as_json=as_json, quiet=quiet)
+    else:
+        _trim(aircraft, altitude, tas, with_modes=with_modes, as_json=as_json, quiet=quiet)
+
+
+def _write_facts(name: str, folder: Path | None, *, without_io: bool, as_json: bool, quiet: bool) -> None:
+    target, text = _facts_file(name, folder, without_io=without_io)
+    target.parent.mkdir(exist_ok=True)
+    write_new(target, text)
+    verdict = f"Wrote {target}; edit it, then run: gtmbench aircraft {target.parent}"
+    if as_json:
+        print_json(envelope("aircraft-facts", verdict, {"out": str(target)}))
+    elif not quiet:
+        echo(verdict)
+
+
+def _trim(
+    aircraft: Aircraft, altitude: float | None, tas: float | None, *, with_modes: bool, as_json: bool, quiet: bool
+) -> None:
+    from gtmbench.bench.modes import modes
+    from gtmbench.bench.trimming import trim
+
+    trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
+    linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
+    verdict = (
+        f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
+        f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
+    )
+    if as_json:
+        own = {"trim": asdict(trimmed), "modes": [asdict(mode) for mode in linear or []]}
+        print_json(envelope("aircraft", verdict, own))
+    elif not quiet:
+        echo(verdict)
+        echo(trim_text(trimmed))
+        if linear:
+            _print_modes(linear)
+
+
+def trim_text(state: Trim) -> str:
+    """Write a trim as section 4.4 prints it."""
+    return (
+        f"Level flight, altitude = {state.altitude_ft:.2f} ft, equivalent airspeed = {state.eas_kt:.2f} kt, "
+        f"true airspeed = {state.tas_kt:.2f} kt,\nalpha = {state.alpha_deg:.2f} deg, beta = {state.beta_deg:.2f} deg, "
+        f"gamma = {state.gamma_deg:.2f} deg, roll = {state.roll_deg:.3f} deg, pitch = {state.pitch_deg:.2f} deg,\n"
+        f"yaw = {state.yaw_deg:.2f} deg, ground track = {state.ground_track_deg:.2f} deg, "
+        f"elevator = {state.elevator_deg:.2f} deg, aileron = {state.aileron_deg:.3f} deg, "
+        f"rudder = {state.rudder_deg:.3f} deg, throttle = {state.throttle_percent:.2f} %"
+    )
+
+
+def _print_modes(linear: list[Mode]) -> None:
+    rows = [
+        [
+            mode.name,
+            f"{mode.real_1_s:.4f}" + (f" ± {mode.imag_1_s:.4f} i" if mode.imag_1_s else ""),
+            f"{mode.natural_frequency_rad_s:.4f}",
+            f"{mode.damping:.4f}",
+            f"{mode.time_constant_s:.3f}",
+        ]
+        for mode in linear
+    ]
+    names = ["mode", "eigenvalue (1/s)", "natural frequency (rad/s)", "damping", "time constant (s)"]
+    print_table("Linear modes", names, rows, right=names[1:])
+
+
+def _find_gains(aircraft: Aircraft, sensors: str, out: Path | None, *, as_json: bool, quiet: bool) -> None:
+    from gtmbench.bench.aircraft_file import autopilot_table
+    from gtmbench.bench.tuning import find_autopilot
+
+    aircraft.chain_of(sensors)
+    with progress_bar(silent=as_json or quiet) as tell:
+        tuned = find_autopilot(aircraft, sensors=sensors, progress=tell)
+    text = autopilot_table(asdict(tuned.autopilot), "autopilot" if sensors == "ideal" else "chain_autopilot")
+    if out is not None:
+        with atomic_write(out) as aside:
+            aside.write_text(text, encoding="utf-8")
+    verdict = (
+        f"Found gains for {aircraft.name}: in ten minutes of moderate turbulence altitude stays within "
+        f"{tuned.altitude_off_ft:.0f} ft, speed within {tuned.tas_off_kt:.0f} kt, bank within {tuned.bank_deg:.1f} deg."
+    )
+    if as_json:
+        own = {"out": None if out is None else str(out), **asdict(tuned)}
+        print_json(envelope("aircraft-autopilot", verdict, own))
+    elif not quiet:
+        echo(verdict)
+        rates = ", ".join(f"{name} {rms:.2f}" for name, rms in tuned.rates_deg_s.items())
+        echo(f"rates, RMS: {rates} deg/s; all gyros and angles may come {1e3 * tuned.delay_margin_s:.0f} ms later")
+        if not tuned.autopilot.r_to_rudder_s:
+            echo("no yaw damper: nothing answers the rudder")
+        echo(text.rstrip())
+        echo(f"put it into the aircraft.toml of '{aircraft.name}', or into a scenario" + (f": {out}" if out else ""))

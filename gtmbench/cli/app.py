@@ -1,7 +1,7 @@
 """The command line's frame: the commands, and how every one of them ends.
 
-Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a difference (`diff`), a fault
-(`monitor`, `live`, `score`), an altered file (`verify`), a verdict that the scenario doesn't expect (`run --strict`);
+Exit codes: 0 well; 1 what was looked for was found: a regression (`check`), a fault (`monitor`, `live`,
+`score`), an altered file or another recording (`verify`), a verdict that the scenario doesn't expect (`run --strict`);
 2 bad input or a failure that was foreseen (one line says why); 3 `monitor`, `live` or `score` could not tell, trials of
 a `campaign` failed; 130 Ctrl-C.
 """
@@ -23,24 +23,22 @@ from typing import Any
 import click
 
 from gtmbench.checks import one_line
-from gtmbench.cli.autopilot import autopilot_command
+from gtmbench.cli.aircraft import aircraft_command
 from gtmbench.cli.benchmark import benchmark_command
-from gtmbench.cli.calibrate import bank_command, calibrate_command
+from gtmbench.cli.calibrate import calibrate_command
 from gtmbench.cli.campaign import campaign_command
 from gtmbench.cli.check import check_command
+from gtmbench.cli.command import moved_command, moved_option
 from gtmbench.cli.demo import demo_command
-from gtmbench.cli.diff import diff_command
 from gtmbench.cli.export import export_command
-from gtmbench.cli.flight import fly_command, trim_command
+from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.listing import list_command
 from gtmbench.cli.live import live_command
 from gtmbench.cli.monitor import monitor_command
 from gtmbench.cli.output import echo, print_json
-from gtmbench.cli.report import report_command
-from gtmbench.cli.rescue import rescue_command
 from gtmbench.cli.score import score_command
-from gtmbench.cli.study import new_command, run_command, view_command
+from gtmbench.cli.study import run_command, view_command
 from gtmbench.cli.verify import verify_command
 from gtmbench.errors import GtmbenchError, NoteWarning, RankWarning
 from gtmbench.files.disk import is_file
@@ -51,10 +49,10 @@ from gtmbench.version import __version__
 SECTIONS = {  # in which order, and under which heading, --help lists them
     "Begin": (demo_command, list_command),
     "Watch a flight": (monitor_command, live_command, score_command),
-    "Fly and break": (fly_command, inject_command, rescue_command, trim_command, autopilot_command),
-    "Compare detectors": (run_command, new_command, campaign_command, report_command, benchmark_command),
-    "Calibrate, hold in CI, take on board": (calibrate_command, bank_command, check_command, export_command),
-    "Look at results": (view_command, diff_command, verify_command),
+    "Fly and break": (fly_command, inject_command, aircraft_command),
+    "Compare detectors": (run_command, campaign_command, benchmark_command),
+    "Calibrate, hold in CI, take on board": (calibrate_command, check_command, export_command),
+    "Look at results": (view_command, verify_command),
 }
 
 
@@ -157,7 +155,13 @@ def _unforeseen(error: OSError | MemoryError) -> str:
 def _with_help(error: click.UsageError, given: Sequence[str]) -> str:
     """Return what is wrong with a command line, and where it says how it should be."""
     message = error.format_message().rstrip(".").replace("is not a valid float", "is no number")
-    if error.ctx is None or "Did you mean" in message:
+    if error.ctx is None:
+        return message
+    if isinstance(error, click.NoSuchCommand) and (now := moved_command(given)):
+        return now
+    if isinstance(error, click.NoSuchOption) and (now := moved_option(str(error.ctx.command.name), error.option_name)):
+        return f"{error.option_name} has moved: {now}"
+    if "Did you mean" in message:
         return message
     dashed = next((word for word in given if re.match(r"-[a-z]{2}", word)), None)
     if isinstance(error, click.NoSuchOption) and dashed:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from gtmbench.study.benchmark.judge import Row
 
 
-@click.command("benchmark")
+@click.command("benchmark", cls=Command)
 @click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
 @click.option(
     "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."
@@ -37,9 +38,7 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Judge the score files, or the alarms.csv, in a folder. Repeat it for several.",
 )
-@detector_option(
-    "It learns on the benchmark's flights.  [default: ours, unless --score is given]", multiple=True, calibrated=False
-)
+@detector_option("It learns on the benchmark's flights.  [default: ours, unless --score is given]", multiple=True)
 @click.option(
     "--split",
     type=click.Choice(["test", "development"]),
@@ -73,6 +72,8 @@ def benchmark_command(
     quiet: bool,
 ) -> None:
     """Judge detectors on gtmbench-1: frozen flights, one rule for thresholds, one table.
+
+    Example: gtmbench benchmark --quick --detector C
 
     Without options our own detectors enter. A detector in Python enters with --detector, any other by files: --export
     writes the flights, and --score judges what you make of them (docs/how_to/benchmark.md). A run that was stopped goes

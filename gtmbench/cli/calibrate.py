@@ -1,45 +1,59 @@
-"""Commands about monitors: calibrate, bank."""
+"""``gtmbench calibrate``: a detector, learnt on healthy flights."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import number
+from gtmbench.cli.banks import print_bank_monitor
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json, print_table
+from gtmbench.cli.monitor import healthy_option, healthy_part
+from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json
 from gtmbench.errors import InputError
-from gtmbench.files.shipped import shipped_banks
-from gtmbench.jobs.progress import progress_bar
+from gtmbench.jobs.progress import Progress, progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.detectors.bank.bank import Bank
-    from gtmbench.detectors.bank.detectability import Signatures
-    from gtmbench.detectors.bank_detector import BankMonitor
+    from gtmbench.bench.imperfections import Imperfections
     from gtmbench.detectors.protocol import Detector, Monitor
-    from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor
     from gtmbench.method.attitude_origin import Origin
     from gtmbench.values.record import Record
 
 
-@click.command("calibrate")
+@click.command("calibrate", cls=Command)
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
 @map_option
-@detector_option("The default is bank C.", calibrated=False)
+@detector_option("The default is bank C.")
 @click.option(
     "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
+)
+@healthy_option("Without it, all of every log. With it, one log is learnt as `gtmbench monitor` learns it.")
+@click.option(
+    "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
+)
+@click.option("--outputs", metavar="r", help="... predict these sensors.")
+@click.option(
+    "--look", default=0.5, show_default=True, help="With --inputs and --outputs: seconds to look back and ahead."
+)
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=float,
+    help="The monitor's rate in Hz.  [default: the first log's]",
 )
 @click.option(
     "--false-alarms-per-hour",
     "rate",
     type=float,
     help="False alarms per flight hour to calibrate the whole monitor for; a detector that can't promise a rate "
-    "refuses it.  [default: 0.002 for a bank]",
+    "refuses it.  [default: 0.002 for a bank, 1 for --inputs and --outputs]",
 )
 @click.option("--flights", type=int, help="Without logs: the number of flights to fly.  [default: 60]")
 @click.option("--duration", type=float, help="Without logs: seconds of each flight.  [default: 500]")
@@ -64,6 +78,11 @@ def calibrate_command(
     mapping: tuple[str, ...],
     detector: str | None,
     out: Path,
+    healthy: tuple[str, ...],
+    inputs: str | None,
+    outputs: str | None,
+    look: float,
+    rate_hz: float | None,
     rate: float | None,
     flights: int | None,
     duration: float | None,
@@ -77,27 +96,23 @@ def calibrate_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Calibrate a detector on healthy records and write a monitor. A bank is identified and gets its thresholds.
+    """Learn a detector on healthy flights, and write the monitor that `gtmbench monitor --detector` takes.
+
+    Example: gtmbench calibrate flight.csv --healthy 0:40 --out mine.json
 
     It reads logs as `gtmbench monitor` does. Without logs it flies (by default the GTM) with the T2's sensor noise.
     The file holds numbers and names only; any process or machine that loads it gives the same verdicts bit for bit.
     The output states how much other flights would change the thresholds; more than three times is refused.
     """
-    from gtmbench.bench.imperfections import parse_imperfections
     from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
-    from gtmbench.report.words.units import counted
-    from gtmbench.study.healthy_records import CalibrationFlights, logged_records
-    from gtmbench.study.log.auto_bank import recipe_for_logs
-    from gtmbench.study.log.origin import FROM_LOG
-    from gtmbench.study.watchers import with_provenance
 
     if out.suffix.lower() != ".json":
         raise InputError(f"--out is '{out}'; a monitor's file ends in .json")
     claim_file(out, force=force)
+    rate = 1.0 if rate is None and inputs else rate  # its residual's energy is mostly the model's error
     rate = None if rate is None else number("--false-alarms-per-hour", rate, 1e-9, 1e3)
-    recipe = _uncalibrated(detector or "C")
-    imperfections = parse_imperfections(tolerate) if tolerate is not None else CalibrationFlights().imperfections
+    recipe = _recipe(detector, inputs, outputs, look)
     of_flights = {
         "flights": flights,
         "duration_s": duration,
@@ -106,47 +121,170 @@ def calibrate_command(
         "sensors": sensors,
     }
     given = {key: value for key, value in of_flights.items() if value is not None}
-    usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
-    if logs and given:
-        option = next(iter(given)).removesuffix("_s")
-        raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
-    if mapping and not logs:
-        raise InputError("--map is about logs, and none is given; name the logs, or leave it out")
-    if attitude != FROM_LOG and not logs:
-        raise InputError("--attitude is about logs, and none is given; name the logs, or leave it out")
-    wanted = CalibrationFlights(**(usual | given), seed=seed, imperfections=imperfections)  # type: ignore[arg-type]
-    attitude_of_logs = None
+    of_logs = {"--healthy": healthy, "--rate": rate_hz, "--map": mapping, "--attitude": attitude != "auto"}
+    _check_kind(given, of_logs, has_logs=bool(logs))
     with progress_bar(silent=as_json or quiet) as tell:
-        records: list[Record]
-        if logs:
-            recipe, attitude_of_logs = recipe_for_logs(recipe, logs, mapping, attitude)
-            records, origin = logged_records(
-                logs, recipe, mapping=mapping, imperfections=imperfections, seed=seed, progress=tell
-            )
+        if healthy:
+            if tolerate is not None:
+                raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
+            taught = _on_part(logs, healthy, recipe, mapping, rate_hz, rate, attitude, tell)
+        elif logs:
+            taught = _on_logs(logs, recipe, mapping, rate_hz, rate, attitude, _imperfections(tolerate), seed, tell)
         else:
-            records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
-            origin = wanted.provenance(recipe)
-        monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), origin | {"records": len(records)})
-        _check_luck(monitor, len(records), "logs" if logs else "flights")
-        save_monitor(monitor, out)
-    bank = "bank " if getattr(monitor, "bank", None) else ""
-    verdict = f"Calibrated {bank}{monitor.name} on {counted(len(records), 'record')}: {out}."
+            taught = _on_flights(recipe, given, rate, _imperfections(tolerate), seed, tell)
+        save_monitor(taught.monitor, out)
+    bank = "bank " if getattr(taught.monitor, "bank", None) else ""
+    verdict = f"Calibrated {bank}{taught.monitor.name} on {taught.what}: {out}."
     if as_json:
-        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(monitor)}))
+        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(taught.monitor)}))
     elif not quiet:
         echo(verdict)
-        _print_calibrated(monitor, records, attitude_of_logs)
+        _print_calibrated(taught)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
 
 
-def _uncalibrated(source: str) -> Detector:
+@dataclass(frozen=True, kw_only=True)
+class _Taught:
+    """A monitor, what it was learnt on, the channels of that, and whose attitude that is."""
+
+    monitor: Monitor
+    what: str
+    channels: tuple[str, ...] = ()
+    attitude: Origin | None = None
+
+
+def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
+    """Return what is to be learnt: a detector, or a bank between channels."""
     from gtmbench.detectors.protocol import is_recipe
     from gtmbench.detectors.registry import find_detector
 
+    if inputs or outputs:
+        return _between(detector, inputs, outputs, look)
+    source = detector or "C"
     recipe = find_detector(source)
     if is_recipe(recipe):
         return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
+
+
+def _between(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
+    from gtmbench.detectors.bank_detector import BankDetector
+    from gtmbench.study.log.watch import bank_between
+
+    if detector is not None:
+        raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
+    if not inputs or not outputs:
+        missing = "--outputs" if inputs else "--inputs"
+        raise InputError(
+            f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
+        )
+    split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
+    return BankDetector(bank=bank_between(*split, look_s=number("--look", look, 0.0, 60.0)))
+
+
+def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object], *, has_logs: bool) -> None:
+    """Refuse options about flights beside logs, and the other way round."""
+    if has_logs and of_flights:
+        option = next(iter(of_flights)).removesuffix("_s")
+        raise InputError(f"--{option} is about flights, and with logs none is flown; leave out one or the other")
+    for option, value in of_logs.items():
+        if value and not has_logs:
+            raise InputError(f"{option} is about logs, and none is given; name the logs, or leave it out")
+
+
+def _imperfections(tolerate: str | None) -> Imperfections:
+    from gtmbench.bench.imperfections import parse_imperfections
+    from gtmbench.study.healthy_records import CalibrationFlights
+
+    return CalibrationFlights().imperfections if tolerate is None else parse_imperfections(tolerate)
+
+
+def _on_part(
+    logs: Sequence[Path],
+    healthy: Sequence[str],
+    recipe: Detector,
+    mapping: Sequence[str],
+    rate_hz: float | None,
+    rate: float | None,
+    attitude: str,
+    tell: Progress,
+) -> _Taught:
+    """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
+    from gtmbench.detectors.protocol import is_ready
+    from gtmbench.study.log.watch import taught_by
+
+    if len(logs) > 1:
+        raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
+    given = [healthy_part(text) for text in healthy]
+    spans = [part for part in given if not isinstance(part, Path)]
+    if len(spans) < len(given):
+        raise InputError("--healthy is a log; name logs that are healthy as a whole without --healthy")
+    learnt = taught_by(
+        logs[0],
+        recipe,
+        healthy=spans,
+        mapping=mapping,
+        rate_hz=rate_hz,
+        false_alarms_per_hour=rate,
+        attitude=attitude,
+        progress=tell,
+    )
+    what = f"{sum(end_s - start_s for start_s, end_s in learnt.identified_s):.4g} s of {logs[0].name}"
+    assert is_ready(learnt.monitor)
+    return _Taught(monitor=learnt.monitor, what=what, attitude=learnt.opened.attitude)
+
+
+def _on_logs(
+    logs: Sequence[Path],
+    recipe: Detector,
+    mapping: Sequence[str],
+    rate_hz: float | None,
+    rate: float | None,
+    attitude: str,
+    imperfections: Imperfections,
+    seed: int,
+    tell: Progress,
+) -> _Taught:
+    from gtmbench.study.healthy_records import logged_records
+    from gtmbench.study.log.auto_bank import recipe_for_logs
+
+    recipe, of_logs = recipe_for_logs(recipe, logs, mapping, attitude)
+    records, origin = logged_records(
+        logs, recipe, mapping=mapping, rate_hz=rate_hz, imperfections=imperfections, seed=seed, progress=tell
+    )
+    return replace(_calibrated(recipe, records, origin, rate, "logs", tell), attitude=of_logs)
+
+
+def _on_flights(
+    recipe: Detector,
+    given: Mapping[str, Any],
+    rate: float | None,
+    imperfections: Imperfections,
+    seed: int,
+    tell: Progress,
+) -> _Taught:
+    from gtmbench.study.healthy_records import CalibrationFlights
+
+    usual = {"flights": 2, "excitation": "dissertation"} if getattr(recipe, "tied_to_excitation", False) else {}
+    wanted = CalibrationFlights(**{**usual, **given}, seed=seed, imperfections=imperfections)
+    records = wanted.records(recipe, processes=os.cpu_count() or 1, progress=tell)
+    return _calibrated(recipe, records, wanted.provenance(recipe), rate, "flights", tell)
+
+
+def _calibrated(
+    recipe: Detector,
+    records: Sequence[Record],
+    origin: Mapping[str, object],
+    rate: float | None,
+    of: str,
+    tell: Progress,
+) -> _Taught:
+    from gtmbench.report.words.units import counted
+    from gtmbench.study.watchers import with_provenance
+
+    monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), {**origin, "records": len(records)})
+    _check_luck(monitor, len(records), of)
+    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
 
 
 def _check_luck(monitor: Monitor, records: int, what: str) -> None:
@@ -157,195 +295,18 @@ def _check_luck(monitor: Monitor, records: int, what: str) -> None:
         luck.check(records, what)
 
 
-def _print_calibrated(monitor: Monitor, records: Sequence[Record], attitude: Origin | None) -> None:
+def _print_calibrated(taught: _Taught) -> None:
     from gtmbench.detectors.bank_detector import BankMonitor
     from gtmbench.report.words.log import attitude_lines
     from gtmbench.report.words.monitor import origin_text
 
+    monitor = taught.monitor
     if isinstance(monitor, BankMonitor):
-        _print_monitor(monitor)
-        for line in attitude_lines(attitude):
+        print_bank_monitor(monitor)
+        for line in attitude_lines(taught.attitude):
             echo(line)
         return
-    echo(f"{monitor.name}: calibrated on {len(records)} records of {', '.join(records[0].channels)}")
+    of = f" of {', '.join(taught.channels)}" if taught.channels else ""
+    echo(f"{monitor.name}: calibrated on {taught.what}{of}")
     for line in origin_text(monitor)[1:]:
         echo(line)
-
-
-def _print_monitor(monitor: BankMonitor) -> None:
-    from gtmbench.report.words.monitor import facts_text, residual_rows
-
-    columns, rows, right = residual_rows(monitor)
-    print_table(f"bank {monitor.bank.name}: {monitor.bank.title}", columns, rows, right=right)
-    for line in facts_text(monitor):
-        echo(line)
-
-
-@click.command("bank")
-@click.argument("source", required=False, metavar="[NAME|FILE.toml|MONITOR.json]")
-@click.option(
-    "--of", "log", type=click.Path(path_type=Path), metavar="LOG", help="For bank auto: the log it is made of."
-)
-@common_options
-def bank_command(source: str | None, log: Path | None, as_json: bool, quiet: bool) -> None:
-    """Show a bank: its residuals, which fault enters which, and its blind spots. Without a name, list the banks.
-
-    For a monitor's file, also show its calibration and the faults that it can't detect. `surfaces`, which knows the
-    commands, has equations of the aircraft's answer instead of residuals. `auto --of LOG` is the bank that a log's
-    channels allow; beside it stands what the log's other sensors are compared with.
-    """
-    from gtmbench.detectors.bank.bank import load_bank
-    from gtmbench.detectors.bank.composed import AUTO
-    from gtmbench.detectors.bank.detectability import signatures
-    from gtmbench.detectors.bank_detector import BankMonitor
-    from gtmbench.detectors.monitor_file import load_monitor
-    from gtmbench.detectors.surfaces.surfaces import SURFACE_DETECTORS, SurfaceDetector, SurfaceMonitor
-    from gtmbench.report.words.monitor import facts
-
-    if source == AUTO or log is not None:
-        _print_auto(source, log, as_json, quiet)
-        return
-    if source is None:
-        _list_banks(as_json, quiet)
-        return
-    if source in SURFACE_DETECTORS:
-        _print_surfaces(SURFACE_DETECTORS[source], None, as_json, quiet)
-        return
-    monitor = load_monitor(source) if source.lower().endswith(".json") else None
-    if isinstance(monitor, SurfaceMonitor):
-        _print_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.flow), monitor, as_json, quiet)
-        return
-    if monitor is not None and not isinstance(monitor, BankMonitor):
-        raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")
-    bank = monitor.bank if monitor is not None else load_bank(source)
-    table = signatures(monitor if monitor is not None else bank)
-    verdict = _bank_verdict(bank)
-    if as_json:
-        own = {**_bank_json(table), "monitor": None if monitor is None else facts(monitor), "other_sensors": []}
-        print_json(envelope("bank", verdict, own))
-    elif not quiet:
-        echo(verdict)
-        if monitor is None:
-            _print_residuals(bank)
-        else:
-            _print_monitor(monitor)
-        _print_signatures(table)
-
-
-def _bank_verdict(bank: Bank) -> str:
-    from gtmbench.report.words.units import counted
-
-    residuals = counted(len(bank.residuals), "residual")
-    return f"Bank {bank.name} has {residuals}, of {', '.join(spec.output for spec in bank.residuals)}."
-
-
-def _print_auto(source: str | None, log: Path | None, as_json: bool, quiet: bool) -> None:
-    from gtmbench.detectors.bank.composed import AUTO
-    from gtmbench.detectors.bank.detectability import signatures
-    from gtmbench.intake.other_sensors import other_sensors_of
-    from gtmbench.intake.read import read_log
-    from gtmbench.report.words.other_sensors import possible_lines
-    from gtmbench.study.log.auto_bank import bank_for_logs
-
-    if source != AUTO:
-        raise InputError(
-            f"--of {log} goes with bank {AUTO}, and {source or 'no bank'} is given: gtmbench bank {AUTO} --of LOG"
-        )
-    if log is None:
-        raise InputError(
-            f"bank {AUTO} is made of a log's channels: gtmbench bank {AUTO} --of LOG; `gtmbench bank MONITOR.json` "
-            "shows one that `gtmbench monitor --save` has written"
-        )
-    read = read_log(log)
-    bank = bank_for_logs([read], ())[0].bank
-    sensors = possible_lines(other_sensors_of(read))
-    if as_json:
-        own = {**_bank_json(signatures(bank)), "monitor": None, "other_sensors": [line.strip() for line in sensors[1:]]}
-        print_json(envelope("bank", _bank_verdict(bank), own))
-    elif not quiet:
-        echo(_bank_verdict(bank))
-        _print_residuals(bank)
-        _print_signatures(signatures(bank))
-        for line in sensors:
-            echo(line)
-
-
-def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, as_json: bool, quiet: bool) -> None:
-    from gtmbench.report.words.monitor import facts, origin_text
-    from gtmbench.report.words.surfaces import EQUATIONS, effect_rows, equation_rows
-
-    rows = equation_rows(detector.flow, None if monitor is None else monitor.suspects)
-    unwatched = {} if monitor is None else monitor.unwatched
-    verdict = f"{detector.name} has {len(rows)} equations, of {', '.join(row[0] for row in rows)}: {detector.title}."
-    if as_json:
-        own = {
-            "name": detector.name,
-            "channels": list(detector.channels),
-            "equations": {row[0]: dict(zip(EQUATIONS[1:], row[1:], strict=True)) for row in rows},
-            "effects": None if monitor is None else monitor.answer.effects.tolist(),
-            "unwatched": unwatched,
-            "monitor": None if monitor is None else facts(monitor),
-        }
-        print_json(envelope("bank", verdict, own))
-    elif not quiet:
-        echo(verdict)
-        print_table("Equations, by the dynamic pressure", list(EQUATIONS), rows)
-        if monitor is not None:
-            columns, found = effect_rows(monitor)
-            print_table("Effects as identified, a degree", columns, found, right=columns[1:])
-            for line in [*(f"{name} is not watched: {why}" for name, why in unwatched.items()), *origin_text(monitor)]:
-                echo(line)
-        echo("from which size on a fault is detected: gtmbench monitor LOG --detector MONITOR.json, its last table")
-
-
-def _list_banks(as_json: bool, quiet: bool) -> None:
-    from gtmbench.detectors.bank.bank import load_bank
-
-    banks = [load_bank(name) for name in shipped_banks()]
-    verdict = f"{len(banks)} banks ship with gtmbench."
-    if as_json:
-        own = {bank.name: {"title": bank.title, "channels": list(bank.channels)} for bank in banks}
-        print_json(envelope("bank-list", verdict, {"banks": own}))
-    elif not quiet:
-        echo(verdict)
-        rows = [[bank.name, bank.title, " ".join(bank.channels)] for bank in banks]
-        print_table("Banks", ["name", "predicts", "needs"], rows)
-        echo("one of them: gtmbench bank C; a copy of its TOML file with other residuals: gtmbench bank FILE.toml")
-
-
-def _print_residuals(bank: Bank) -> None:
-    rows = [
-        [spec.output, " ".join(spec.inputs), f"{spec.look_back_s:g}", f"{spec.look_ahead_s:g}"]
-        for spec in bank.residuals
-    ]
-    names = ["residual", "predicted from", "look-back (s)", "look-ahead (s)"]
-    print_table(f"bank {bank.name}: {bank.title}", names, rows, right=names[2:])
-
-
-def _print_signatures(table: Signatures) -> None:
-    from gtmbench.detectors.bank.isolability import isolability
-    from gtmbench.report.words.isolation import isolation_lines
-
-    rows = [[name, *table.pattern[name]] for name in table.channels]
-    print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)
-    echo("level: any error of the channel enters the residual; slope: only changes of the error do")
-    for line in isolation_lines(isolability(table.bank)):
-        echo(line)
-    echo("Blind spots", bold=True)
-    for line in table.blind_spots:
-        echo(f"- {line}")
-
-
-def _bank_json(table: Signatures) -> dict[str, Any]:
-    from gtmbench.detectors.bank.bank import bank_table
-    from gtmbench.detectors.bank.isolability import isolability
-
-    pattern = {name: dict(zip(table.outputs, table.pattern[name], strict=True)) for name in table.channels}
-    return {
-        "name": table.bank.name,
-        **bank_table(table.bank),
-        "channels": list(table.channels),
-        "signatures": pattern,
-        "told_apart": isolability(table.bank).table(),
-        "blind_spots": list(table.blind_spots),
-    }

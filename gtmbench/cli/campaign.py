@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import whole
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.report import FORMATS, report_campaign
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.progress import progress_bar
@@ -32,10 +35,30 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
     return int(number), int(of)
 
 
-@click.command("campaign")
-@click.argument("source", metavar="NAME|CAMPAIGN.toml")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for the parts and results.  [default: the name]")
-@detector_option("It watches in addition to the campaign's own.", multiple=True, calibrated=False)
+@click.command("campaign", cls=Command)
+@click.argument("source", metavar="NAME|CAMPAIGN.toml|DIR")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder for the parts and results.  [default: the name]  With --report the file.  [default: in DIR]",
+)
+@click.option(
+    "--report",
+    "form",
+    type=click.Choice(list(FORMATS)),
+    help="Fly nothing: score what stands in the folder DIR, and write it as one page that needs no network (html), as "
+    "Markdown, as data, or as a short table for a page of your own.",
+)
+@click.option(
+    "--false-alarms-per-hour",
+    "target",
+    type=float,
+    help="With --report: a detector that certainly raises more gets no score.  [default: the campaign's, or 1]",
+)
+@click.option(
+    "--deadline", type=float, help="With --report: seconds within which a fault should be detected.  [default: 10]"
+)
+@detector_option("It watches in addition to the campaign's own.", multiple=True)
 @import_option
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Run only the I-th of N equal shares, for a Slurm array.")
@@ -49,10 +72,14 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--resume", is_flag=True, help="Continue the run in the folder.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and fly nothing.")
 @click.option("--yes", is_flag=True, help="Confirm more than ten million trials.")
+@click.option("--force", is_flag=True, help="With --report: write over the file that --out names.")
 @common_options
 def campaign_command(
     source: str,
     out: Path | None,
+    form: str | None,
+    target: float | None,
+    deadline: float | None,
     detectors: tuple[str, ...],
     jobs: int | None,
     shard: tuple[int, int] | None,
@@ -61,10 +88,13 @@ def campaign_command(
     resume: bool,
     dry_run: bool,
     yes: bool,
+    force: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Run a campaign: every flight of its axes, every fault on it, every detector.
+    """Compare detectors on many flights: every flight of a campaign, every fault on it, every detector.
+
+    Example: gtmbench campaign ci --dry-run
 
     A task is a flight, and each finished task is a Parquet file in the folder. After any interruption --resume
     continues and gives the same table. When all tasks are finished, results.json and trials.csv are written
@@ -72,6 +102,10 @@ def campaign_command(
 
     Exit codes: 0 success; 2 bad input, or an interruption; 3 some trials failed, and their rows say why.
     """
+    if form is not None:
+        how = {"target": target, "deadline": deadline}
+        return report_campaign(Path(source), form, out, **how, force=force, as_json=as_json, quiet=quiet)
+    _check_alone({"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force or None})
     from gtmbench.jobs.parts import Shard
     from gtmbench.report.tables.campaign import campaign_results, write_campaign
     from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
@@ -116,6 +150,13 @@ def campaign_command(
     elif not quiet:
         _print_results(results, folder)
     return int(results["exit_code"])
+
+
+def _check_alone(of_report: Mapping[str, object]) -> None:
+    """Refuse what only --report has."""
+    for option, value in of_report.items():
+        if value is not None:
+            raise InputError(f"{option} is of --report; add that, or leave it out")
 
 
 def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: bool) -> int:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.protocol import Detector, Monitor
 
 
-@click.command("check")
+@click.command("check", cls=Command)
 @click.argument("baseline", default="dissertation", metavar="[BASELINE.toml]")
 @click.option("--update", is_flag=True, help="Write the figures of this run into the baseline and show the changes.")
 @click.option(
@@ -34,6 +35,12 @@ if TYPE_CHECKING:
     help="With --update, for a new baseline: the scenario to run. Repeat it for several, which share a flight.  "
     "[default: the dissertation's five]",
 )
+@click.option(
+    "--logs",
+    multiple=True,
+    metavar="FOLDER|LOG",
+    help="With --update, for a new baseline: recorded flights instead of scenarios. Repeat it for several.",
+)
 @detector_option("Give it with --update for a new baseline, or if the baseline names a detector of your own.")
 @import_option
 @click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file for a CI.")
@@ -42,17 +49,22 @@ def check_command(
     baseline: str,
     update: bool,
     scenarios: tuple[str, ...],
+    logs: tuple[str, ...],
     detector: str | None,
-    calibrated: Path | None,
     junit: Path | None,
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Run a baseline's scenarios and fail if a figure is worse than in the baseline.
+    """Hold detectors in CI: run a baseline's scenarios, and fail if a figure is worse than in the baseline.
+
+    Example: gtmbench check
 
     Without BASELINE.toml it uses the shipped one for the dissertation's study (bank-C also ships). It compares the
     healthy residual's peak, RMS and greatest value in every 10 s, the threshold, its margin, and the false alarms. For
     every trial it compares detection, detection delay and peak ratio, and with a bank also isolation and kind.
+
+    Recorded flights are held the same way: `gtmbench check logs.toml --update --logs FOLDER` records the verdict on
+    every sensor of every log, and `gtmbench check logs.toml` fails where one changes (docs/how_to/my_logs_in_ci.md).
 
     A baseline is a small TOML file to commit. Make one with `gtmbench check mine.toml --update`, edit its scenarios and
     tolerances, and renew it with the same command: comments and tolerances stay.
@@ -66,16 +78,15 @@ def check_command(
     if update:
         if junit is not None:
             raise InputError("--junit writes a comparison, and --update makes none; leave out one of them")
-        _update(path, scenarios, detector, calibrated, as_json=as_json, quiet=quiet)
+        _update(path, scenarios, logs, detector, as_json=as_json, quiet=quiet)
         return 0
-    if scenarios:
-        raise InputError("--scenario is for a new baseline, with --update; others name their own")
-    return _check(path, detector, calibrated, junit, as_json=as_json, quiet=quiet)
+    if scenarios or logs:
+        option = "--scenario" if scenarios else "--logs"
+        raise InputError(f"{option} is for a new baseline, with --update; others name their own")
+    return _check(path, detector, junit, as_json=as_json, quiet=quiet)
 
 
-def _check(
-    path: Path, detector: str | None, calibrated: Path | None, junit: Path | None, *, as_json: bool, quiet: bool
-) -> int:
+def _check(path: Path, detector: str | None, junit: Path | None, *, as_json: bool, quiet: bool) -> int:
     from gtmbench.check.baseline import read_reference
     from gtmbench.check.reference_run import check
     from gtmbench.check.report import check_lines, check_results, regression_line, write_junit
@@ -86,7 +97,7 @@ def _check(
         claim_file(junit, force=True, option="--junit")
     reference = read_reference(path)
     reference.check_recorded()
-    watcher = _watcher(reference, detector, calibrated)
+    watcher = _watcher(reference, detector)
     began = time.monotonic()
     held = check(reference, _run(reference, watcher, silent=as_json or quiet))
     if junit is not None:
@@ -99,13 +110,13 @@ def _check(
     return 1 if held.regressions else 0
 
 
-def _watcher(reference: Reference, detector: str | None, calibrated: Path | None) -> Detector | Monitor | None:
+def _watcher(reference: Reference, detector: str | None) -> Detector | Monitor | None:
     """Return what goes by the name that a baseline states, where the command line brings it."""
     from gtmbench.detectors.registry import find_detector
 
     if detector is None:
         return None
-    watcher = find_detector(detector, calibrated=calibrated)
+    watcher = find_detector(detector)
     if reference.detector != watcher.name:
         raise InputError(
             f"{reference.path} names {reference.detector or 'no detector'}, and --detector {detector} is "
@@ -117,29 +128,32 @@ def _watcher(reference: Reference, detector: str | None, calibrated: Path | None
 def _update(
     path: Path,
     scenarios: tuple[str, ...],
+    logs: tuple[str, ...],
     detector: str | None,
-    calibrated: Path | None,
     *,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
+    from gtmbench.check.baseline import read_reference, reference_of, write_figures
     from gtmbench.check.compare import pairs
     from gtmbench.check.report import update_results
+    from gtmbench.check.template import new_baseline
     from gtmbench.detectors.registry import find_detector, is_python
 
     _check_target(path)
     if not path.exists():
         python = detector is not None and is_python(detector)
-        named = find_detector(str(detector), calibrated=calibrated).name if python else detector
-        text = new_baseline(path, scenarios=scenarios or MAIN_JOB, detector=named)
+        named = find_detector(str(detector)).name if python else detector
+        if scenarios and logs:
+            raise InputError("--scenario and --logs are both given; make a baseline of each")
+        text = new_baseline(path, scenarios=scenarios or MAIN_JOB, logs=logs, detector=named)
         reference = reference_of(path, tomllib.loads(text))
-    elif scenarios:
-        raise InputError(f"{path} exists and names its own scenarios; edit them there")
+    elif scenarios or logs:
+        raise InputError(f"{path} exists and names its own {'scenarios' if scenarios else 'logs'}; edit them there")
     else:
         reference, text = read_reference(path), path.read_text(encoding="utf-8")
         python = True
-    watcher = _watcher(reference, detector, calibrated) if python else None
+    watcher = _watcher(reference, detector) if python else None
     groups = _run(reference, watcher, silent=as_json or quiet)
     write_figures(path, text, seed=reference.seed, groups=groups)
     changes = list(pairs(reference.recorded, groups))

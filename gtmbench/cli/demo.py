@@ -15,6 +15,7 @@ from pathlib import Path
 
 import click
 
+from gtmbench.cli.command import Command
 from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
@@ -23,13 +24,12 @@ from gtmbench.files.folders import atomic_folder
 from gtmbench.report.tables.envelope import envelope
 
 PAGE, RECORDING, STORY = "broken.html", "broken.rrd", "README.md"
-_WATCHED = "--identify 0:50"
 # what is typed, and why; the last opens a window, which is left to whoever reads this
 COMMANDS = (
     ("fly --out flight.csv --duration 120 --excitation multisine+turbulence --noise t2", "a healthy flight, as a log"),
     ("inject flight.csv --fault bias:q:size=3 --onset 80 --out broken.csv", "its pitch gyro reads 3 deg/s too much"),
-    (f"monitor flight.csv {_WATCHED}", "the healthy flight, watched"),
-    (f"monitor broken.csv {_WATCHED} --report {PAGE} --record {RECORDING}", "the broken one, watched"),
+    ("monitor flight.csv", "the healthy flight, watched"),
+    (f"monitor broken.csv --report {PAGE} --record {RECORDING}", "the broken one, watched"),
     (f"view {RECORDING}", "the recording, in the rerun viewer"),
 )
 LIVE_FLIGHT = "--duration 90 --excitation multisine+turbulence --noise t2 --fault bias:q:size=3 --onset 60 --speed 4"
@@ -48,7 +48,7 @@ class _Step:
     lines: list[str]
 
 
-@click.command("demo")
+@click.command("demo", cls=Command)
 @click.option(
     "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
 )
@@ -57,6 +57,8 @@ class _Step:
 @common_options
 def demo_command(out: Path, live: bool, force: bool, as_json: bool, quiet: bool) -> int:
     """Fly, break a gyro, watch it: half a minute, no screen and no network needed.
+
+    Example: gtmbench demo
 
     The folder holds two logs, a page that a browser opens, a recording, and the five commands that made them. With
     --live nothing is written: one process sends the flight as an autopilot does, this one watches it as it comes. Exit

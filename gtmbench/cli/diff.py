@@ -1,15 +1,13 @@
-"""The command that compares two recordings: diff."""
+"""``gtmbench verify --against``: two recordings, compared."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-import click
+from typing import TYPE_CHECKING, NamedTuple
 
 from gtmbench.checks import number
-from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
+from gtmbench.cli.output import claim_file, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
@@ -21,28 +19,22 @@ if TYPE_CHECKING:
 _MOST = 20  # rows of a table; --json lists all
 
 
-@click.command("diff")
-@click.argument("a", metavar="A.rrd", type=click.Path(path_type=Path))
-@click.argument("b", metavar="B.rrd", type=click.Path(path_type=Path))
-@click.option(
-    "--tolerance", default=0.0, metavar="REL", help="Relative tolerance, in parts of a series' greatest magnitude."
-)
-@click.option("--absolute", default=0.0, metavar="ABS", help="Absolute tolerance, in a series' own unit.")
-@click.option("--overlay", type=click.Path(path_type=Path), metavar="OUT.rrd", help="Write both into one recording.")
-@click.option("--force", is_flag=True, help="Write over an existing overlay.")
-@common_options
-def diff_command(
-    a: Path, b: Path, tolerance: float, absolute: float, overlay: Path | None, force: bool, as_json: bool, quiet: bool
-) -> int:
-    """Compare two recordings of `gtmbench run`: values, not bytes. Exit code 0 if they are equal, 1 if not.
+class Limits(NamedTuple):
+    """How far values may differ, as they were typed."""
 
-    Without a tolerance numbers must be equal bit for bit, as they are for two runs of one seed. Texts always must.
-    """
+    relative: float
+    absolute: float
+
+
+def compare_recordings(
+    a: Path, b: Path, limits: Limits, overlay: Path | None, *, force: bool, as_json: bool, quiet: bool
+) -> int:
+    """Compare two recordings, print how they differ, and return the exit code."""
     from gtmbench.report.recording.diff import Tolerance, compare
     from gtmbench.report.recording.read import read_recording, recording_in
 
     a, b = recording_in(a), recording_in(b)
-    relative, absolute = number("--tolerance", tolerance, 0.0), number("--absolute", absolute, 0.0)
+    relative, absolute = number("--tolerance", limits.relative, 0.0), number("--absolute", limits.absolute, 0.0)
     if overlay is not None:
         _check_overlay(overlay, a, b, force=force)
     with progress_bar(silent=as_json or quiet) as tell:
@@ -84,7 +76,9 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
         *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
         *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
     ]
-    print_json(envelope("diff", _summary(comparison), own, exit_code=int(not comparison.equal), findings=found))
+    print_json(
+        envelope("verify-against", _summary(comparison), own, exit_code=int(not comparison.equal), findings=found)
+    )
 
 
 def _alone(comparison: Comparison) -> list[tuple[str, tuple[str, str]]]:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import click
 
+from gtmbench.cli.command import Command
 from gtmbench.cli.output import claim_folder, common_options, echo, print_json
 from gtmbench.report.tables.envelope import envelope
 
 
-@click.command("export")
+@click.command("export", cls=Command)
 @click.argument("monitor", metavar="MONITOR.json", type=click.Path(path_type=Path))
 @click.option(
     "--out", default="on_board", show_default=True, type=click.Path(path_type=Path), help="The folder of C code."
@@ -26,6 +27,8 @@ from gtmbench.report.tables.envelope import envelope
 @common_options
 def export_command(monitor: Path, out: Path, full: bool, force: bool, as_json: bool, quiet: bool) -> None:
     """Write a calibrated bank as C99 for a flight controller: code, its own test and a README.
+
+    Example: gtmbench export monitor.json --out on_board
 
     It detects faults with the noise that it learns in flight, says which sensors could be at fault by structure, and
     predicts each watched sensor. Which kind of fault it is, and how large, `gtmbench monitor` says on the flight's log.

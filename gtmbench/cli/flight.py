@@ -1,91 +1,34 @@
-"""Commands of the bench: trim, fly."""
+"""``gtmbench fly``: a flight, into a log, sent live, or flown twice to show a rescue."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
+from gtmbench.cli.command import Command
 from gtmbench.cli.faults import chosen_faults, fault_options
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.cli.rescue import fly_twice
 from gtmbench.cli.sending import broken, check_destination, deliver
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
-    from gtmbench.bench.modes import Mode
-    from gtmbench.bench.trim import Trim
 
 
-@click.command("trim")
-@aircraft_options
-@click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")
-@common_options
-def trim_command(
-    name: str,
-    altitude: float | None,
-    tas: float | None,
-    without_io: bool,
-    with_modes: bool,
-    as_json: bool,
-    quiet: bool,
-) -> None:
-    """Trim an aircraft for level flight and print it as the dissertation does."""
-    from gtmbench.bench.modes import modes
-    from gtmbench.bench.trimming import trim
-
-    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
-    trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
-    linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None
-    verdict = (
-        f"{aircraft.name} flies level at {trimmed.altitude_ft:.0f} ft and {trimmed.tas_kt:.1f} kt true airspeed with "
-        f"alpha {trimmed.alpha_deg:.2f} deg, throttle {trimmed.throttle_percent:.1f} %."
-    )
-    if as_json:
-        own = {"trim": asdict(trimmed), "modes": [asdict(mode) for mode in linear or []]}
-        print_json(envelope("trim", verdict, own))
-    elif not quiet:
-        echo(verdict)
-        echo(trim_text(trimmed))
-        if linear:
-            _print_modes(linear)
-
-
-def trim_text(state: Trim) -> str:
-    """Write a trim as section 4.4 prints it."""
-    return (
-        f"Level flight, altitude = {state.altitude_ft:.2f} ft, equivalent airspeed = {state.eas_kt:.2f} kt, "
-        f"true airspeed = {state.tas_kt:.2f} kt,\nalpha = {state.alpha_deg:.2f} deg, beta = {state.beta_deg:.2f} deg, "
-        f"gamma = {state.gamma_deg:.2f} deg, roll = {state.roll_deg:.3f} deg, pitch = {state.pitch_deg:.2f} deg,\n"
-        f"yaw = {state.yaw_deg:.2f} deg, ground track = {state.ground_track_deg:.2f} deg, "
-        f"elevator = {state.elevator_deg:.2f} deg, aileron = {state.aileron_deg:.3f} deg, "
-        f"rudder = {state.rudder_deg:.3f} deg, throttle = {state.throttle_percent:.2f} %"
-    )
-
-
-def _print_modes(linear: list[Mode]) -> None:
-    rows = [
-        [
-            mode.name,
-            f"{mode.real_1_s:.4f}" + (f" ± {mode.imag_1_s:.4f} i" if mode.imag_1_s else ""),
-            f"{mode.natural_frequency_rad_s:.4f}",
-            f"{mode.damping:.4f}",
-            f"{mode.time_constant_s:.3f}",
-        ]
-        for mode in linear
-    ]
-    names = ["mode", "eigenvalue (1/s)", "natural frequency (rad/s)", "damping", "time constant (s)"]
-    print_table("Linear modes", names, rows, right=names[1:])
-
-
-@click.command("fly")
-@click.option("--out", type=click.Path(path_type=Path), help="The log to write: .csv or .parquet.")
+@click.command("fly", cls=Command)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="The log to write: .csv or .parquet; with --rescue a recording, .rrd.",
+)
 @click.option(
     "--live",
     "target",
@@ -129,6 +72,19 @@ def _print_modes(linear: list[Mode]) -> None:
     "filters and sample rates, and in the loop the gains for them.  [default: chain, where "
     "the aircraft's own autopilot flies and has gains for it; else ideal]",
 )
+@click.option(
+    "--rescue",
+    is_flag=True,
+    help="Fly a gyro's fault twice in the loop, without accommodation and with it.  [default fault: r's sign flips]",
+)
+@click.option("--figure", type=click.Path(path_type=Path), help="With --rescue: also a figure: .png, .svg or .pdf.")
+@click.option(
+    "--detector",
+    "monitor_file",
+    type=click.Path(path_type=Path),
+    metavar="MONITOR.json",
+    help="With --rescue: a monitor from `gtmbench calibrate`.  [default: bank C-early, calibrated now on 6 flights]",
+)
 @click.option("--force", is_flag=True, help="Write over an existing file.")
 @common_options
 def fly_command(
@@ -151,11 +107,39 @@ def fly_command(
     trial: int | None,
     attitude: str,
     sensors: str | None,
+    rescue: bool,
+    figure: Path | None,
+    monitor_file: Path | None,
     force: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly and write a log of the truth, or with --noise of the sensor readings; or send these live."""
+    """Fly a simulated aircraft, and write a log of it: the truth, or with --noise what its sensors read.
+
+    Example: gtmbench fly --out flight.csv --duration 90 --excitation multisine+turbulence --noise t2
+
+    With --live the readings are sent as an autopilot sends them. With --rescue the autopilot flies on the sensor
+    readings twice; on the second flight a monitor isolates the broken gyro and takes its reading out of the loop, and
+    `gtmbench view FILE.rrd` shows both aircraft beside each other.
+    """
+    _check_rescue({"--figure": figure, "--detector": monitor_file}, rescue=rescue)
+    if rescue:
+        fly_twice(
+            out,
+            figure,
+            chosen_faults(given, onset, trial).faults,
+            monitor_file,
+            aircraft=name,
+            altitude=altitude,
+            tas=tas,
+            without_io=without_io,
+            sensors=sensors,
+            seed=seed,
+            force=force,
+            as_json=as_json,
+            quiet=quiet,
+        )
+        return
     from gtmbench.bench.attitude_filter import estimated_attitude
     from gtmbench.bench.breaking import is_of_surface
     from gtmbench.bench.flight import fly
@@ -215,6 +199,20 @@ def fly_command(
         print_json(envelope("fly", verdict, written, findings=event_rows(events)))
     elif not quiet:
         _tell(verdict, events, steered=closed_loop and noise is None and bool(of_sensors))
+
+
+def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None:
+    """Refuse what only a rescue has, and what it has its own of: it flies in the loop, as long as it takes."""
+    if not rescue:
+        for name, value in of_rescue.items():
+            if value is not None:
+                raise InputError(f"{name} is '{value}', which is of --rescue; add that, or leave it out")
+        return
+    context = click.get_current_context()
+    own = ("target", "speed", "excitation", "duration", "noise", "commands", "closed_loop", "controller", "attitude")
+    for option in context.command.params:
+        if option.name in own and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE:
+            raise InputError(f"{option.opts[0]} isn't of --rescue, which flies in the loop and says how; leave it out")
 
 
 def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *, breaks: bool) -> None:

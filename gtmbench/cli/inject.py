@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import import_option
 from gtmbench.cli.faults import Chosen, chosen_faults, fault_options, numbered, scenario_trials
 from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 _MOST_NAMED = 12  # columns
 
 
-@click.command("inject")
+@click.command("inject", cls=Command)
 @click.argument("log", type=click.Path(path_type=Path))
 @fault_options("The fault: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
@@ -67,7 +68,11 @@ def inject_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Break a recorded flight of any format that `gtmbench monitor` reads, by typed faults or a scenario's trial.
+    """Break a sensor in a recorded flight: write the log again as it would be had the sensor failed.
+
+    Example: gtmbench inject flight.csv --fault bias:q:size=3 --onset 60 --out broken.csv
+
+    It reads any format that `gtmbench monitor` reads; the faults are typed in place, or a scenario's trial.
 
     A CSV or a Parquet table stays as it is but for the fault. Of other formats the channels are written, as a CSV
     that `gtmbench monitor` reads as it is, and the output says what that leaves out. If the gyros drive the attitude,

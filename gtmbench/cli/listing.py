@@ -9,7 +9,10 @@ from pathlib import Path
 
 import click
 
+from gtmbench.cli.banks import show_bank
+from gtmbench.cli.command import Command
 from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.errors import InputError
 from gtmbench.files.disk import read_toml
 from gtmbench.files.shipped import (
     share,
@@ -23,11 +26,27 @@ from gtmbench.report.tables.envelope import envelope
 from gtmbench.values.channels import CHANNELS
 
 
-@click.command("list")
+@click.command("list", cls=Command)
+@click.argument("name", required=False, metavar="[BANK|FILE.toml|MONITOR.json]")
+@click.option(
+    "--of", "log", type=click.Path(path_type=Path), metavar="LOG", help="For bank auto: the log it is made of."
+)
 @click.option("--all", "with_all", is_flag=True, help="Also list the aircraft that come with JSBSim.")
 @common_options
-def list_command(with_all: bool, as_json: bool, quiet: bool) -> None:
-    """List aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks and pseudo inputs."""
+def list_command(name: str | None, log: Path | None, with_all: bool, as_json: bool, quiet: bool) -> None:
+    """List every name that there is to type, or show what one bank of detectors can isolate.
+
+    Example: gtmbench list C
+
+    Without a name: aircraft, channels, excitations, faults, scenarios, campaigns, detectors, banks, pseudo inputs. Of
+    a bank: its residuals, which fault enters which, and its blind spots; of a monitor's file also its calibration and
+    the faults that it can't detect. `auto --of LOG` is the bank that a log's channels allow.
+    """
+    if name is not None:
+        show_bank(name, log, as_json=as_json, quiet=quiet)
+        return
+    if log is not None:
+        raise InputError(f"--of {log} goes with bank auto: gtmbench list auto --of LOG")
     sections = listing()
     if with_all:
         from gtmbench.bench.known_aircraft import jsbsim_titles

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import (
     attitude_option,
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 _INTERRUPTED = 130
 
 
-@click.command("live")
+@click.command("live", cls=Command)
 @click.argument("source", metavar="SOURCE")
 @map_option
 @attitude_option
@@ -78,7 +79,6 @@ def live_command(
     attitude: str,
     system: int | None,
     detector: str | None,
-    calibrated: Path | None,
     learn: float,
     save: Path | None,
     record: Path | None,
@@ -94,6 +94,8 @@ def live_command(
     quiet: bool,
 ) -> int:
     """Watch a flight while it flies: one line for each event, and the verdict at the end.
+
+    Example: gtmbench live udp:127.0.0.1:14550
 
     SOURCE is udp:HOST:PORT (MAVLink, as a ground station gets it), tcp:HOST:PORT (connects to a simulator),
     serial:DEVICE:BAUD (a radio), a telemetry log (FILE.tlog), follow:FILE.csv (lines of a file that grows), or -
@@ -116,9 +118,7 @@ def live_command(
     from gtmbench.link.packets import key_of
 
     key = None if key_file is None else key_of(key_file)
-    monitor = ready(None if detector is None else find_detector(detector, calibrated=calibrated))
-    if calibrated is not None and detector is None:
-        raise InputError(f"--calibrated {calibrated} holds the figures of a --detector of your own; name that, too")
+    monitor = ready(None if detector is None else find_detector(detector))
     link = live(
         source,
         monitor,
@@ -224,7 +224,7 @@ def _print_end(
             echo(line)
         echo(f"link: {link.counts}")
         if save is not None and not link.unsaved:
-            echo(f"saved: {save}    look closer: gtmbench monitor {save} {_asked(detector)} --details")
+            echo(f"saved: {save}    look closer: gtmbench monitor {save}{_asked(detector)} --details")
     _print_drawn(link, quiet=quiet)
 
 
@@ -243,7 +243,7 @@ def _closing_lines(link: Live) -> list[str]:
 
 def _asked(detector: str | None) -> str:
     """Return the option of `gtmbench monitor` that asks the same."""
-    return f"--detector {'auto' if detector is None else shlex.quote(detector)}"
+    return "" if detector is None else f" --detector {shlex.quote(detector)}"
 
 
 def _print_drawn(link: Live, *, quiet: bool) -> None:

@@ -17,7 +17,7 @@ from click.core import ParameterSource
 
 from gtmbench.checks import printable, shown
 from gtmbench.errors import InputError
-from gtmbench.files.disk import check_file, is_file
+from gtmbench.files.disk import atomic_write, check_file, is_file
 from gtmbench.files.folders import check_folder
 from gtmbench.files.locks import alone, lock_beside
 from gtmbench.files.plain import dumps
@@ -65,6 +65,15 @@ def _claim(target: Path, check: Callable[[], None]) -> None:
     lock = lock_beside(target.resolve())
     click.get_current_context().with_resource(alone(lock, f"another command writes {target}"))
     check()
+
+
+def write_new(target: Path, text: str) -> None:
+    """Write a file that somebody will edit, never over another."""
+    if target.exists():
+        raise InputError(f"{target} exists; give another name")
+    claim_file(target, force=False)
+    with atomic_write(target) as aside:
+        aside.write_text(text, encoding="utf-8")
 
 
 def check_screen(instead: str) -> None:
@@ -116,48 +125,48 @@ def _by_name(given: object) -> str:
 
 
 def map_option(command: F) -> F:
-    """Add ``--map``, ``--map-file`` and ``--units`` to a command that reads a log: its `mapping` holds them all."""
+    """Add ``--map`` and ``--units`` to a command that reads a log: its `mapping` holds both, of files what they say."""
 
     @wraps(command)
-    def told(
-        *arguments: Any, mapping: tuple[str, ...], map_file: Path | None, units: str | None, **options: Any
-    ) -> Any:
-        own = {text.partition("=")[0].strip() for text in mapping}
-        kept = [text for text in kept_mapping(map_file) if text.partition("=")[0] not in own]
+    def told(*arguments: Any, mapping: tuple[str, ...], units: str | None, **options: Any) -> Any:
+        files = map_files(mapping)
+        typed = [text for text in mapping if Path(text) not in files]
+        own = {text.partition("=")[0].strip() for text in typed}
+        kept = [text for file in files for text in _kept_mapping(file) if text.partition("=")[0] not in own]
         stated = () if units is None else (f"units={units}",)
-        return command(*arguments, mapping=(*mapping, *kept, *stated), **options)
+        return command(*arguments, mapping=(*typed, *kept, *stated), **options)
 
     option = click.option(
         "--map",
         "mapping",
         multiple=True,
-        metavar="CHANNEL=COLUMN:UNIT",
+        metavar="CHANNEL=COLUMN:UNIT|FILE.toml",
         help="Map a column whose name doesn't identify it: p=gyro_x:rad/s, nz=-az:m/s2 (turns the sign), "
-        "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late).",
-    )
-    file = click.option(
-        "--map-file",
-        type=click.Path(path_type=Path),
-        metavar="COLUMNS.toml",
-        help="The same from a file; `gtmbench monitor` writes it where there is none.",
+        "time=stamp:us, psi=yaw:deg@0.3 (stamped 0.3 s late). Or a file of these; `gtmbench monitor` writes it where "
+        "there is none.",
     )
     unit = click.option(
         "--units",
         type=click.Choice(["rad", "deg"]),
         help="What angles, and rates per second, are in that state no unit.",
     )
-    return cast(F, option(file(unit(told))))
+    return cast(F, option(unit(told)))
 
 
-def kept_mapping(path: Path | None) -> list[str]:
-    """Return the options ``--map`` that a file keeps; none of one that the command is to write.
+def map_files(mapping: Sequence[str]) -> list[Path]:
+    """Return the files among what ``--map`` was given."""
+    return [Path(text) for text in mapping if "=" not in text and text.lower().endswith(".toml")]
+
+
+def _kept_mapping(path: Path) -> list[str]:
+    """Return what a file of maps holds; nothing of one that the command is to write.
 
     Raises
     ------
     InputError
         Where it isn't such a file, or there is none and the command doesn't write it.
     """
-    if path is None or (not path.exists() and click.get_current_context().command.name == "monitor"):
+    if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
     from gtmbench.intake.map_file import read_map_file
 

@@ -1,4 +1,4 @@
-"""The command rescue: a departure beside its rescue."""
+"""``gtmbench fly --rescue``: a departure beside its rescue."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from gtmbench.cli.aircraft import aircraft_options, told_aircraft
-from gtmbench.cli.faults import chosen_faults, fault_options
-from gtmbench.cli.output import claim_file, common_options, echo, print_json
+from gtmbench.cli.aircraft import told_aircraft
+from gtmbench.cli.output import claim_file, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
 from gtmbench.jobs.progress import Progress, progress_bar
@@ -27,51 +24,23 @@ _BEFORE_S, _AFTER_S = 20.0, 30.0  # the onset, and after it: a monitor has to co
 _BANK, _SEED = "C-early", 660_001  # flights that nobody is rescued on
 
 
-@click.command("rescue")
-@click.option(
-    "--out", default="rescue.rrd", show_default=True, type=click.Path(path_type=Path), help="The recording to write."
-)
-@click.option("--figure", type=click.Path(path_type=Path), help="Also write a figure: .png, .svg or .pdf.")
-@aircraft_options
-@fault_options("The fault.  [default: r's sign flips]")
-@click.option(
-    "--sensors",
-    metavar="ideal|chain",
-    help="chain: the aircraft's own delays, filters and sample rates lie between motion and readings.  "
-    "[default: those of the monitor that is given; else chain, where gains are known for it]",
-)
-@click.option("--seed", default=1, show_default=True, help="Seed of turbulence and noise.")
-@click.option(
-    "--calibrated",
-    "monitor_file",
-    type=click.Path(path_type=Path),
-    metavar="MONITOR.json",
-    help=f"A monitor from `gtmbench calibrate`.  [default: bank {_BANK}, calibrated now on {_FLIGHTS} flights]",
-)
-@click.option("--force", is_flag=True, help="Write over existing files.")
-@common_options
-def rescue_command(
-    out: Path,
+def fly_twice(
+    out: Path | None,
     figure: Path | None,
-    name: str,
+    faults: tuple[Fault, ...],
+    monitor_file: Path | None,
+    *,
+    aircraft: str,
     altitude: float | None,
     tas: float | None,
     without_io: bool,
-    given: tuple[str, ...],
-    onset: float | None,
-    trial: int | None,
     sensors: str | None,
     seed: int,
-    monitor_file: Path | None,
     force: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Fly a gyro's fault twice, without accommodation and with it, into one recording.
-
-    The autopilot flies on the sensor readings. On the second flight a monitor isolates the broken gyro and takes its
-    reading out of the loop. `gtmbench view FILE.rrd` shows both aircraft beside each other.
-    """
+    """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.detectors.accommodate import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor
@@ -79,20 +48,21 @@ def rescue_command(
     from gtmbench.report.recording.rescue import write_rescue_recording
     from gtmbench.study.rescue import fly_rescue
 
+    out = Path("rescue.rrd") if out is None else out
     _check_files(out, figure, force=force)
-    faults = chosen_faults(given, onset, trial).faults or _own_faults()
+    faults = faults or _own_faults()
     silent = as_json or quiet
-    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
+    flown = told_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:
         kept = load_monitor(monitor_file) if monitor_file else None
-        sensors = sensors or (aircraft.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
-        aircraft.chain_of(sensors)
-        monitor = _calibrated(name, sensors, tell) if kept is None else kept
+        sensors = sensors or (flown.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
+        flown.chain_of(sensors)
+        monitor = _calibrated(aircraft, sensors, tell) if kept is None else kept
     onset_s = min(fault.onset_s for fault in faults)
     rescue = fly_rescue(
         faults,
         Accommodate(monitor),
-        aircraft=aircraft,
+        aircraft=flown,
         duration_s=onset_s + _AFTER_S,
         seed=seed,
         sensors=sensors,
@@ -109,7 +79,7 @@ def rescue_command(
 
         told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
         own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
-        print_json(envelope("rescue", rescue_verdict(rescue), own, findings=told))
+        print_json(envelope("fly-rescue", rescue_verdict(rescue), own, findings=told))
     elif not quiet:
         _print(rescue)
         echo(f"{out}: both flights; gtmbench view {out}")

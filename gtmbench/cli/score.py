@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.monitor import healthy_part
+from gtmbench.cli.monitor import healthy_option, healthy_part
 from gtmbench.cli.output import (
-    attitude_option,
     common_options,
     echo,
     map_option,
@@ -26,19 +26,12 @@ if TYPE_CHECKING:
 _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", "autopilot said")
 
 
-@click.command("score")
+@click.command("score", cls=Command)
 @click.argument("log", type=click.Path(path_type=Path))
 @map_option
-@detector_option("The default is bank auto.", calibrated=False)
-@click.option(
-    "--identify",
-    "healthy",
-    multiple=True,
-    metavar="T0:T1|LOG",
-    help="The healthy part to calibrate on.  [default: the log before the first failure, 300 s at most]",
-)
+@detector_option("The default, auto, uses the relations that the log's channels allow.")
+@healthy_option("[default: the log before the first failure, 300 s at most]")
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
-@attitude_option
 @scope_options
 @common_options
 def score_command(
@@ -47,13 +40,14 @@ def score_command(
     detector: str | None,
     healthy: tuple[str, ...],
     rate: float | None,
-    attitude: str,
     judge: str | None,
     limits: tuple[str, ...],
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Score monitor and autopilot on the injected failures that a log records.
+    """Score monitor and autopilot on the injected failures that a log records: who found them, and when.
+
+    Example: gtmbench score flight.bin
 
     It reads PX4's failure injection and changes of ArduPilot's SIM_GYR... parameters, so SITL and bench flights become
     trials. Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input or no such failure.
@@ -69,7 +63,6 @@ def score_command(
             healthy=[healthy_part(text) for text in healthy],
             mapping=mapping,
             rate_hz=rate,
-            attitude=attitude,
             judge=judge,
             limits=limits,
             progress=tell,

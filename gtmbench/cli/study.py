@@ -1,4 +1,4 @@
-"""Commands of the study: run, view, new."""
+"""Commands of the study: run, view."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.aircraft import aircraft_file
+from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.faults import chosen_faults, is_typed
-from gtmbench.cli.output import check_screen, claim_file, claim_folder, common_options, echo, print_json, print_table
+from gtmbench.cli.output import check_screen, claim_folder, common_options, echo, print_json, print_table, write_new
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.shipped import MAIN_JOB
 from gtmbench.jobs.progress import progress_bar
@@ -47,7 +46,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     return tuple(seeds)
 
 
-@click.command("run")
+@click.command("run", cls=Command)
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
 @click.option(
     "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
@@ -87,13 +86,18 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--strict", is_flag=True, help="End with exit code 1 if a trial differs from its scenario's expectation.")
 @click.option("--no-figures", "figures", is_flag=True, flag_value=False, default=True, help="Draw no figures.")
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
+@click.option(
+    "--new",
+    type=click.Path(path_type=Path),
+    metavar="NAME.toml",
+    help="Fly nothing: write a scenario to edit, commented, with every key at its default.",
+)
 @click.option("--force", is_flag=True, help="Write into an existing folder: its files of the same names are replaced.")
 @common_options
 def run_command(
     scenarios: tuple[str, ...],
     out: Path,
     detectors: tuple[str, ...],
-    calibrated: Path | None,
     aircraft: str | None,
     sensors: str | None,
     given: tuple[str, ...],
@@ -102,19 +106,24 @@ def run_command(
     figures: bool,
     recording: bool,
     strict: bool,
+    new: Path | None,
     force: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
-    """Fly, break, watch and report scenarios, given as files or names from `gtmbench list`.
+    """Fly, break, watch and report: who finds which fault, and how fast.
 
-    Without a scenario it runs the dissertation's study, every gyro broken in five ways. The folder gets results.json,
-    trials.csv, figures and study.rrd, a recording for `gtmbench view`. Several detectors watch the same flight, and
-    each detector and trial gets a row.
+    Example: gtmbench run jam --detector C --out first
+
+    A scenario is a file, or a name from `gtmbench list`. Without one it runs the dissertation's study, every gyro
+    broken in five ways. The folder gets results.json, trials.csv, figures and study.rrd, a recording for `gtmbench
+    view`. Several detectors watch the same flight, and each detector and trial gets a row.
     """
     from gtmbench.study.run import run_study
     from gtmbench.study.scenario import flown_on, load_scenario, sensed_by
 
+    if new is not None:
+        return _write_scenario(new, as_json=as_json, quiet=quiet)
     claim_folder(out, force=force)
     loaded = [load_scenario(source) for source in scenarios or MAIN_JOB]
     if aircraft is not None:
@@ -123,7 +132,7 @@ def run_command(
         loaded = [sensed_by(scenario, sensors) for scenario in loaded]
     if given or onset is not None:
         loaded = _with_faults(loaded, given, onset)
-    watching = watchers_of(detectors, calibrated)
+    watching = watchers_of(detectors)
     parts = _Parts(figures=figures, recording=recording)
     if seeds is not None and len(seeds) > 1:
         return _run_seeds(loaded, watching, seeds, out, parts, strict=strict, as_json=as_json, quiet=quiet)
@@ -149,6 +158,18 @@ def run_command(
         if strict and not any(trial.expected for trial in study.trials):
             echo(f"--strict: the scenarios expect nothing of {', '.join(base.detector for base in study.baselines)}")
     return code
+
+
+def _write_scenario(target: Path, *, as_json: bool, quiet: bool) -> int:
+    if target.suffix != ".toml":
+        raise InputError(f"'{target}' should end in .toml, as {target.stem}.toml")
+    write_new(target, (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8"))
+    verdict = f"Wrote {target}; edit it, then run: gtmbench run {target}"
+    if as_json:
+        print_json(envelope("run-new", verdict, {"out": str(target)}))
+    elif not quiet:
+        echo(verdict)
+    return 0
 
 
 def _with_faults(scenarios: list[Scenario], given: tuple[str, ...], onset: float | None) -> list[Scenario]:
@@ -247,12 +268,15 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
     echo(f"{' and '.join([', '.join(written[:-1]), written[-1]] if written[1:] else written)}: {out}/{look}")
 
 
-@click.command("view")
+@click.command("view", cls=Command)
 @click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
 @click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
-    """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
+    """Show a recording, or the one in a folder, in the rerun viewer: the flight in 3-D, its readings and verdicts.
+
+    Example: gtmbench view first
+    """
     from gtmbench.report.recording.read import check_recording, recording_in
     from gtmbench.report.viewer import viewer_command
 
@@ -269,38 +293,3 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
         print_json(envelope("view", verdict, {"recording": str(recording)}))
-
-
-@click.command("new")
-@click.argument("name", metavar="[NAME.toml]", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--aircraft",
-    help="Instead of a scenario, write an aircraft's facts as aircraft.toml into the folder NAME, or the aircraft's "
-    "own. Give a name from `gtmbench list --all` or a folder.",
-)
-@click.option("--without-io", is_flag=True, help="With --aircraft: leave out the model's input and output sections.")
-@common_options
-def new_command(name: Path | None, aircraft: str | None, without_io: bool, as_json: bool, quiet: bool) -> None:
-    """Write a commented scenario with every key at its default, or an aircraft's facts."""
-    if aircraft is not None:
-        target, text = aircraft_file(aircraft, name, without_io=without_io)
-        target.parent.mkdir(exist_ok=True)
-        how = f"gtmbench trim --aircraft {target.parent}"
-    elif name is None:
-        raise InputError("give the scenario's name, NAME.toml, or --aircraft")
-    elif name.suffix != ".toml":
-        raise InputError(f"'{name}' should end in .toml, as {name.stem}.toml")
-    else:
-        text = (files("gtmbench.cli") / "template.toml").read_text(encoding="utf-8")
-        target, how = name, f"gtmbench run {name}"
-    if target.exists():
-        raise InputError(f"{target} exists; give another name")
-    claim_file(target, force=False)
-    with atomic_write(target) as aside:
-        aside.write_text(text, encoding="utf-8")
-    verdict = f"Wrote {target}; edit it, then run: {how}"
-    if as_json:
-        what = "aircraft" if aircraft is not None else "scenario"
-        print_json(envelope("new", verdict, {"out": str(target), "what": what}))
-    elif not quiet:
-        echo(verdict)

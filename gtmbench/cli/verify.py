@@ -1,4 +1,4 @@
-"""``gtmbench verify``: whether files still hold what was written."""
+"""``gtmbench verify``: whether files still hold what was written, and recordings what another holds."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import click
 
+from gtmbench.cli.command import Command
+from gtmbench.cli.diff import Limits, compare_recordings
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.disk import is_file, is_folder
@@ -27,17 +29,59 @@ class _Told(NamedTuple):
     wrong: str
 
 
-@click.command("verify")
+@click.command("verify", cls=Command)
 @click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
+@click.option(
+    "--against",
+    type=click.Path(path_type=Path),
+    metavar="B.rrd",
+    help="Compare a recording with this one: values, not bytes.",
+)
+@click.option(
+    "--tolerance",
+    default=0.0,
+    metavar="REL",
+    help="With --against: relative tolerance, in parts of a series' greatest magnitude.",
+)
+@click.option(
+    "--absolute", default=0.0, metavar="ABS", help="With --against: absolute tolerance, in a series' own unit."
+)
+@click.option(
+    "--overlay",
+    type=click.Path(path_type=Path),
+    metavar="OUT.rrd",
+    help="With --against: write both into one recording.",
+)
+@click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
-def verify_command(paths: tuple[Path, ...], as_json: bool, quiet: bool) -> int:
-    """Check that files are unchanged since they were written: folders of results or parts, monitors, baselines.
+def verify_command(
+    paths: tuple[Path, ...],
+    against: Path | None,
+    tolerance: float,
+    absolute: float,
+    overlay: Path | None,
+    force: bool,
+    as_json: bool,
+    quiet: bool,
+) -> int:
+    """Check that results are what they were: files against their digests, or a recording against another.
 
-    In a folder it checks every file in its SHA256SUMS, every part and every monitor. A file without a digest that
-    isn't listed there can't be checked and is refused.
+    Example: gtmbench verify first
 
-    Exit codes: 0 all are unchanged; 1 a file was altered, damaged or is missing; 2 a file can't be checked.
+    In a folder it checks every file in its SHA256SUMS, every part and every monitor; of single files monitors,
+    baselines, and what a SHA256SUMS beside them lists. Recordings of `gtmbench run` are compared by --against: without
+    a tolerance numbers must be equal bit for bit, as they are for two runs of one seed. Texts always must.
+
+    Exit codes: 0 all are unchanged, or equal; 1 a file was altered, damaged or is missing, or they differ; 2 a file
+    can't be checked.
     """
+    if against is not None:
+        if len(paths) > 1:
+            raise InputError(f"--against compares one recording, and {len(paths)} are given")
+        limits = Limits(relative=tolerance, absolute=absolute)
+        return compare_recordings(paths[0], against, limits, overlay, force=force, as_json=as_json, quiet=quiet)
+    if tolerance or absolute or overlay is not None:
+        raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
     told = [each for path in paths for each in _told_of(path)]
     wrong = [each for each in told if each.wrong]
     code = _ALTERED if wrong else 0

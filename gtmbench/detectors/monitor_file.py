@@ -199,8 +199,7 @@ def _restored(kept: _Kept) -> Monitor:
         return BUILT_IN[kept.detector](kept.figures, kept.provenance)
     if kept.detector not in installed_names():
         raise InputError(
-            f"a monitor of '{kept.detector}', which isn't installed here; give --detector FILE.py:OBJECT --calibrated "
-            "FILE"
+            f"a monitor of '{kept.detector}', which isn't installed here; give --detector FILE.py:OBJECT@FILE.json"
         )
     return _restored_by(installed(kept.detector), kept)
 

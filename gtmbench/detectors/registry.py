@@ -28,7 +28,7 @@ from gtmbench.files.shipped import shipped_banks
 DISSERTATION = "dissertation"
 
 
-def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -> Detector | Monitor:
+def find_detector(source: str | Path) -> Detector | Monitor:
     """Return a detector, or a monitor if the source is one.
 
     Parameters
@@ -37,9 +37,7 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
         ``dissertation``, ``auto``, ``cross-check``, the name of a bank, of a rival or of an installed detector; the
         TOML file of a bank; a monitor's JSON file; or ``FILE.py:OBJECT``, ``package.module:OBJECT``, which imports that
         Python: a Detector, a Monitor, a class of either that needs no arguments, a Bank, or a function from a Record to
-        the times of its alarms.
-    calibrated : str or Path, optional
-        A monitor's JSON file whose figures the detector restores.
+        the times of its alarms. ``FILE.py:OBJECT@FILE.json`` is the monitor that was saved of such a detector.
 
     Raises
     ------
@@ -54,12 +52,15 @@ def find_detector(source: str | Path, *, calibrated: str | Path | None = None) -
     >>> gb.find_detector("dissertation").outputs
     ('r',)
     """
-    detector = _python(str(source)) if is_python(source) else for_data_file(source)
-    if calibrated is None:
+    name, figures = _and_figures(str(source))
+    if not is_python(source):
+        return for_data_file(source)
+    detector = _python(name)
+    if figures is None:
         return detector
     if not is_recipe(detector):
-        raise InputError(f"{source} is a monitor, calibrated already; leave --calibrated {calibrated} out")
-    return load_monitor(calibrated, detector)
+        raise InputError(f"{name} is a monitor, calibrated already; leave @{figures} out")
+    return load_monitor(figures, detector)
 
 
 def as_detector(given: Any) -> Detector | Monitor:
@@ -150,9 +151,19 @@ def detector_names() -> dict[str, str]:
 
 
 def is_python(source: str | Path) -> bool:
-    r"""Whether an object in Python is meant; a drive's colon (``C:\bank.toml``) isn't followed by a name."""
-    place, colon, name = str(source).rpartition(":")
+    r"""Whether an object in Python is meant; a drive's colon (``C:\bank.toml``) isn't followed by a name.
+
+    >>> [is_python(source) for source in ("mine.py:Mine", "mine.py:Mine@mine.json", "mine.json", "C")]
+    [True, True, False, False]
+    """
+    place, colon, name = _and_figures(str(source))[0].rpartition(":")
     return bool(colon and place) and all(part.isidentifier() for part in name.split("."))
+
+
+def _and_figures(source: str) -> tuple[str, str | None]:
+    """Return the name of a detector and the file of its figures, where one stands behind it."""
+    name, at, figures = source.rpartition("@")
+    return (name, figures) if at and figures.lower().endswith(".json") else (source, None)
 
 
 def _python(source: str) -> Detector | Monitor:

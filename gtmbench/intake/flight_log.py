@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
 
 from gtmbench.checks import one_line
 from gtmbench.intake.events import Event
@@ -17,6 +20,7 @@ from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST_REMARKS = 36
+_SINCE = re.compile(r"times are since the first, (\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d+) UTC")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,6 +147,8 @@ class FlightLog:
         hole that is longer than a sample.
     out_of_range : tuple of OutOfRange
         Which readings no sensor reads, a channel each: they are missing.
+    zero_utc : datetime64 or None
+        When its clock reads 0 s, where its stamps are dates or count from 1970.
     periods_s : mapping
         How far apart each channel's samples are in the log, at the median, whatever the record's rate.
 
@@ -184,6 +190,12 @@ class FlightLog:
         }
         rows = [(f"{each.start_s:.2f}", each.kind, each.channel or "all", each.text) for each in self.remarks]
         return card(f"FlightLog {self.path.name}", facts, columns=("from (s)", "remark", "channel", "text"), rows=rows)
+
+    @property
+    def zero_utc(self) -> np.datetime64 | None:
+        """When its clock reads 0 s; None where its stamps are no dates."""
+        told = next(filter(None, map(_SINCE.search, self.method)), None)  # every format's reader says it so
+        return None if told is None else np.datetime64(f"{told[1]}T{told[2]}", "ms")
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from gtmbench.files.disk import atomic_write, check_size, is_file, no_such
 from gtmbench.intake.flight_log import Source
 
 _LARGEST_BYTES = 1 << 20
-_HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --map-file {}"
+_HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --map {}"
 
 
 def read_map_file(path: Path) -> list[str]:

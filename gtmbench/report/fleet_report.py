@@ -144,13 +144,13 @@ def _row_with_page(watched: WatchedLog, *, pages: Path, options: Sequence[str]) 
 def _options(watching: Watching) -> list[str]:
     """Return what makes one log be watched as the fleet's are."""
     detector = watching.detector
-    named = ["--detector", Path(detector).name] if isinstance(detector, (str, Path)) else []
+    named = ["--detector", Path(detector).name] if isinstance(detector, (str, Path)) and str(detector) != AUTO else []
     spans = [each.name if isinstance(each, Path) else f"{each[0]:g}:{each[1]:g}" for each in watching.healthy]
     rate = [] if watching.rate_hz is None else ["--rate", f"{watching.rate_hz:g}"]
     listed = [
         word
         for key, texts in (
-            ("--identify", spans),
+            ("--healthy", spans),
             ("--map", watching.mapping),
             ("--judge", [] if watching.judge is None else [watching.judge]),
             ("--limit", watching.limits),

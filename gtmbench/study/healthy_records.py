@@ -165,6 +165,7 @@ def logged_records(
     detector: Detector,
     *,
     mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
     imperfections: Imperfections | None = None,
     seed: int = 1,
     progress: Progress = silent,
@@ -180,6 +181,8 @@ def logged_records(
     detector : Detector
     mapping : sequence of str
         As `open_log` takes it, for all of them.
+    rate_hz : float, optional
+        The rate to resample to, in Hz; by default the first log's own.
     imperfections : Imperfections, optional
         Added to the gyros that the detector uses, to be tolerated.
     seed : int
@@ -197,7 +200,7 @@ def logged_records(
     logs: list[dict[str, str]] = []
     for i, path in enumerate(paths):
         progress("reading", i, len(paths))
-        log = open_for(path, detector, mapping=mapping)
+        log = open_for(path, detector, mapping=mapping, rate_hz=rate_hz)
         if records and not same_period(log.sample_period_s, records[0].sample_period_s):
             if log.sample_period_s > records[0].sample_period_s:
                 raise InputError(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import numpy as np
 
@@ -13,11 +13,14 @@ from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.files.artefacts import artefacts
+from gtmbench.files.disk import LOGS, no_such
+from gtmbench.intake.flight_log import FlightLog
 from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
 from gtmbench.study.watchers import prepared
+from gtmbench.testing.on_logs import Watching, hold_found, hold_quiet, is_flight
 from gtmbench.testing.shared_flights import calibration_records, standard_record
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Record, check_record
@@ -29,24 +32,43 @@ _calibrated: list[tuple[Any, Monitor]] = []  # detectors that were given uncalib
 
 
 def assert_detects(
-    detector: object, fault: Fault, *, within_s: float, record: Record | None = None, named: bool = False
+    detector: object,
+    fault: Fault | None = None,
+    *,
+    within_s: float,
+    record: Record | FlightLog | str | Path | None = None,
+    named: bool = False,
+    sensor: str | None = None,
+    from_s: float | None = None,
+    healthy: Sequence[tuple[float, float] | str | Path] = (),
+    mapping: Sequence[str] = (),
 ) -> None:
     """Fail if a detector doesn't detect a fault in time, has a false alarm before it, or names another sensor.
 
+    Of a recorded flight with a failure, ``assert_detects("flight.csv", sensor="q", from_s=100, within_s=5)`` fails
+    unless that sensor failed from about that time on, and no other sensor did.
+
     Parameters
     ----------
-    detector : Monitor, Detector, callable, str or path
+    detector : Monitor, Detector, callable, str or path; or a log
         A monitor or its name (``monitor.json``, ``FILE.py:OBJECT``), or a function from a record to the times in
         seconds at which its alarms could be raised. An uncalibrated detector is calibrated once a session, on six
-        healthy flights of 200 s with the T2's noise.
-    fault : Fault
-        Injected into the record, which must last until an alarm is due.
+        healthy flights of 200 s with the T2's noise. Or a recorded flight, a `FlightLog` or its path, which detector
+        auto watches as ``gtmbench monitor`` does.
+    fault : Fault, optional
+        Injected into the record, which must last until an alarm is due; none where a recorded flight has its own.
     within_s : float
-        The greatest detection delay allowed, in seconds, look-ahead and windows included.
+        The greatest detection delay allowed, in seconds, look-ahead and windows included. Of a recorded flight: how far
+        the beginning that is found, with hindsight, may lie from `from_s`.
     record : Record, optional
-        A healthy record; by default the T2's sensor readings on the standard flight (200 s).
+        A healthy record; by default the T2's sensor readings on the standard flight (200 s). Or a recorded flight that
+        the detector watches.
     named : bool
         Whether the sensor must also be named. A wrong name always fails.
+    sensor, from_s : str and float, optional
+        Of a recorded flight: which sensor failed, and from when on, on the log's clock in seconds.
+    healthy, mapping : sequence, optional
+        Of a recorded flight: as `watch_log` takes them.
 
     Raises
     ------
@@ -65,38 +87,57 @@ def assert_detects(
     >>> assert_detects(stuck, Jam(channel="p", onset_s=120), within_s=0.3)
     """
     __tracebackhide__ = True
+    watching = _on_log(detector, record, healthy=healthy, mapping=mapping)
+    if watching is not None:
+        if fault is not None or sensor is None or from_s is None:
+            raise InputError("a recorded flight has its own fault; give sensor='q' and from_s=100, and no fault")
+        hold_found(watching, sensor=sensor, from_s=from_s, within_s=within_s)
+        return
     within_s = number("within_s", within_s, 0.0)
     if not isinstance(fault, Fault):
         raise InputError(f"{shown(fault)} is no fault; give one such as Jam(channel='p', onset_s=120)")
-    healthy = standard_record() if record is None else record
-    check_record(healthy)
-    broken, due_s = inject(healthy, fault), fault.onset_s + within_s
+    sound = _record(record)
+    broken, due_s = inject(sound, fault), fault.onset_s + within_s
     if due_s > broken.end_s + _TIE:
         raise InputError(
             f"an alarm is due at {due_s:g} s and the record ends at {broken.end_s:g} s; give a longer record, or an "
             "earlier onset"
         )
-    if altered_share([fault], healthy, broken) == 0.0:
+    if altered_share([fault], sound, broken) == 0.0:
         raise InputError(f"the {fault_text(fault)} changes no sample of this record, so there is nothing to detect")
     monitor = _monitor(detector)
     if named and not monitor.suspects:
         raise InputError(f"'{monitor.name}' names no sensor; leave named=True out, or give a bank's monitor")
     watch = monitor.watch(broken)
-    failed = [*_untimely(watch, fault, within_s), *_misnamed(watch, fault, healthy, named)]
+    failed = [*_untimely(watch, fault, within_s), *_misnamed(watch, fault, sound, named)]
     if failed:
         said = f"{fault_text(fault)} from {fault.onset_s:.2f} s: {'; '.join(failed)}"
-        _fail_watch(watch, said, fault=fault, healthy=healthy, due_s=due_s)
+        _fail_watch(watch, said, fault=fault, healthy=sound, due_s=due_s)
 
 
-def assert_quiet(detector: object, record: Record | None = None) -> None:
+def assert_quiet(
+    detector: object,
+    record: Record | FlightLog | str | Path | None = None,
+    *,
+    judge: str | None = None,
+    limits: Sequence[str] = (),
+    healthy: Sequence[tuple[float, float] | str | Path] = (),
+    mapping: Sequence[str] = (),
+) -> None:
     """Fail if a detector alarms on a healthy record, or never could have.
+
+    ``assert_quiet("flight.csv")`` fails unless `gtmbench monitor` finds nothing in a recorded flight, and judges
+    enough of it.
 
     Parameters
     ----------
-    detector : Monitor, Detector, callable, str or path
+    detector : Monitor, Detector, callable, str or path; or a log
         As for `assert_detects`.
     record : Record, optional
-        A healthy record; by default the T2's sensor readings on the standard flight (200 s).
+        A healthy record; by default the T2's sensor readings on the standard flight (200 s). Or a recorded flight that
+        the detector watches.
+    judge, limits, healthy, mapping : optional
+        Of a recorded flight: as `watch_log` takes them.
 
     Raises
     ------
@@ -108,9 +149,12 @@ def assert_quiet(detector: object, record: Record | None = None) -> None:
     >>> assert_quiet(lambda record: record.time_s[abs(record["p"]) > 500.0])
     """
     __tracebackhide__ = True
-    healthy = standard_record() if record is None else record
-    check_record(healthy)
-    watch = _monitor(detector).watch(healthy)
+    watching = _on_log(detector, record, judge=judge, limits=limits, healthy=healthy, mapping=mapping)
+    if watching is not None:
+        hold_quiet(watching)
+        return
+    sound = _record(record)
+    watch = _monitor(detector).watch(sound)
     alarms = false_alarms(watch)
     if alarms:
         what = f" ({alarms[0].verdict})" if alarms[0].judgements else ""
@@ -123,6 +167,39 @@ def assert_quiet(detector: object, record: Record | None = None) -> None:
         )
     if watch.armed_hours == 0.0:
         _fail_watch(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
+
+
+def _on_log(detector: object, record: object, **how: Any) -> Watching | None:
+    """Return how a recorded flight is watched, where one was given; None where none was.
+
+    Raises
+    ------
+    InputError
+        Where what is of recorded flights was given without one.
+    """
+    if is_flight(record):
+        return Watching(log=_as_log(record), detector=detector, **how)
+    if record is None and is_flight(detector):
+        return Watching(log=_as_log(detector), **how)
+    if isinstance(record, str | Path):
+        raise InputError(no_such(Path(record)) if not Path(record).exists() else f"{record} is no log")
+    if isinstance(detector, str | Path) and Path(detector).suffix.lower() in LOGS and not Path(detector).exists():
+        raise InputError(no_such(Path(detector)))
+    given = [name for name, value in how.items() if value]
+    if given:
+        raise InputError(f"{given[0]} is about a recorded flight, and none is given; give a FlightLog, or its path")
+    return None
+
+
+def _record(given: object) -> Record:
+    """Return a record that was given, or the standard one."""
+    record: Any = standard_record() if given is None else given
+    check_record(record)
+    return cast("Record", record)
+
+
+def _as_log(given: object) -> FlightLog | Path:
+    return given if isinstance(given, FlightLog) else Path(str(given))
 
 
 def _monitor(detector: object) -> Monitor:

@@ -64,7 +64,7 @@ def test_a_wing_has_no_yaw_damper_and_is_told(wing, cli, monkeypatch):
     monkeypatch.setattr(tuning, "_TRIED_S", 10.0)
     monkeypatch.setattr(tuning, "_PROVED_S", 30.0)
     monkeypatch.setattr(tuning, "delay_margin_s", lambda *_: 0.0)
-    code, said, err = cli("autopilot", "--aircraft", str(wing.folder))
+    code, said, err = cli("aircraft", str(wing.folder), "--autopilot")
     assert code == 0, err
     assert "no yaw damper: nothing answers the rudder" in said
     assert "r_to_rudder_s = 0.0" in said

@@ -193,7 +193,7 @@ def test_an_accommodation_stands_between_sensors_and_autopilot():
         ({"autopilot": replace(OWN, q_to_elevator_s=-3.0)}, r"the loop throws 'gtm' out of its envelope: .*gains"),
         (
             {"aircraft": replace(GTM, autopilot=None, chain_autopilot=None)},
-            r"'gtm' has no autopilot; find its gains by gtmbench autopilot",
+            r"'gtm' has no autopilot; find its gains by gtmbench aircraft NAME --autopilot",
         ),
         ({"faults": gb.Jam(channel="p", onset_s=99.0)}, r"begins at 99 s, outside"),
         ({"faults": gb.Jam(channel="north", onset_s=1.0)}, r"no channel 'north' can break"),

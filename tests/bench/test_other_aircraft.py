@@ -115,10 +115,10 @@ def test_a_folder_without_facts_is_surveyed(copied):
 
 
 def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
-    code, _, err = cli("trim", "--aircraft", "weather-balloon")
+    code, _, err = cli("aircraft", "weather-balloon")
     assert code == 2
     assert "flight path angle at its limit of 5" in err
-    code, _, err = cli("trim", "--aircraft", "p51d", "--tas", "350")
+    code, _, err = cli("aircraft", "p51d", "--tas", "350")
     assert code == 2
     assert "at 10000 ft and 350 kt" in err
     assert "acceleration (" in err
@@ -128,12 +128,12 @@ def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
 def test_sections_that_reach_outside_are_refused_or_left_out(cli, copied, tmp_path, section):
     folder = copied("c172p", "mine", section)
     tag = section[1 : section.index(" ")]
-    code, _, err = cli("trim", "--aircraft", folder)
+    code, _, err = cli("aircraft", folder)
     assert code == 2
     assert f"has an <{tag}> section" in err
     assert "--without-io" in err
     before = sorted(tmp_path.rglob("*"))
-    code, out, err = cli("trim", "--aircraft", folder, "--without-io")
+    code, out, err = cli("aircraft", folder, "--without-io")
     assert code == 0
     assert f"without the <{tag}> of its model" in err
     assert "altitude = 5000.00 ft" in out
@@ -143,37 +143,37 @@ def test_sections_that_reach_outside_are_refused_or_left_out(cli, copied, tmp_pa
 def test_a_part_that_reaches_outside_is_refused_even_so(cli, copied):
     folder = copied("c172p", "mine", '<system file="told"/>')
     (folder / "told.xml").write_text(f'<system name="told">{OUTPUT}</system>')
-    code, _, err = cli("trim", "--aircraft", folder, "--without-io")
+    code, _, err = cli("aircraft", folder, "--without-io")
     assert code == 2
     assert "has an <output> section" in err
 
 
 def test_jsbsims_own_fly_without_their_sockets_and_that_is_said(cli):
-    code, out, err = cli("trim", "--aircraft", "737")
+    code, out, err = cli("aircraft", "737")
     assert (code, err) == (0, "note: 737 flies without the <input> of its model, which would open ports or files\n")
     assert "altitude = 10000.00 ft" in out
-    assert cli("trim", "--aircraft", "737", "--json")[2] == ""
+    assert cli("aircraft", "737", "--json")[2] == ""
 
 
 def test_facts_are_written_to_be_edited(cli, tmp_path):
-    code, out, _ = cli("new", "--aircraft", "c172p")
-    assert (code, out) == (0, "Wrote my-c172p/aircraft.toml; edit it, then run: gtmbench trim --aircraft my-c172p\n")
+    code, out, _ = cli("aircraft", "c172p", "--facts")
+    assert (code, out) == (0, "Wrote my-c172p/aircraft.toml; edit it, then run: gtmbench aircraft my-c172p\n")
     mine, theirs = load_aircraft("my-c172p"), load_aircraft("c172p")
     assert replace(mine, without_io=True) == theirs
     path = tmp_path / "my-c172p/aircraft.toml"
     path.write_text(path.read_text().replace("tas_kt = 96.0", "tas_kt = 90.0"))
     assert gb.trim("my-c172p").tas_kt == pytest.approx(90.0)
-    code, _, err = cli("new", "--aircraft", "c172p")
+    code, _, err = cli("aircraft", "c172p", "--facts")
     assert code == 2
     assert "exists" in err
-    assert cli("new", "--aircraft", "gtm", "copy")[0] == 0
+    assert cli("aircraft", "gtm", "--facts", "--out", "copy")[0] == 0
     assert gb.trim("copy") == gb.trim("gtm")
 
 
 def test_facts_of_a_folder_are_written_beside_its_model(cli, copied):
     folder = copied("c172p", "mine", OUTPUT)
-    assert cli("new", "--aircraft", folder)[0] == 2
-    assert cli("new", "--aircraft", folder, "--without-io")[0] == 0
+    assert cli("aircraft", folder, "--facts")[0] == 2
+    assert cli("aircraft", folder, "--facts", "--without-io")[0] == 0
     assert "model = " not in (folder / "aircraft.toml").read_text()
     assert gb.trim(folder).altitude_ft == 5000.0  # the file says that they are left out
 
@@ -195,11 +195,11 @@ def test_facts_of_a_folder_are_written_beside_its_model(cli, copied):
     ],
 )
 def test_facts_that_nobody_means_are_refused(cli, tmp_path, old, new, message):
-    cli("new", "--aircraft", "c172p")
+    cli("aircraft", "c172p", "--facts")
     path = tmp_path / "my-c172p/aircraft.toml"
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new))
-    code, _, err = cli("trim", "--aircraft", "my-c172p")
+    code, _, err = cli("aircraft", "my-c172p")
     assert code == 2
     assert message in err
     assert len(err.splitlines()) == 1
@@ -210,7 +210,7 @@ def test_a_condition_in_metres_or_metres_per_second_is_recognised(cli):
         gb.trim("A4", tas_kt=110.0)
     own = load_aircraft("gtm")
     assert mistaken_units(own, altitude_ft=8000.0, tas_kt=100.58) == ""
-    code, _, err = cli("trim", "--tas", "51.7", "--altitude", "2438")
+    code, _, err = cli("aircraft", "--tas", "51.7", "--altitude", "2438")
     assert code == 0  # the GTM flies as slowly as that
     assert err == (
         "note: 2438 m is gtm's own altitude; altitudes are in ft; 51.7 m/s is gtm's own speed; speeds are in kt\n"
@@ -257,7 +257,7 @@ def test_jsbsims_files_stay_as_they_are():
 
 
 def test_a_user_may_set_what_a_model_begins_with(cli, tmp_path):
-    cli("new", "--aircraft", "c172p")
+    cli("aircraft", "c172p", "--facts")
     path = tmp_path / "my-c172p/aircraft.toml"
     path.write_text(path.read_text() + '"fcs/flap-cmd-norm" = 0.5\n')
     craft = load_aircraft("my-c172p")

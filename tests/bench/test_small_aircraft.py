@@ -104,7 +104,7 @@ def test_a_drift_and_a_jam_of_each_gyro_are_named(small):
 
 
 def test_facts_of_it_are_written_and_read(small, cli):
-    code, _, err = cli("new", "--aircraft", str(small.folder))
+    code, _, err = cli("aircraft", str(small.folder), "--facts")
     assert code == 0, err
     text = (small.folder / "aircraft.toml").read_text()
     (small.folder / "aircraft.toml").unlink()

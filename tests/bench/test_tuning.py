@@ -81,11 +81,11 @@ def test_the_command_writes_a_table_that_a_scenario_takes(cli, tmp_path, monkeyp
     monkeypatch.setattr(tuning, "AXES", {})
     monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
     out = tmp_path / "gains.toml"
-    code, said, _ = cli("autopilot", "--aircraft", "A320", "--out", str(out))
+    code, said, _ = cli("aircraft", "A320", "--autopilot", "--out", str(out))
     assert code == 0
     assert out.read_text().rstrip() in said
     scenario = tmp_path / "airliner.toml"
     text = 'aircraft = "A320"\n' + out.read_text() + '[[faults]]\nkind = "jam"\nchannels = ["p"]\nonset_s = 300\n'
     scenario.write_text(text)
     assert gb.load_scenario(scenario).setup.autopilot == similar_autopilot(linearised("A320"))
-    assert cli("autopilot", "--aircraft", "A320", "--out", str(out))[0] == 2  # exists
+    assert cli("aircraft", "A320", "--autopilot", "--out", str(out))[0] == 2  # exists

@@ -15,9 +15,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.check.baseline import (
-    TOLERATED,
     figures_text,
-    new_baseline,
     read_reference,
     reference_of,
     renewed,
@@ -26,7 +24,8 @@ from gtmbench.check.baseline import (
 from gtmbench.check.compare import pairs
 from gtmbench.check.figures import Group, rounded
 from gtmbench.check.reference_run import check, run_reference
-from gtmbench.check.rules import KINDS, RULES
+from gtmbench.check.rules import KINDS, OF_LOGS, RULES
+from gtmbench.check.template import TOLERATED, new_baseline
 from gtmbench.detectors.registry import find_detector
 from gtmbench.files.disk import LARGEST_TOML_BYTES
 from gtmbench.files.shipped import shipped_baselines
@@ -67,10 +66,13 @@ def test_a_new_baseline_states_everything_it_takes_for_granted(tmp_path):
     stated = tomllib.loads(text())
     assert stated["scenarios"] == ["jam"]
     assert stated["seed"] == 1
-    of_monitors = {"thresholds", "isolation_delay_s"}
-    assert set(stated["tolerances"]) == set(TOLERATED) - of_monitors
+    of_monitors, of_logs = {"thresholds", "isolation_delay_s"}, {*OF_LOGS}
+    assert set(stated["tolerances"]) == set(TOLERATED) - of_monitors - of_logs
     watched = tomllib.loads(new_baseline(tmp_path / "x.toml", scenarios=["jam"], detector="C"))
-    assert set(watched["tolerances"]) == set(TOLERATED) - {"threshold"}
+    assert set(watched["tolerances"]) == set(TOLERATED) - {"threshold"} - of_logs
+    recorded = tomllib.loads(new_baseline(tmp_path / "x.toml", logs=[str(tmp_path / "logs")]))
+    assert set(recorded["tolerances"]) == set(TOLERATED) & of_logs
+    assert (recorded["logs"], recorded["detector"]) == (["logs"], "auto")
     assert watched["detector"] == "C"
     for name, tolerance in {**stated["tolerances"], **watched["tolerances"]}.items():
         assert tolerance == RULES[name].tolerance
@@ -230,7 +232,9 @@ def test_figures_of_another_run_are_refused_before_the_run(tmp_path):
     assert "it holds no figures yet; --update records them" in refusal(text(), None, [])
     assert "its figures are those of seed 2, and the seed is 1" in refusal(text(), 2, trials)
     assert "no figures of trial 'jam of r' yet" in refusal(text(), 1, trials[:2])
-    assert "trial 'jam of x', which isn't in its" in refusal(text(), 1, [*trials, replace(JAM, name="jam of x")])
+    assert "trial 'jam of x', which isn't there any more" in refusal(
+        text(), 1, [*trials, replace(JAM, name="jam of x")]
+    )
     write_figures(path, text(), seed=1, groups=trials)
     read_reference(path).check_recorded()
 

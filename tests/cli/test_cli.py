@@ -38,14 +38,14 @@ def scenario(tmp_path):
 
 
 def test_trim_is_printed_as_the_dissertation_does(cli):
-    code, out, _ = cli("trim")
+    code, out, _ = cli("aircraft")
     assert code == 0
     assert "altitude = 8000.00 ft, equivalent airspeed = 89.18 kt, true airspeed = 100.58 kt" in out
     assert "yaw = 45.00 deg, ground track = 45.00 deg" in out
 
 
 def test_trim_as_json_with_modes_is_one_object(cli):
-    code, out, err = cli("trim", "--modes", "--json")
+    code, out, err = cli("aircraft", "--modes", "--json")
     found = json.loads(out)
     assert (code, err) == (0, "")
     assert found["trim"]["alpha_deg"] == pytest.approx(3.0, abs=0.05)
@@ -53,7 +53,7 @@ def test_trim_as_json_with_modes_is_one_object(cli):
 
 
 def test_modes_are_a_table(cli):
-    code, out, _ = cli("trim", "--modes")
+    code, out, _ = cli("aircraft", "--modes")
     assert code == 0
     assert "dutch roll" in out
     assert "natural frequency (rad/s)" in out
@@ -114,7 +114,7 @@ def test_a_miss_is_reported_with_its_reason_and_brackets_stay_what_they_are(cli,
 
 def test_quiet_is_quiet(cli, scenario):
     assert cli("run", scenario, "-q") == (0, "", "")
-    assert cli("trim", "-q") == (0, "", "")
+    assert cli("aircraft", "-q") == (0, "", "")
 
 
 def test_an_existing_folder_is_kept_unless_forced(cli, scenario, tmp_path):
@@ -130,12 +130,12 @@ def test_an_existing_folder_is_kept_unless_forced(cli, scenario, tmp_path):
 
 
 def test_new_writes_a_scenario_that_runs_unedited_but_for_its_length(cli, tmp_path):
-    code, out, _ = cli("new", "mine.toml")
+    code, out, _ = cli("run", "--new", "mine.toml")
     assert code == 0
     assert "gtmbench run mine.toml" in out
     loaded = gb.load_scenario(tmp_path / "mine.toml")
     assert len(loaded.faults) == 7
-    assert cli("new", "mine.toml")[0] == 2
+    assert cli("run", "--new", "mine.toml")[0] == 2
 
 
 def test_list_names_everything_there_is(cli):
@@ -160,7 +160,7 @@ def test_list_names_everything_there_is(cli):
 
 def test_version_and_help(cli):
     assert cli("--version")[1] == f"gtmbench, version {gb.__version__}\n"
-    for command in ("run", "check", "calibrate", "bank", "trim", "fly", "view", "list", "new"):
+    for command in ("run", "check", "calibrate", "aircraft", "fly", "view", "list"):
         code, out, _ = cli(command, "--help")
         assert code == 0
         assert "--json" in out
@@ -175,9 +175,9 @@ BAD = {
     "bad ending": (["fly", "--out", "x.xls"], "not as '.xls'"),
     "no folder": (["fly", "--out", "nowhere/x.csv"], "doesn't exist"),
     "no folder for results": (["run", "drift", "--out", "nowhere/x"], "doesn't exist"),
-    "no trim": (["trim", "--tas", "400"], "throttle at its limit"),
+    "no trim": (["aircraft", "--tas", "400"], "throttle at its limit"),
     "no recording": (["view", "nothing.rrd"], "no such file"),
-    "no toml": (["new", "scenario.txt"], "should end in .toml"),
+    "no toml": (["run", "--new", "scenario.txt"], "should end in .toml"),
 }
 
 
@@ -254,7 +254,7 @@ def test_ctrl_c_ends_with_130_and_leaves_nothing(cli, scenario, tmp_path, monkey
 ASCII = """
 import sys
 from gtmbench.cli.app import main
-for arguments in (["trim", "--modes"], ["list"], ["run", sys.argv[1], "--no-figures", "--no-recording"]):
+for arguments in (["aircraft", "--modes"], ["list"], ["run", sys.argv[1], "--no-figures", "--no-recording"]):
     try:
         main(arguments)
     except SystemExit as ended:

@@ -1,4 +1,4 @@
-"""`gtmbench calibrate` and `gtmbench bank`: what they write and print, and bad input that costs no long work."""
+"""`gtmbench calibrate` and `gtmbench list BANK`: what they write and print, and bad input that costs no long work."""
 
 import hashlib
 import json
@@ -90,7 +90,7 @@ def test_it_says_what_thresholds_owe_to_luck(cli, logs):
     luck = Luck.told(gb.load_monitor("monitor.json").provenance)
     assert f"others like them would move thresholds by a factor of {luck.median:.2g} (median)" in out
     assert f"{luck.within:.2g} (95 %)" in out
-    assert f"{luck.within:.2g} (95 %)" in cli("bank", "monitor.json")[1]
+    assert f"{luck.within:.2g} (95 %)" in cli("list", "monitor.json")[1]
 
 
 def test_thresholds_that_are_luck_are_refused_and_leave_nothing(cli, logs, tmp_path, monkeypatch):
@@ -145,7 +145,7 @@ def test_json_is_one_object_with_the_same_facts(cli, logs):
     noise = np.hypot(0.5, 0.02 * np.linalg.norm(slope))
     # chance of 9000 samples: 0.7 %
     assert made["residuals"]["q"]["rms_residual"] == pytest.approx(noise, rel=0.03)
-    assert json.loads(cli("bank", "monitor.json", "--json")[1])["monitor"] == made
+    assert json.loads(cli("list", "monitor.json", "--json")[1])["monitor"] == made
 
 
 def test_an_existing_file_is_kept_unless_forced_and_that_is_known_at_once(cli, logs, tmp_path, monkeypatch):
@@ -264,22 +264,21 @@ def test_every_log_has_imperfections_of_its_own(tmp_path):
 
 
 def test_bank_lists_what_there_is(cli):
-    code, out, _ = cli("bank")
+    code, out, _ = cli("list")
     assert code == 0
     assert all(name in out for name in shipped_banks())
-    listed = json.loads(cli("bank", "--json")[1])["banks"]
+    listed = json.loads(cli("list", "--json")[1])["banks"]
     assert list(listed) == list(shipped_banks())
-    assert listed["paper"]["channels"] == ["r", "beta", "p", "q"]
 
 
 @pytest.mark.parametrize("name", shipped_banks())
 def test_bank_shows_residuals_signatures_and_blind_spots(cli, name):
-    code, out, err = cli("bank", name)
+    code, out, err = cli("list", name)
     signatures = gb.signatures(gb.load_bank(name))
     assert (code, err) == (0, "")
     assert all(line in out for line in signatures.blind_spots)
     assert all(any(line.split()[:1] == [channel] for line in out.splitlines()) for channel in signatures.channels)
-    printed = json.loads(cli("bank", name, "--json")[1])
+    printed = json.loads(cli("list", name, "--json")[1])
     assert printed["blind_spots"] == list(signatures.blind_spots)
     assert printed["signatures"] == {
         channel: dict(zip(signatures.outputs, pattern, strict=True)) for channel, pattern in signatures.pattern.items()
@@ -288,18 +287,18 @@ def test_bank_shows_residuals_signatures_and_blind_spots(cli, name):
 
 def test_bank_shows_a_file_of_mine_and_a_monitor(cli, tmp_path):
     (tmp_path / "mine.toml").write_text('[[residuals]]\noutput = "q"\ninputs = ["theta_rate"]\n')
-    assert "Of theta only changes enter" in cli("bank", "mine.toml")[1]
+    assert "Of theta only changes enter" in cli("list", "mine.toml")[1]
     gb.save_monitor(monitor("C"), tmp_path / "m.json")
-    out = cli("bank", "m.json")[1]
+    out = cli("list", "m.json")[1]
     assert "calibrated on: 3 records" in out
     assert "slower drifts than these" in out
-    assert cli("bank", "m.json", "-q") == (0, "", "")
+    assert cli("list", "m.json", "-q") == (0, "", "")
 
 
 @pytest.mark.parametrize("text", ["{}", "[", '{"format": "gtmbench monitor", "version": 9}'])
 def test_a_broken_monitor_is_one_line(cli, tmp_path, text):
     (tmp_path / "m.json").write_text(text)
-    code, out, err = cli("bank", "m.json")
+    code, out, err = cli("list", "m.json")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert err.startswith("gtmbench: m.json: ")
 
@@ -319,6 +318,33 @@ def test_whatever_the_provenance_holds_a_monitor_is_shown(cli, tmp_path, provena
     gb.save_monitor(monitor("C"), tmp_path / "m.json")
     document = json.loads((tmp_path / "m.json").read_text())
     (tmp_path / "m.json").write_text(json.dumps(resealed(document | {"provenance": provenance})))
-    code, out, err = cli("bank", "m.json")
+    code, out, err = cli("list", "m.json")
     assert (code, err) == (0, "")
     assert "calibrated on: " in out
+
+
+OWN = {
+    "both ways": (["--detector", "C", "--inputs", "p", "--outputs", "r"], "both --detector and --inputs/--outputs"),
+    "no outputs": (["--inputs", "p,beta"], "--outputs is missing"),
+    "no inputs": (["--outputs", "r"], "--inputs is missing"),
+    "itself": (["--inputs", "r,p", "--outputs", "r"], "'r' is both pseudo input and pseudo output"),
+    "nothing named": (["--inputs", ",", "--outputs", "r"], "at least one pseudo input"),
+    "look": (["--inputs", "p", "--outputs", "r", "--look", "-1"], "--look is -1"),
+    "a part of two logs": (["two.csv", "--healthy", "0:9"], "--healthy is a part of one log, and 2 are given"),
+    "a log as a part": (["--healthy", "mine.csv"], "name logs that are healthy as a whole without --healthy"),
+    "a part, with imperfections": (["--healthy", "0:9", "--tolerate", "bias=1"], "--tolerate is about whole logs"),
+}
+
+
+@pytest.mark.parametrize(("given", "said"), OWN.values(), ids=OWN)
+def test_what_is_learnt_on_a_log_is_refused_before_it_is_read(cli, tmp_path, given, said):
+    (tmp_path / "mine.csv").write_text("nothing")
+    code, out, err = cli("calibrate", "mine.csv", *given, "--out", "m.json")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert said in err
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_a_part_needs_a_log(cli):
+    assert "--healthy is about logs, and none is given" in cli("calibrate", "--healthy", "0:9")[2]
+    assert "--rate is about logs, and none is given" in cli("calibrate", "--rate", "25")[2]

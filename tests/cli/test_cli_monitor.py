@@ -1,6 +1,7 @@
 """`gtmbench monitor`: outcomes and exit codes, what it writes, what it refuses, and what it lists."""
 
 import json
+import re
 import shutil
 from functools import cache
 
@@ -10,8 +11,13 @@ import pytest
 import gtmbench as gb
 from tests.helpers.airliner import airliner
 
-GYROS = ("--inputs", "p,beta,ny", "--outputs", "r")
-HALF = ("--identify", "0:30")
+OWN = """title = "r from p, beta and ny"
+suspects = ["r", "p", "beta", "ny"]
+residuals = [{ output = "r", inputs = ["p", "beta", "ny"], look_back_s = 0.5, look_ahead_s = 0.5 }]
+alarm = { statistic = "energy", windows_s = [0.5, 2.0], two_sided = false }
+"""
+GYROS = ("--detector", "own.toml")
+HALF = ("--healthy", "0:30")
 pytestmark = pytest.mark.usefixtures("logs")
 
 
@@ -27,6 +33,7 @@ def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     gb.write_log(flight(), folder / "healthy.csv")
     gb.write_log(flight(broken=True), folder / "broken.csv")
+    (folder / "own.toml").write_text(OWN)
     return folder
 
 
@@ -36,7 +43,7 @@ def logs(written, tmp_path):
 
 
 def names(folder):
-    return sorted(path.name for path in folder.iterdir() if path.name != "healthy.csv" and path.name != "broken.csv")
+    return sorted(path.name for path in folder.iterdir() if path.name not in ("healthy.csv", "broken.csv", "own.toml"))
 
 
 def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
@@ -69,12 +76,12 @@ def test_a_healthy_flight_is_0_and_says_how_little_that_shows(cli):
 def test_a_gyro_that_nobody_watches_is_told_and_never_clear(cli, tmp_path):
     log = gb.read_log(tmp_path / "healthy.csv")
     gb.write_log(log.replace("p", np.full(len(log), np.nan)), tmp_path / "deaf.csv")
-    code, out, err = cli("monitor", "deaf.csv", "--identify", "0:30")
+    code, out, err = cli("monitor", "deaf.csv", "--healthy", "0:30")
     verdict, *lines = out.splitlines()
     assert (code, err) == (3, "")  # q and r rest on a certificate, which leaves out the ends of what it was armed in
     assert verdict == "Cannot tell: too little is known before or behind it (31 of 60 s judged)."
     assert "Not watched  p isn't watched: 'p_deg_s' holds 0 samples; at least 20 are needed." in lines
-    judged = json.loads(cli("monitor", "deaf.csv", "--identify", "0:30", "--json")[1])["timeline"]["sensors"]
+    judged = json.loads(cli("monitor", "deaf.csv", "--healthy", "0:30", "--json")[1])["timeline"]["sensors"]
     assert {span["state"] for span in judged["p"]} == {"not judged"}
     assert any(span["state"] == "clear" for span in judged["q"])
 
@@ -84,10 +91,10 @@ def test_a_gyro_that_nobody_watches_is_told_and_never_clear(cli, tmp_path):
     [(":", "nothing of the log is left to watch"), (":59.5", "what is left to watch is too short")],
 )
 def test_what_cant_be_told_is_3(cli, identify, reason):
-    code, out, err = cli("monitor", "healthy.csv", *GYROS, "--identify", identify)
+    code, out, err = cli("monitor", "healthy.csv", *GYROS, "--healthy", identify)
     assert (code, err) == (3, "")
     assert out.startswith(f"Cannot tell: {reason}.\n")
-    assert cli("monitor", "healthy.csv", *GYROS, "--identify", identify, "-q") == (3, "", "")
+    assert cli("monitor", "healthy.csv", *GYROS, "--healthy", identify, "-q") == (3, "", "")
 
 
 def test_quiet_prints_nothing_and_json_one_whole_object(cli):
@@ -106,12 +113,12 @@ def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     assert (error[0], json.loads(error[1])["exit_code"], error[2]) == (2, 2, "")
 
 
-def test_recording_figure_and_monitor_are_written_and_kept_unless_forced(cli, tmp_path, watched_anew):
-    wanted = ("--record", "l.rrd", "--figure", "l.png", "--save", "l.json")
+def test_recording_page_and_figure_are_written_and_kept_unless_forced(cli, tmp_path, watched_anew):
+    wanted = ("--record", "l.rrd", "--report", "l.png", "--report", "l.html")
     code, out, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, *wanted)
     assert (code, err) == (1, "")
-    assert names(tmp_path) == ["l.json", "l.png", "l.rrd"]
-    assert all(line in out for line in ("figure: l.png", "monitor: l.json", "gtmbench view l.rrd"))
+    assert names(tmp_path) == ["l.html", "l.png", "l.rrd"]
+    assert all(line in out for line in ("figure: l.png", "report: l.html", "gtmbench view l.rrd"))
     before = [(tmp_path / name).read_bytes() for name in names(tmp_path)]
     for option, name in zip(wanted[::2], wanted[1::2], strict=True):
         code, out, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, option, name)
@@ -119,20 +126,20 @@ def test_recording_figure_and_monitor_are_written_and_kept_unless_forced(cli, tm
         assert f"{name} exists; give another {option}, or --force to write over it" in err
     assert [(tmp_path / name).read_bytes() for name in names(tmp_path)] == before
     watched_anew()
-    assert cli("monitor", "broken.csv", "--detector", "C", *HALF, "--save", "l.json", "--force", "-q")[0] == 1
-    assert (tmp_path / "l.json").read_bytes() == before[0]
+    assert cli("monitor", "broken.csv", "--detector", "C", *HALF, "--report", "l.html", "--force", "-q")[0] == 1
+    assert (tmp_path / "l.html").read_bytes() == before[0]
 
 
 def test_what_goes_wrong_leaves_nothing_behind(cli, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,p_deg_s\n0.0,1.0\n0.04,x\n")
     for log in ("bad.csv", "nowhere.csv"):
-        code, out, err = cli("monitor", log, *GYROS, "--save", "m.json", "--figure", "m.png")
+        code, out, err = cli("monitor", log, *GYROS, "--report", "m.html", "--report", "m.png")
         assert (code, out, err.count("\n")) == (2, "", 1)
     assert names(tmp_path) == ["bad.csv"]
 
 
-def test_a_monitor_that_was_saved_watches_other_logs(cli):
-    assert cli("monitor", "healthy.csv", "--detector", "C", *HALF, "--save", "C.json", "-q")[0] == 0
+def test_a_monitor_that_was_learnt_on_a_part_watches_other_logs(cli):
+    assert cli("calibrate", "healthy.csv", "--detector", "C", *HALF, "--out", "C.json", "-q")[0] == 0
     code, out, _ = cli("monitor", "broken.csv", "--detector", "C.json", "--json")
     printed = json.loads(out)
     assert code == 1
@@ -145,32 +152,67 @@ def test_a_monitor_that_was_saved_watches_other_logs(cli):
 
 
 def test_another_log_teaches(cli):
-    code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--identify", "healthy.csv")
+    code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--healthy", "healthy.csv")
     assert code == 1
     assert out.startswith("The pitch gyro (q) failed from 4")
-    details = cli("monitor", "broken.csv", "--detector", "C", "--identify", "healthy.csv", "--details")[1]
+    details = cli("monitor", "broken.csv", "--detector", "C", "--healthy", "healthy.csv", "--details")[1]
     assert "Learnt from  healthy.csv (bank C)." in details
 
 
-def test_without_a_word_on_how_it_lists_what_the_log_allows(cli):
-    code, out, err = cli("monitor", "healthy.csv")
-    assert code == 2
-    assert err.count("\n") == 1
-    assert "healthy.csv can be watched; say how: --identify T0:T1, a healthy part in s (bank auto" in err
-    assert "--detector C-early or C-filtered or C or leave-one-out or paper, or --inputs" in err
+def test_a_log_alone_gets_a_verdict_and_list_says_what_there_is(cli):
+    code, out, err = cli("monitor", "broken.csv")
+    assert (code, err) == (1, "")
+    assert out.startswith("The pitch gyro (q) failed from 4")
+    assert cli("monitor", "broken.csv", "--detector", "auto") == (code, out, err)
+    code, out, err = cli("monitor", "healthy.csv", "--list")
+    assert (code, err) == (0, "")
+    assert "watch it: gtmbench monitor healthy.csv\n" in out
     assert "bank auto: possible (p, q and r from phi, psi and theta, as bank C)" in out
     assert "with --detector: bank C-early, C-filtered, C, leave-one-out, paper" in out
     assert "bank B: no, alpha, nz, tas missing" in out
     assert "pseudo inputs: p_att, q_att, r_att" in out
     assert "p_deg_s, q_deg_s, r_deg_s" in next(line for line in out.splitlines() if line.startswith("gyros"))
-    listed = cli("monitor", "healthy.csv", "--list")
-    assert listed == (0, out, "")
-    code, out, _ = cli("monitor", "healthy.csv", "--all")
+    code, out, _ = cli("monitor", "healthy.csv", "--list", "--details")
     assert code == 0
     assert all(header in out for header in ("p_deg_s", "samples", "rate (Hz)", "channel"))
-    silent = cli("monitor", "healthy.csv", "-q")
-    assert silent == (2, "", err)
-    assert json.loads(cli("monitor", "healthy.csv", "--json")[1])["exit_code"] == 2
+    assert cli("monitor", "healthy.csv", "--list", "-q") == (0, "", "")
+
+
+def test_sixteen_options_and_those_that_few_need_apart(cli):
+    told, apart = cli("monitor", "--help")[1].split("Options:")[1].split("Long runs:")
+    assert re.findall(r"^  (?:-\w, )?--([\w-]+)", told, flags=re.MULTILINE) == [
+        *("map", "units", "rate", "system", "detector", "healthy", "judge", "limit", "details", "list"),
+        *("record", "report", "out", "jobs", "quiet", "json"),
+    ]
+    assert re.findall(r"^  (?:-\w, )?--([\w-]+)", apart, flags=re.MULTILINE) == [
+        *("resume", "time-limit", "force", "help")
+    ]
+
+
+MOVED = {
+    "--inputs": "gtmbench calibrate LOG --inputs p,q,beta --outputs r ...",
+    "--false-alarms-per-hour": "gtmbench calibrate LOG --healthy T0:T1 --false-alarms-per-hour RATE ...",
+    "--attitude": "gtmbench calibrate LOG --attitude own|driven ...",
+    "--save": "gtmbench calibrate LOG --healthy T0:T1 --out monitor.json",
+    "--named": "--details",
+    "--all": "--list --details",
+    "--figure": "--report FIGURE.png",
+    "--map-file": "--map FILE.toml",
+    "--calibrated": "--detector FILE.py:OBJECT@FILE.json",
+}
+
+
+@pytest.mark.parametrize("option", MOVED)
+def test_an_option_that_moved_says_where_it_went(cli, option):
+    code, out, err = cli("monitor", "healthy.csv", option, "x")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith(f"gtmbench: {option} has moved: {MOVED[option].removesuffix(' ...')}")
+
+
+def test_identify_is_healthy(cli):
+    assert cli("monitor", "broken.csv", "--identify", "0:30") == cli("monitor", "broken.csv", "--healthy", "0:30")
+    assert cli("monitor", "broken.csv", "--identify=0:30") == cli("monitor", "broken.csv", "--healthy=0:30")
+    assert "--identify" not in cli("monitor", "--help")[1]
 
 
 NONSENSE = ["a:b", "5:1", "5:5", "1e400:2", "nan:3", "3:nan", "0:1:2", "x:", "::", "0x1:5"]
@@ -178,39 +220,30 @@ NONSENSE = ["a:b", "5:1", "5:5", "1e400:2", "nan:3", "3:nan", "0:1:2", "x:", "::
 
 @pytest.mark.parametrize("text", NONSENSE)
 def test_a_span_that_is_none_is_refused_in_one_line(cli, text):
-    code, out, err = cli("monitor", "healthy.csv", *GYROS, "--identify", text)
+    code, out, err = cli("monitor", "healthy.csv", *GYROS, "--healthy", text)
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert f"--identify is '{text}'" in err
+    assert f"--healthy is '{text}'" in err
 
 
 @pytest.mark.parametrize("text", ["0:30", " 0 : 30 ", ":30", "0:3e1", "-5:30", "-inf:30", "+0:30.01"])
 def test_a_span_may_be_written_in_many_ways(cli, text):
-    code, out, _ = cli("monitor", "healthy.csv", *GYROS, "--identify", text, "--json")
+    code, out, _ = cli("monitor", "healthy.csv", *GYROS, "--healthy", text, "--json")
     assert (code, json.loads(out)["identified_s"][0][0]) == (3, 0.0)  # its certificate clears too little
     assert json.loads(out)["identified_s"][0][1] == pytest.approx(30.0, abs=0.011)
 
 
 BAD = {
-    "both ways": (["--detector", "C", *GYROS], "both --detector and --inputs/--outputs are given"),
-    "no outputs": (["--inputs", "p,beta"], "--outputs is missing"),
-    "no inputs": (["--outputs", "r"], "--inputs is missing"),
-    "itself": (["--inputs", "r,p", "--outputs", "r"], "'r' is both pseudo input and pseudo output"),
-    "nothing named": (["--inputs", ",", "--outputs", "r"], "at least one pseudo input"),
-    "no such channel": (["--inputs", "p,rpm", "--outputs", "r"], "rpm"),
     "no such bank": (["--detector", "Z"], "no detector is called 'Z'; there are dissertation, auto, B, C"),
     "no such monitor": (["--detector", "z.json"], "z.json: no such file; `gtmbench calibrate` writes one"),
     "a bank that lacks channels": (["--detector", "B"], "bank B needs"),
-    "no such other log": ([*GYROS, "--identify", "nowhere.csv"], "nowhere.csv"),
-    "the log itself": ([*GYROS, "--identify", "healthy.csv"], "healthy.csv is the log that is watched"),
-    "outside": ([*GYROS, "--identify", "70:90"], "70..90 s hold nothing of healthy.csv, which runs from 0 to 60 s"),
-    "too short": ([*GYROS, "--identify", "0:2"], "too short to calibrate on"),
-    "look": ([*GYROS, "--look", "-1"], "--look is -1"),
-    "a look longer than the record": ([*GYROS, "--look", "20"], "too few for the residual of r, which looks over 40 s"),
+    "no such other log": ([*GYROS, "--healthy", "nowhere.csv"], "nowhere.csv"),
+    "the log itself": ([*GYROS, "--healthy", "healthy.csv"], "healthy.csv is the log that is watched"),
+    "outside": ([*GYROS, "--healthy", "70:90"], "70..90 s hold nothing of healthy.csv, which runs from 0 to 60 s"),
+    "too short": ([*GYROS, "--healthy", "0:2"], "too short to calibrate on"),
     "rate": ([*GYROS, "--rate", "0"], "--rate is 0"),
-    "false alarms": ([*GYROS, "--false-alarms-per-hour", "0"], "--false-alarms-per-hour is 0"),
-    "the log as its figure": ([*GYROS, "--save", "healthy.csv"], "its name ends in .json"),
-    "no folder": ([*GYROS, "--save", "nowhere/m.json"], "doesn't exist; create it first"),
-    "no png": ([*GYROS, "--figure", "f.pdf"], "--figure is 'f.pdf'; its name ends in .png"),
+    "the log as its figure": ([*GYROS, "--report", "healthy.csv"], "its name ends in .html or .png"),
+    "no folder": ([*GYROS, "--report", "nowhere/m.png"], "doesn't exist; create it first"),
+    "no png": ([*GYROS, "--report", "f.pdf"], "--report is 'f.pdf'; its name ends in .html or .png"),
     "no rrd": ([*GYROS, "--record", "f.mcap"], "--record is 'f.mcap'; its name ends in .rrd"),
     "mapping": ([*GYROS, "--map", "p"], "p"),
 }

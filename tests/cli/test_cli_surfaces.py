@@ -10,13 +10,13 @@ from gtmbench.values.channels import COMMANDS
 
 
 def test_bank_shows_the_equations_of_the_detector_of_surfaces(cli):
-    code, out, err = cli("bank", "surfaces", "--json")
+    code, out, err = cli("list", "surfaces", "--json")
     assert (code, err) == (0, "")
     told = json.loads(out)
     assert list(told["equations"]) == ["change of p", "change of q", "change of r", "ny", "nz", "nx"]
     assert told["equations"]["change of q"]["surfaces in it"] == "elevator throttle"
     assert told["effects"] is None
-    code, out, _ = cli("bank", "surfaces-no-vanes")
+    code, out, _ = cli("list", "surfaces-no-vanes")
     assert code == 0
     assert "surfaces-no-vanes has 3 equations, of change of p, change of q, change of r" in out
 

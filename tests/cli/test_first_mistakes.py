@@ -122,7 +122,6 @@ FILES = {
     "results.json": lambda: "{}",
     "there.png": lambda: "x",
 }
-UNITS = "column 'gyro_x' looks like p, but states no unit: --map p=gyro_x:rad/s or :deg/s; column 'gyro_y' looks like q"
 NO_CHANNEL = "is no channel; before the = stands one, such as p, and behind it the log's column: --map p=COLUMN:UNIT"
 SPAN = "and there is no such log; give a span in seconds, such as 0:30, or another log"
 READ = "read are CSV, ... and folders of tables"
@@ -184,13 +183,13 @@ MISTAKES = [
         "monitor flight.csv --detector disertation",
         "no detector is called 'disertation'; ...; did you mean 'dissertation'?",
     ),
-    ("bank c", "no bank 'c'; give a TOML file or one of B, ..., paper; did you mean 'C'?"),
+    ("list c", "no bank 'c'; give a TOML file or one of B, ..., paper; did you mean 'C'?"),
     ("run drfit", "no scenario 'drfit'; give a TOML file or one of bias, ...; did you mean 'drift'?"),
     ("inject flight.csv --fault Drift --out b.csv", "no scenario 'Drift'; ...; did you mean 'drift'?"),
-    ("trim --aircraft GTM", "no aircraft 'GTM'; there are gtm and JSBSim's own ...; did you mean 'gtm'?"),
+    ("aircraft GTM", "no aircraft 'GTM'; there are gtm and JSBSim's own ...; did you mean 'gtm'?"),
     ("fly --excitation multisin --out x.csv", "no excitation 'multisin'; there are ...; did you mean 'multisine'?"),
     (
-        "monitor flight.csv --inputs p,q,Phi --outputs r",
+        "calibrate flight.csv --inputs p,q,Phi --outputs r --healthy 0:40",
         "flight.csv: bank ... and Phi isn't there; ...; did you mean 'phi'?",
     ),
     # files and folders
@@ -199,7 +198,7 @@ MISTAKES = [
     ("monitor nowhere/flight.csv # flight.csv", "nowhere/flight.csv: no such file; did you mean 'flight.csv'?"),
     ("monitor flight.csv --detector montior.json # monitor.json", "montior.json: ...; did you mean 'monitor.json'?"),
     ("monitor flight.cvs --detector C # flight.csv", "flight.cvs: no such file; did you mean 'flight.csv'?"),
-    ("monitor flight.csv --identify day1.csv # flights/day1.csv", "--identify: day1.csv: ... mean 'flights/day1.csv'?"),
+    ("monitor flight.csv --healthy day1.csv # flights/day1.csv", "--healthy: day1.csv: ... mean 'flights/day1.csv'?"),
     (
         "monitor flights # flights/day1.csv flights/day2.csv",
         "logs found: 2; their results go into a folder: give --out DIR",
@@ -210,7 +209,7 @@ MISTAKES = [
     ),
     ("monitor flights/*.ulg --out fleet # flights/day1.csv", "no file is called as flights/*.ulg; give a folder, ..."),
     ("score flights # flights/day1.csv", f"flights is a folder; give the logs in it, as flights/*.csv; {READ}"),
-    ("report flight.csv", "flight.csv is no folder; give the one that `gtmbench campaign` has written"),
+    ("campaign flight.csv --report html", "flight.csv is no folder; give the one that `gtmbench campaign` has written"),
     ("run flight.csv", "flight.csv is no scenario but, by its name, a log; watch it: gtmbench monitor flight.csv"),
     ("view flight.csv", "flight.csv is no recording but, by its name, a log; watch it: gtmbench monitor flight.csv"),
     ("monitor monitor.json", f"monitor.json is no log but, ... `gtmbench monitor LOG --detector monitor.json`; {READ}"),
@@ -230,7 +229,6 @@ MISTAKES = [
     ("monitor book.xlsx", "book.xlsx isn't a readable Excel workbook: ..."),
     ("monitor old_book.csv", "old_book.csv is a spreadsheet's workbook; save its sheet as CSV, ..."),
     ("monitor zipped.csv", "zipped.csv: ..."),
-    ("monitor flight.csv.gz", "flight.csv.gz can be watched; say how: ..."),
     ("monitor binary.csv", "binary.csv is of no format that is known (...); export the log as CSV; ..."),
     ("monitor json.csv", f"json.csv begins as a file of JSON does, not as a log; export the log as CSV; {READ}"),
     ("monitor page.csv", "page.csv begins as a file of HTML or XML does, not as a log; ..."),
@@ -248,15 +246,15 @@ MISTAKES = [
     ("monitor double.csv", "double.csv: column 'p_deg_s' stands there twice; rename one of them"),
     ("monitor words.csv --detector C", "words.csv: no channel 'p': column 'p_deg_s' looks like p, but holds text; ..."),
     ("monitor nan.csv --detector C", "nan.csv: p: 'p_deg_s' holds 0 samples; at least 20 are needed"),
-    ("monitor one_row.csv --identify 0:30", "one_row.csv: rows that have a time: 1; a log has more"),
-    ("monitor short.csv --identify 0:30", "short.csv: p, q, r: 12 samples; give at least 20"),
+    ("monitor one_row.csv", "one_row.csv: rows that have a time: 1; a log has more"),
+    ("monitor short.csv", "short.csv: p, q, r: 12 samples; give at least 20"),
     (
-        "monitor two_seconds.csv --identify 0:30",
+        "monitor two_seconds.csv --healthy 0:30",
         "a healthy record of 2 s is too short to calibrate on; give at least 5 s, ...",
     ),
     # time
     (
-        "monitor slow.csv --identify 0:30",
+        "monitor slow.csv --healthy 0:30",
         "slow.csv has 1 sample a second; at least 2.5 are needed, better 10 or more; ...",
     ),
     (
@@ -264,35 +262,34 @@ MISTAKES = [
         "slow.csv: samples of p come at 1 Hz, and the monitor watches at 100 ...",
     ),
     (
-        "monitor shuffled.csv --identify 0:30",
+        "monitor shuffled.csv --healthy 0:30",
         "shuffled.csv: ... steps go forward, ... back; sort the rows by time; or ...",
     ),
     (
-        "monitor reversed.csv --identify 0:30",
+        "monitor reversed.csv --healthy 0:30",
         "reversed.csv: ... 0 of 1999 steps go forward, 1999 back; sort the rows by ...",
     ),
     (
-        "monitor still.csv --identify 0:30",
+        "monitor still.csv --healthy 0:30",
         "still.csv: time stands still ...: 0 of 1999 steps go forward, 0 back; is this ...",
     ),
-    ("monitor notime.csv", "notime.csv can't be watched yet: no column tells the time: --map time=COLUMN:UNIT; ..."),
+    ("monitor notime.csv", "notime.csv: no column tells the time: --map time=COLUMN:UNIT; ..."),
     (
-        "monitor ms.csv --identify 0:30",
+        "monitor ms.csv --healthy 0:30",
         "ms.csv has 0.025 samples a second; ...; by its steps of 40 it is in ms: --map time=time_s:ms",
     ),
-    ("monitor us.csv --identify 0:30", "us.csv: column 'time_s' rises by 40000 s a sample, ...: --map time=time_s:us"),
+    ("monitor us.csv --healthy 0:30", "us.csv: column 'time_s' rises by 40000 s a sample, ...: --map time=time_s:us"),
     (
-        "monitor two_times.csv --identify 0:30",
+        "monitor two_times.csv --healthy 0:30",
         "two_times.csv: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s",
     ),
     # columns and their units
-    ("monitor small.csv", f"small.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
     (
-        "monitor small.csv --identify 0:30",
+        "monitor small.csv --healthy 0:30",
         "small.csv: no channels ...: gyros and attitude fit each other in rad and in deg, ...: --units rad or ...",
     ),
     (
-        "monitor letters.csv --identify 0:30",
+        "monitor letters.csv --healthy 0:30",
         "letters.csv: no channels ...: nothing looks like p, q or r: --map p=COLUMN:rad/s ...",
     ),
     ("monitor bare.csv --map p:gyro_x:rad/s", "--map 'p:gyro_x:rad/s' isn't CHANNEL=COLUMN:UNIT; for example ..."),
@@ -316,42 +313,40 @@ MISTAKES = [
     ("monitor bare.csv --map gyro_x=p:deg/s", f"--map 'gyro_x=p:deg/s': 'gyro_x' {NO_CHANNEL}"),
     # what is healthy, and by what
     (
-        "monitor flight.csv",
-        "flight.csv can be watched; say how: --identify T0:T1, a healthy part in s (bank auto learns ...",
-    ),
-    (
-        "monitor flight.csv --identify 500:600",
+        "monitor flight.csv --healthy 500:600",
         "500..600 s hold nothing of flight.csv, which runs from 0 to 79.96 s; ...",
     ),
     (
-        "monitor flight.csv --identify 30:0",
-        "--identify is '30:0'; the start must come before the end; did you mean 0:30?",
+        "monitor flight.csv --healthy 30:0",
+        "--healthy is '30:0'; the start must come before the end; did you mean 0:30?",
     ),
-    ("monitor flight.csv --identify 0-30", f"--identify is '0-30', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --identify 0:30s", f"--identify is '0:30s', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --identify 30", f"--identify is '30', {SPAN}; did you mean 0:30?"),
-    ("monitor flight.csv --identify first", f"--identify is 'first', {SPAN}"),
+    ("monitor flight.csv --healthy 0-30", f"--healthy is '0-30', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --healthy 0:30s", f"--healthy is '0:30s', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --healthy 30", f"--healthy is '30', {SPAN}; did you mean 0:30?"),
+    ("monitor flight.csv --healthy first", f"--healthy is 'first', {SPAN}"),
     (
-        "monitor flight.csv --identify 0:2",
+        "monitor flight.csv --healthy 0:2",
         "a healthy record of 2.04 s is too short to calibrate on; give at least 5 s, ...",
     ),
-    ("monitor flight.csv --identify flight.csv", "flight.csv is the log that is watched; give a span of it ..."),
-    ("monitor flight.csv --inputs p,q", "--outputs is missing: give what is predicted (--outputs r) and what from ..."),
+    ("monitor flight.csv --healthy flight.csv", "flight.csv is the log that is watched; give a span of it ..."),
+    ("calibrate flight.csv --inputs p", "--outputs is missing: give what is predicted (--outputs r) and what from ..."),
+    ("calibrate flight.csv --healthy day1.csv # day1.csv", "--healthy: ..."),
+    ("monitor flight.csv --figure new.png", "--figure has moved: --report FIGURE.png"),
     (
-        "monitor flight.csv --detector monitor.json --identify 0:9",
+        "monitor flight.csv --detector monitor.json --healthy 0:9",
         "a calibrated monitor isn't identified anew; leave ...",
     ),
     # what is written
-    ("monitor flight.csv --detector C --figure there.png", "there.png exists; give another --figure, or --force ..."),
-    ("monitor flight.csv --detector C --figure new.jpg", "--figure is 'new.jpg'; its name ends in .png"),
+    ("monitor flight.csv --report there.png", "there.png exists; give another --report, or --force ..."),
+    ("monitor flight.csv --report new.jpg", "--report is 'new.jpg'; its name ends in .html or .png"),
     (
-        "monitor flight.csv --detector C --figure nowhere/new.png",
+        "monitor flight.csv --report nowhere/new.png",
         "can't write ...nowhere doesn't exist; create it first",
     ),
     ("calibrate flight.csv --out monitor.toml", "--out is 'monitor.toml'; a monitor's file ends in .json"),
     ("inject flight.csv --fault drift", "--out is missing; name the broken log to write"),
     ("fly --out new.xlsx", "new.xlsx: a flight is written as .csv or .parquet, not as '.xlsx'"),
-    ("new drift", "'drift' should end in .toml, as drift.toml"),
+    ("run --new drift", "'drift' should end in .toml, as drift.toml"),
 ]
 
 # what is read as it is meant, with a word on it
@@ -409,7 +404,7 @@ def test_what_can_be_read_right_is(type_it, name, said):
 
 @pytest.mark.parametrize(("name", "why", "typed"), VERDICTS)
 def test_what_the_motion_shows_is_a_verdict(type_it, name, why, typed):
-    code, out, err = type_it(f"monitor {name} --detector C --identify 0:30")
+    code, out, err = type_it(f"monitor {name} --detector C --healthy 0:30")
     assert (code, err) == (3, "")
     assert why in out
     assert typed in out
@@ -417,7 +412,7 @@ def test_what_the_motion_shows_is_a_verdict(type_it, name, why, typed):
 
 @pytest.mark.parametrize("name", ["nan.csv", "words.csv"])
 def test_a_gyro_that_cannot_be_used_is_named_with_why(type_it, name):
-    _, out, _ = type_it(f"monitor {name} --identify 0:30 --details")
+    _, out, _ = type_it(f"monitor {name} --healthy 0:30 --details")
     assert re.search(r"p isn't watched: .*'p_deg_s' (holds 0 samples|looks like p, but holds text)", out)
 
 

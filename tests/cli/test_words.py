@@ -55,12 +55,12 @@ def typed(tmp_path, cli):
             "monitor bare.csv",
             "its first line holds numbers, no names; put a line above that names the columns",
         ),
-        ("monitor slow.csv --identify 0:25", "column 'time' looks like time, but states no unit: --map time=time:s"),
+        ("monitor slow.csv --healthy 0:25", "column 'time' looks like time, but states no unit: --map time=time:s"),
         ("monitor wide.csv", "rows have more cells than the 2 that its first line names"),
         ("monitor book.xlsx", "isn't a readable Excel workbook"),
-        ("monitor flight.csv --identify 0-25", "there is no such log; give a span in seconds, such as 0:30"),
-        ("monitor flight.csv --identify 0-25", "did you mean 0:25?"),
-        ("monitor flight.csv --identify 0:5", "flight.csv has 1 sample a second; at least 2.5 are needed"),
+        ("monitor flight.csv --healthy 0-25", "there is no such log; give a span in seconds, such as 0:30"),
+        ("monitor flight.csv --healthy 0-25", "did you mean 0:25?"),
+        ("monitor flight.csv --healthy 0:5", "flight.csv has 1 sample a second; at least 2.5 are needed"),
         ("monitor flight.csv --detector C --limit 0", "--limit is 0.0; it must be a finite number"),
         ("monitor flight.csv --detector C --limit nan", "--limit is nan; it must be a finite number"),
         ("monitor flight.csv --detector C --limit infdeg/s", "--limit is inf; it must be a finite number"),
@@ -75,7 +75,7 @@ def typed(tmp_path, cli):
         ("score empty", "empty is a folder; give the logs in it, as empty/*.csv"),
         ("view empty", "empty is a folder without a recording (.rrd); `gtmbench run` writes one"),
         ("view seen", "seen is a folder of 2 recordings; give one: seen/a.rrd or seen/b.rrd"),
-        ("diff empty seen", "empty is a folder without a recording (.rrd)"),
+        ("verify empty --against seen", "empty is a folder without a recording (.rrd)"),
         ("run --detector flight.csv", "is no detector but, by its name, a log; watch it: gtmbench monitor flight.csv"),
         ("run --detector empty", "empty is a folder; give a bank's .toml or a monitor's .json in it"),
         ("run flight.csv", "is no scenario but, by its name, a log; watch it: gtmbench monitor flight.csv"),
@@ -86,12 +86,12 @@ def typed(tmp_path, cli):
         ("fly --duration -3 --out x.csv", "--duration is -3; it must be a finite number, 0.01 or more"),
         ("fly --noise -5 --out x.csv", "--noise is -5.0; it must be a finite number"),
         ("calibrate --false-alarms-per-hour -1", "--false-alarms-per-hour is -1; it must be"),
-        ("trim --tas -51.5", "--tas is -51.5; it must be a finite number greater than 0"),
-        ("trim --aircraft empty", "is no aircraft's folder: no empty.xml (folder NAME holds a model, NAME.xml"),
-        ("trim --aircraft craft", "it holds plane.xml: name the folder like the model"),
+        ("aircraft --tas -51.5", "--tas is -51.5; it must be a finite number greater than 0"),
+        ("aircraft empty", "is no aircraft's folder: no empty.xml (folder NAME holds a model, NAME.xml"),
+        ("aircraft craft", "it holds plane.xml: name the folder like the model"),
         ("fly --altitude 2438 --tas 51.4 --out x.csv", "51.4 m/s is gtm's own speed; speeds are in kt"),
-        ("report nowhere", "nowhere is no folder; give the one that `gtmbench campaign` has written"),
-        ("report seen", "seen holds no parts of a run, as `gtmbench campaign` writes"),
+        ("campaign nowhere --report html", "nowhere is no folder; give the one that `gtmbench campaign` has written"),
+        ("campaign seen --report html", "seen holds no parts of a run, as `gtmbench campaign` writes"),
         ("view", "Missing argument 'RECORDING.rrd|FOLDER'; gtmbench view --help says what there is"),
     ],
 )
@@ -110,13 +110,13 @@ def test_what_people_type_ends_in_a_line_that_says_what_to_do(typed, line, said)
         ("run key.toml", "window"),
         ("campaign whichgyro", "which_gyro"),
         ("check bankC", "bank-C"),
-        ("bank leave_one_out", "leave-one-out"),
+        ("list leave_one_out", "leave-one-out"),
         ("run --detector dissertatio", "dissertation"),
-        ("trim --aircraft gmt", "gtm"),
-        ("trim --aircraft f_16", "f16"),
+        ("aircraft gmt", "gtm"),
+        ("aircraft f_16", "f16"),
         ("fly --excitation multisin --out x.csv", "multisine"),
         ("calibrate --tolerate bais=0.5", "bias"),
-        ("monitor flight.csv --inputs p,q,phii --outputs r --identify 0:25", "phi"),
+        ("calibrate flight.csv --inputs p,q,phii --outputs r --healthy 0:25", "phi"),
     ],
 )
 def test_every_name_is_answered_with_what_was_likely_meant(typed, line, meant):
@@ -133,10 +133,10 @@ def test_what_nobody_foresaw_is_no_fault_found(cli, monkeypatch):
         raise ZeroDivisionError("two\nlines")
 
     monkeypatch.setattr("gtmbench.bench.trimming.trim", broken)
-    code, out, err = cli("trim")
+    code, out, err = cli("aircraft")
     assert (code, out) == (2, "")
     assert err.endswith("gtmbench: this shouldn't have happened (ZeroDivisionError: two lines); please report it\n")
-    code, out, _ = cli("trim", "--json")
+    code, out, _ = cli("aircraft", "--json")
     assert json.loads(out)["exit_code"] == code == 2
 
 

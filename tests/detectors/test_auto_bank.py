@@ -203,19 +203,21 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
 
 def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     write(tmp_path, channels=NO_HEADING)
-    identified = ("monitor", "flight.csv", "--identify", "0:40", "--save", "m.json")
-    code, out, err = cli(*identified, "--details")
+    code, out, err = cli("monitor", "flight.csv", "--healthy", "0:40", "--details")
     assert (code, err) == (3, "")  # nothing but the bank judges p and q of a log without a heading
     assert "bank auto: p and q from phi, r and theta, as bank B" in out
     assert "isolable by which residuals rise: p (p), q (q), r, phi and theta (p and q)" in out
     assert "not isolable: p, q, phi and theta from r, because nothing predicts r" in out
     assert "note: r isn't watched by itself: that takes psi" in out
     assert any(line.startswith("Not watched  r isn't watched by itself: ") for line in out.splitlines())
+    taught = cli("calibrate", "flight.csv", "--detector", "auto", "--healthy", "0:40", "--out", "m.json")
+    assert (taught[0], taught[2]) == (0, "")
+    assert taught[1].startswith("Calibrated bank auto on 40 s of flight.csv: m.json.\n")
     monitor = gb.load_monitor(tmp_path / "m.json")
     assert replace(monitor.bank, statistic=Statistic()) == composed_bank(NO_HEADING, attitude_from_gyros=True)
     gb.save_monitor(monitor, tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "m.json").read_bytes()
-    code, out, _ = cli("bank", "m.json", "--json")
+    code, out, _ = cli("list", "m.json", "--json")
     printed = json.loads(out)
     assert (code, printed["name"], printed["told_apart"]["p"]["r"]) == (0, "auto", "no")
     assert cli("monitor", "flight.csv", "--detector", "m.json", "-q")[0] != 1
@@ -223,16 +225,14 @@ def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     assert relations(gb.load_monitor(tmp_path / "c.json").bank) == relations(monitor.bank)
 
 
-def test_identify_alone_is_auto_and_nothing_at_all_still_lists(tmp_path, cli):
+def test_auto_is_the_default_and_is_shown_for_a_log(tmp_path, cli):
     write(tmp_path, healthy=False)
-    named = cli("monitor", "flight.csv", "--detector", "auto", "--identify", "0:40")
+    named = cli("monitor", "flight.csv", "--detector", "auto", "--healthy", "0:40")
     assert named[0] == 1
     assert named[1].startswith("The pitch gyro (q) failed from 6")
-    assert cli("monitor", "flight.csv", "--identify", "0:40") == named
-    code, out, err = cli("monitor", "flight.csv")
-    assert (code, err.count("\n")) == (2, 1)
-    assert "bank auto: possible" in out
-    code, out, err = cli("bank", "auto")
+    assert cli("monitor", "flight.csv", "--healthy", "0:40") == named
+    assert "bank auto: possible" in cli("monitor", "flight.csv", "--list")[1]
+    code, out, err = cli("list", "auto")
     assert (code, out) == (2, "")
     assert "bank auto is made of a log's channels" in err
     assert "auto" in json.loads(cli("list", "--json")[1])["detectors"]
@@ -240,6 +240,6 @@ def test_identify_alone_is_auto_and_nothing_at_all_still_lists(tmp_path, cli):
 
 def test_a_log_that_allows_nothing_is_bad_input_in_one_line(tmp_path, cli):
     write(tmp_path, channels=("p", "q", "r", "phi"))
-    code, out, err = cli("monitor", "flight.csv", "--identify", "0:40")
+    code, out, err = cli("monitor", "flight.csv", "--healthy", "0:40")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert "flight.csv: bank auto finds nothing that tells what a gyro should read (found: p, q, r, phi)" in err

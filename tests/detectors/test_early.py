@@ -166,8 +166,8 @@ def test_what_cannot_be_diagnosed_or_predicts_itself_is_refused(blocks, said):
 def test_a_log_is_watched_told_drawn_and_recorded(cli, tmp_path):
     flight = record(4000, seed=21)
     gb.write_log(gb.inject(flight, gb.Bias(channel="q", onset_s=60.0, size=5.0)), tmp_path / "flight.csv")
-    asked = ("monitor", str(tmp_path / "flight.csv"), "--detector", "C-early", "--identify", "0:40", "--details")
-    code, out, err = cli(*asked, "--figure", str(tmp_path / "it.png"), "--record", str(tmp_path / "it.rrd"))
+    asked = ("monitor", str(tmp_path / "flight.csv"), "--detector", "C-early", "--healthy", "0:40", "--details")
+    code, out, err = cli(*asked, "--report", str(tmp_path / "it.png"), "--record", str(tmp_path / "it.rrd"))
     assert (code, err) == (1, "")
     assert "q failed; bias" in out
     assert "q_att from q: residual " in out

@@ -312,7 +312,7 @@ def logs(tmp_path_factory):
 
 def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli, logs, tmp_path):
     watch = ("monitor", str(logs / "dropout.csv"), "--detector", str(logs / "C.json"))
-    code, out, err = cli(*watch, "--details", "--record", str(tmp_path / "l.rrd"), "--figure", str(tmp_path / "l.png"))
+    code, out, err = cli(*watch, "--details", "--record", str(tmp_path / "l.rrd"), "--report", str(tmp_path / "l.png"))
     assert (code, err) == (1, "")
     assert "\n60.50 s  p failed; dropout\n" in out
     assert "alarm of the missing samples of p; since about 60.00 s; named at 60.50 s; gone since 70.00 s" in out

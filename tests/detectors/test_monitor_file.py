@@ -159,7 +159,7 @@ BAD = {
     "detector of a number": (change("detector", to=3), "detector is 3; it must be a short text"),
     "nobody's detector": (
         change("detector", to="mine"),
-        "a monitor of 'mine', which isn't installed here; give --detector FILE.py:OBJECT --calibrated FILE",
+        "a monitor of 'mine', which isn't installed here; give --detector FILE.py:OBJECT@FILE.json",
     ),
     "another detector": (change("detector", to="dissertation"), "figures: key 'window' is missing"),
     "an unknown figure": (change("figures", "extra", to=1), "figures: unknown key 'extra'"),

@@ -15,12 +15,15 @@ from gtmbench.files.shipped import shipped_banks
 from tests.helpers.monitors import monitor, record
 
 OWN = """
+from pathlib import Path
+
 import gtmbench as gb
 from gtmbench.detectors.windowed_norm import DissertationOperator
 
 def quiet(record):
     return []
 
+ready = gb.load_monitor(Path(gb.__file__).with_name("baselines") / "bank-C.json")
 recipe = DissertationOperator(name="mine", causal_order=4, noncausal_order=3, window=50)
 bank = gb.load_bank("B")
 number = 3
@@ -161,21 +164,21 @@ def test_a_monitor_of_an_installed_one_is_read(tmp_path):
 def test_figures_of_ones_own_need_their_recipe(own, tmp_path):
     recipe, path = find_detector(f"{own}:recipe"), tmp_path / "m.json"
     gb.save_monitor(recipe.calibrate([record(seed=1), record(seed=2)]), path)
-    monitor = find_detector(f"{own}:recipe", calibrated=path)
+    monitor = find_detector(f"{own}:recipe@{path}")
     assert isinstance(monitor, NormMonitor)
     assert monitor.name == "mine"
     gb.save_monitor(find_detector(f"{own}:quiet").calibrate(), path)
     with pytest.raises(gb.InputError, match="a monitor of 'quiet', which isn't installed here"):
         find_detector(path)
-    assert find_detector(f"{own}:quiet", calibrated=path).watch(record(100)).alarms == ()
-    with pytest.raises(gb.InputError, match="a monitor of 'quiet', which 'C' can't restore"):
-        find_detector("C", calibrated=path)
+    assert find_detector(f"{own}:quiet@{path}").watch(record(100)).alarms == ()
+    with pytest.raises(gb.InputError, match="a monitor of 'quiet', which 'mine' can't restore"):
+        find_detector(f"{own}:recipe@{path}")
 
 
-def test_a_monitor_is_calibrated_already(tmp_path):
+def test_a_monitor_is_calibrated_already(own, tmp_path):
     gb.save_monitor(monitor(), tmp_path / "m.json")
-    with pytest.raises(gb.InputError, match=r"is a monitor, calibrated already; leave --calibrated .* out"):
-        find_detector(tmp_path / "m.json", calibrated=tmp_path / "m.json")
+    with pytest.raises(gb.InputError, match=r"is a monitor, calibrated already; leave @.*m\.json out"):
+        find_detector(f"{own}:ready@{tmp_path / 'm.json'}")
 
 
 def test_every_object_that_can_serve_is_adapted():

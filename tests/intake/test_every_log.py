@@ -41,14 +41,14 @@ def test_a_bare_table_is_read_by_its_motion_and_says_so(tmp_path, cli):
     bare |= {"gyro_z": makers.RAD * table.r, "roll": table.phi, "pitch": table.theta, "yaw": table.psi}
     path, kept = tmp_path / "bare.csv", tmp_path / "columns.toml"
     pd.DataFrame(bare).to_csv(path, index=False)
-    code, out, err = cli("monitor", str(path), "--identify", "0:30", "--details", "--map-file", str(kept))
+    code, out, err = cli("monitor", str(path), "--healthy", "0:30", "--details", "--map", str(kept))
     assert (code, err) == (3, "") or code == 0
     said = " ".join(out.split())
     assert "Guessed: p, q, r in rad/s by the attitude" in said
     (typed,) = (line for line in out.splitlines() if line.startswith("to state what was guessed: gtmbench monitor"))
     assert "--map time=t:ms" in typed
     assert "--map p=gyro_x:rad/s" in typed
-    for stated in (shlex.split(typed.partition("monitor")[2])[1:], ["--map-file", str(kept)]):
+    for stated in (shlex.split(typed.partition("monitor")[2])[1:], ["--map", str(kept)]):
         code, out, err = cli("monitor", str(path), "--list", *stated)
         assert (code, err, "guessed" in out) == (0, "", False)
 

@@ -69,11 +69,11 @@ def test_every_bank_that_it_offers_can_watch_the_log_and_no_other(tmp_path, cli)
     write("log.csv", sent, tmp_path)
     contents = log_contents(tmp_path / "log.csv")
     (offered,) = [line for line in listing_lines(contents, 300) if line.startswith("with --detector")]
-    names = offered.partition("bank ")[2].split(", ")
+    names = offered.partition("list ")[2].split(", ")
     assert "C" in names
     assert "B" not in names
     for name in ("C", "B"):
-        code, _, err = cli("monitor", str(tmp_path / "log.csv"), "--detector", name, "--identify", "0:20")
+        code, _, err = cli("monitor", str(tmp_path / "log.csv"), "--detector", name, "--healthy", "0:20")
         assert (code == 2) == (name not in names), err
 
 
@@ -100,7 +100,7 @@ def test_what_is_mapped_shows(tmp_path, cli):
 
 def test_all_columns_are_listed_where_they_are_asked_for(tmp_path, cli):
     path = many_topics(tmp_path / "big.ulg", topics=2, fields=3)
-    short, every = cli("monitor", str(path), "--list")[1], cli("monitor", str(path), "--all")[1]
+    short, every = cli("monitor", str(path), "--list")[1], cli("monitor", str(path), "--list", "--details")[1]
     assert "topic_1.value[2]" not in short
     assert "topic_1.value[2]" in every
     assert every.startswith(short)

@@ -83,17 +83,15 @@ def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
     elsewhere = (
         "gyro_x",
         "gtmbench demo",
-        "gtmbench rescue",
-        "gtmbench calibrate",
+        "gtmbench fly --rescue",
+        "gtmbench calibrate --out",
         "gtmbench check",
         "gtmbench export",
         "gtmbench run drift jam",
     )  # no such column; run elsewhere
     chain = [line for page in pages for line in commands(page) if not any(part in line for part in elsewhere)]
     assert len(chain) > 10
-    broken = "gtmbench monitor broken.csv --identify 0:25 --figure broken.png"
-    own = "gtmbench monitor flight.csv --identify 0:40 --inputs p,beta,ny,phi --outputs r"  # too coarse for the limits
-    codes = {broken: 1, own: 3}
+    codes = {"gtmbench monitor broken.csv --healthy 0:25 --report broken.png": 1}
     printed = " ".join(run_chain(chain, tmp_path, monkeypatch, capsys, cheap=CHEAP, codes=codes).split())
     verdicts = [block for page in pages for block in blocks(page, "text") if "what would show, or why not" in block]
     assert len(verdicts) == (2 if names[0] == "tutorial/first_flight" else 0)
@@ -110,7 +108,7 @@ def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path
         assert len(load_faults(tmp_path / content.split("\n")[0].removeprefix("# "))) > 0
     assert [len(load_scenario(tmp_path / f"{name}.toml").faults) for name in ("gusts", "chain")] == [5, 2]
     chain = "".join(blocks(page, "sh")).splitlines()
-    assert len(chain) == 6
+    assert len(chain) == 7
     for line in chain:
         _, command, *arguments = shlex.split(line, comments=True)
         cheap = ["--no-figures", "--no-recording"] if command == "run" else []
@@ -213,3 +211,8 @@ def test_every_scenario_key_stands_in_its_table():
     table = (ROOT / "docs/reference/scenario_keys.md").read_text()
     for key in keys:
         assert re.search(rf"[`.]{key}`", table), key
+
+
+def test_nobody_is_told_to_install_a_package_that_no_registry_has():
+    for page in (*PAGES, *OF_ROOT, *(ROOT / "gtmbench").rglob("*.py")):
+        assert "pip install gtmbench" not in page.read_text(encoding="utf-8"), page

@@ -50,7 +50,7 @@ def told(rows, entity="/events"):
 
 def test_two_runs_of_one_seed_are_equal(cli, paths, frames):
     assert paths["one"].read_bytes() != paths["again"].read_bytes()
-    code, out, err = cli("diff", paths["one"], paths["again"])
+    code, out, err = cli("verify", paths["one"], "--against", paths["again"])
     assert (code, err) == (0, "")
     assert out.startswith("Equal: ")
     comparison = compare(frames["one"], frames["again"])
@@ -63,7 +63,7 @@ def test_two_runs_of_one_seed_are_equal(cli, paths, frames):
 
 @pytest.mark.usefixtures("read_already")
 def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, frames):
-    code, out, err = cli("diff", paths["one"], paths["two"], "--json")
+    code, out, err = cli("verify", paths["one"], "--against", paths["two"], "--json")
     comparison = json.loads(out)
     assert (code, err, comparison["equal"]) == (1, "", False)
     differing = {(series["entity"], series["series"]): series for series in comparison["lines"]}
@@ -87,13 +87,15 @@ def test_another_seed_differs_in_what_is_noisy_and_nowhere_else(cli, paths, fram
 
 @pytest.mark.usefixtures("read_already")
 def test_the_table_says_what_differs_and_shortens_long_lists(cli, paths):
-    code, out, _ = cli("diff", paths["one"], paths["two"])
+    code, out, _ = cli("verify", paths["one"], "--against", paths["two"])
     assert code == 1
     assert "Series that differ, the worst first" in out
     assert " more; --json lists all" in out
     assert "/trials/short/r/verdict   peak_ratio" in out
     assert out.startswith("Different: ")
-    quiet = cli("diff", paths["one"], paths["two"], "-q", "--absolute", 1e9)  # words and times have no tolerance
+    quiet = cli(
+        "verify", paths["one"], "--against", paths["two"], "-q", "--absolute", 1e9
+    )  # words and times have no tolerance
     assert quiet == (1, "", "")
 
 
@@ -190,7 +192,7 @@ def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     (tmp_path / "one.rrd").write_bytes(paths["one"].read_bytes())
     (tmp_path / "garbage.rrd").write_bytes(b"garbage")
     arguments, message = BAD[name]
-    code, out, err = cli("diff", *arguments)
+    code, out, err = cli("verify", arguments[0], "--against", *arguments[1:])
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert message in err
     assert {path.name for path in tmp_path.iterdir()} == {"one.rrd", "garbage.rrd"}
@@ -199,7 +201,7 @@ def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
 
 @pytest.mark.usefixtures("read_already")
 def test_an_overlay_holds_both_and_their_differences(cli, paths, frames, tmp_path):
-    code, out, err = cli("diff", paths["one"], paths["two"], "--overlay", "over.rrd")
+    code, out, err = cli("verify", paths["one"], "--against", paths["two"], "--overlay", "over.rrd")
     assert (code, err) == (1, "")
     assert "gtmbench view over.rrd" in out
     over = gb.read_recording(tmp_path / "over.rrd")

@@ -15,7 +15,7 @@ from tests.helpers.browsers import Seen, looking_at
 from tests.helpers.hostile import refused
 
 HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
-COMMAND = "gtmbench monitor flight.csv --identify 0:50"
+COMMAND = "gtmbench monitor flight.csv --healthy 0:50"
 
 
 @cache
@@ -116,7 +116,7 @@ def test_hostile_names_stay_words(folder):
 
 def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
     (tmp_path / "flight.csv").write_bytes((folder / "flight.csv").read_bytes())
-    typed = ["monitor", "flight.csv", "--identify", "0:50", "--report", "out.html"]
+    typed = ["monitor", "flight.csv", "--healthy", "0:50", "--report", "out.html"]
     code, out, _ = cli(*typed)
     assert (code, "report: out.html" in out) == (1, True)
     written = (tmp_path / "out.html").read_text()
@@ -132,7 +132,7 @@ def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
 def test_a_fleets_report_links_to_the_pages_of_what_failed(cli, tmp_path):
     for name, bias in (("broken.csv", 4.0), ("well.csv", 0.0)):
         gb.write_log(record_with(bias, 110.0), tmp_path / name)
-    assert cli("monitor", "broken.csv", "well.csv", "--identify", "0:50", "--out", "fleet", "-q")[0] == 1
+    assert cli("monitor", "broken.csv", "well.csv", "--healthy", "0:50", "--out", "fleet", "-q")[0] == 1
     report = (tmp_path / "fleet/report.md").read_text()
     (link,) = re.findall(r"\]\((pages/[^)]*)\)", report)
     assert link.startswith("pages/broken.csv-")

@@ -63,7 +63,7 @@ def test_the_verdict_comes_first_and_names_who_gets_no_score(contents):
     assert first == "quick is the first of 2 detectors, significantly sooner than every other."
     assert any(line.startswith("siren gets no score: more than 7") for line in others)
     text = Seen(page(contents)).text
-    assert text.index(first) < text.index("What was run") < text.index("gtmbench report")
+    assert text.index(first) < text.index("What was run") < text.index("gtmbench campaign")
 
 
 def test_a_campaign_without_its_end_says_so(tmp_path):
@@ -133,35 +133,35 @@ def test_markdown_shows_names_as_they_are():
 
 
 def test_the_command_writes_what_it_is_asked_for(cli, folder, tmp_path):
-    assert cli("report", folder)[0] == 0
+    assert cli("campaign", folder, "--report", "html")[0] == 0
     assert (folder / "report.html").read_text().startswith("<!doctype html>")
     (tmp_path / "there").mkdir()
     for arguments, path in [
-        (["--out", "x.md"], "x.md"),
-        (["--out", "there", "--format", "json"], "there/report.json"),
-        (["--out", "there", "--format", "table"], "there/table.md"),
+        (["md", "--out", "x.md"], "x.md"),
+        (["json", "--out", "there"], "there/report.json"),
+        (["table", "--out", "there"], "there/table.md"),
     ]:
-        code, out, _ = cli("report", folder, *arguments, "--json")
+        code, out, _ = cli("campaign", folder, "--report", *arguments, "--json")
         found = json.loads(out)
         assert (code, found["out"]) == (0, path)
         assert found["verdict"].startswith("quick is the first")
         assert (tmp_path / path).is_file()
-    again = cli("report", folder, "--out", "x.md")
+    again = cli("campaign", folder, "--report", "md", "--out", "x.md")
     refused(again)
     assert "--force" in again[2]
-    assert cli("report", folder, "--out", "x.md", "--force")[0] == 0
+    assert cli("campaign", folder, "--report", "md", "--out", "x.md", "--force")[0] == 0
 
 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--out", "report.pdf"], "says no format"),
+        (["--out", "report.pdf"], "--report html is a .html"),
         (["--deadline", "0"], "--deadline is 0"),
         (["--false-alarms-per-hour", "-1"], "--false-alarms-per-hour is -1"),
     ],
 )
 def test_what_cant_be_meant_is_one_line(cli, folder, arguments, said):
-    found = cli("report", folder, *arguments)
+    found = cli("campaign", folder, "--report", "html", *arguments)
     refused(found)
     assert said in found[2]
 
@@ -175,7 +175,7 @@ def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
         ("other", "no campaign's"),
         ("empty", "nothing of empty is finished"),
     ]:
-        found = cli("report", folder)
+        found = cli("campaign", folder, "--report", "html")
         refused(found)
         assert said in found[2]
 

@@ -55,19 +55,19 @@ NAMES = {"a plain name": "given", "a name of commands": "\x1b[2J\n\u202e[red]", 
 READING = {
     ".toml": [
         ["run", "{}"],
-        ["bank", "{}"],
+        ["list", "{}"],
         ["check", "{}"],
         ["check", "{}", "--update"],
         ["check", "new.toml", "--update", "--scenario", "{}"],
         ["run", "drift", "--detector", "{}"],
         ["calibrate", "--detector", "{}"],
     ],
-    ".json": [["bank", "{}"], ["run", "drift", "--detector", "{}"], ["monitor", "log.csv", "--detector", "{}"]],
-    ".rrd": [["diff", "{}", "{}"]],
+    ".json": [["list", "{}"], ["run", "drift", "--detector", "{}"], ["monitor", "log.csv", "--detector", "{}"]],
+    ".rrd": [["verify", "{}", "--against", "{}"]],
     ".csv": [
         ["calibrate", "{}", "--detector", "paper"],
         ["monitor", "{}", "--detector", "paper"],
-        ["monitor", "log.csv", "--detector", "paper", "--identify", "{}"],
+        ["monitor", "log.csv", "--detector", "paper", "--healthy", "{}"],
     ],
     ".parquet": [["calibrate", "{}", "--detector", "paper"], ["monitor", "{}", "--detector", "C"]],
     ".ulg": [["monitor", "{}", "--detector", "C"]],
@@ -112,10 +112,10 @@ def test_paths_that_are_no_files_are_refused(cli, tmp_path, name, ending):
 WRITING = {
     ".csv": ["fly", "--duration", "1", "--force", "--out"],
     ".parquet": ["fly", "--duration", "1", "--force", "--out"],
-    ".toml": ["new"],
+    ".toml": ["run", "--new"],
     ".json": ["calibrate", "log.csv", "--detector", "paper", "--force", "--out"],
-    ".png": ["monitor", "log.csv", "--inputs", "p", "--outputs", "q", "--force", "--figure"],
-    ".rrd": ["monitor", "log.csv", "--inputs", "p", "--outputs", "q", "--force", "--record"],
+    ".png": ["monitor", "log.csv", "--force", "--report"],
+    ".rrd": ["monitor", "log.csv", "--force", "--record"],
     ".xml": ["check", "--junit"],
 }
 
@@ -180,14 +180,14 @@ OUTSIDE = {
 def test_a_model_that_reaches_outside_is_refused(cli, tmp_path, model, section):
     folder = model("</fdm_config>", OUTSIDE[section] + "</fdm_config>")
     with unchanged(tmp_path):
-        refused(cli("trim", "--aircraft", folder))
+        refused(cli("aircraft", folder))
     assert not Path("/tmp/gtmbench-was-here.csv").exists()
 
 
 def test_a_model_of_entities_is_refused(cli, model):
     laughs = "".join(f'<!ENTITY a{i + 1} "{f"&a{i};" * 10}">' for i in range(9))
     folder = model("<fdm_config", f'<!DOCTYPE x [<!ENTITY a0 "ha">{laughs}]>\n<fdm_config')
-    refused(cli("trim", "--aircraft", folder))
+    refused(cli("aircraft", folder))
 
 
 @pytest.mark.parametrize("make", ["a pipe", "a link to itself", "endless zeros", "10 GiB", "nothing"])
@@ -196,13 +196,13 @@ def test_an_aircraft_of_other_than_files_is_refused(cli, model, make, part):
     folder = model()
     (folder / part).unlink()
     MADE[make](folder / part)
-    refused(cli("trim", "--aircraft", folder))
+    refused(cli("aircraft", folder))
 
 
 def test_a_model_that_cant_be_flown_doesnt_end_the_process(model):
     """JSBSim's engine throws from its destructor then, in whichever process that is."""
     folder = model("<property>metrics/bw-ft</property>", "<property>metrics/never-heard-of</property>")
-    command = [sys.executable, "-m", "gtmbench", "trim", "--aircraft", folder]
+    command = [sys.executable, "-m", "gtmbench", "aircraft", folder]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     refused((ended.returncode, ended.stdout, ended.stderr))
     assert "JSBSim can't fly 'mine'" in ended.stderr
@@ -222,7 +222,7 @@ def test_a_model_that_cant_be_flown_doesnt_end_the_process(model):
     ],
 )
 def test_figures_of_an_aircraft_that_nobody_means_are_refused(cli, model, old, new):
-    refused(cli("trim", "--aircraft", model(old, new, part="aircraft.toml")))
+    refused(cli("aircraft", model(old, new, part="aircraft.toml")))
 
 
 QUICK = """
@@ -251,19 +251,21 @@ def test_scenarios_and_banks_of_names_that_cant_be_printed_are_refused(cli, name
     Path(f"{name}.toml").write_text(QUICK)
     refused(cli("run", f"{name}.toml"))
     shutil.copy(PACKAGE / "banks/C.toml", f"{name}.toml")
-    refused(cli("bank", f"{name}.toml"))
+    refused(cli("list", f"{name}.toml"))
 
 
 def test_a_logs_name_commands_no_terminal(cli, tmp_path):
     for name in ("a\x1b[2Jb\nc.csv", "m\udce4rz.csv"):
         log(tmp_path / "log.csv", 3000)  # of half a minute, thresholds are blind, and no monitor is saved
         (tmp_path / "log.csv").rename(name)
-        out = ["--record", "o.rrd", "--figure", "o.png", "--save", "o.json", "--force"]
-        code, text, err = cli("monitor", name, "--inputs", "p", "--outputs", "q", "--look", "0.05", *out)
+        own = ["--healthy", "0:40", "--inputs", "p", "--outputs", "q", "--look", "0.05", "--out", "o.json", "--force"]
+        assert cli("calibrate", name, *own)[0] == 0
+        out = ["--record", "o.rrd", "--report", "o.png", "--force"]
+        code, text, err = cli("monitor", name, "--detector", "o.json", *out)
         assert code in (0, 1, 3)  # it was read, whatever it comes to
         assert err == ""
         assert all(line.isprintable() for line in text.split("\n"))
-        assert cli("bank", "o.json")[0] == 0
+        assert cli("list", "o.json")[0] == 0
 
 
 def test_a_baselines_name_adds_no_setting(cli):

@@ -113,7 +113,7 @@ def test_a_lock_that_cannot_be_written_is_one_line(tmp_path):
 
 def test_a_name_may_be_as_long_as_the_system_takes_it(cli, tmp_path):
     name = "x" * 250 + ".toml"
-    assert cli("new", name) == (0, f"Wrote {name}; edit it, then run: gtmbench run {name}\n", "")
+    assert cli("run", "--new", name) == (0, f"Wrote {name}; edit it, then run: gtmbench run {name}\n", "")
     assert [path.name for path in tmp_path.iterdir()] == [name]
 
 

@@ -177,7 +177,10 @@ def test_the_command_line_flies_in_the_loop(cli, tmp_path):
         (["--trial", "1"], "--trial is of --fault"),
         (["--closed-loop", "--fault", "jam"], "--trial is missing"),
         (["--closed-loop", "--noise", "50"], "in the loop sensors have the T2's noise"),
-        (["--closed-loop", "--aircraft", "XB-70"], "'XB-70' has no autopilot; find its gains by gtmbench autopilot"),
+        (
+            ["--closed-loop", "--aircraft", "XB-70"],
+            "'XB-70' has no autopilot; find its gains by gtmbench aircraft NAME --autopilot",
+        ),
     ],
 )
 def test_the_command_line_refuses_in_one_line(cli, tmp_path, options, said):

@@ -72,7 +72,7 @@ def test_it_is_rescued(folder, monitor):
 
 def test_without_gains_it_is_told_how_to_find_some(cli, tmp_path):
     bare = write_uav(tmp_path / "fleet")
-    code, _, err = cli("rescue", "--aircraft", bare, "--calibrated", "none.json")
+    code, _, err = cli("fly", "--rescue", "--aircraft", bare, "--detector", "none.json")
     assert code == 2
     assert len(err.strip().splitlines()) == 1
 
@@ -96,5 +96,5 @@ def test_calibration_flies_in_the_loop_what_leaves_open_loop(monkeypatch, folder
     flown = gb.fly_in_loop(folder, flights.excitation, 5.0, flights.seed).truth
     expected = gb.measure(flown, noise="t2", seed=flights.seed)
     assert record.values.tobytes() == expected.select(("p", "q", "r")).values.tobytes()
-    with pytest.raises(EnvelopeError, match="find its gains by gtmbench autopilot"):
+    with pytest.raises(EnvelopeError, match="find its gains by gtmbench aircraft NAME --autopilot"):
         CalibrationFlights(flights=1, duration_s=5.0, aircraft="C130").sensed(("p", "q", "r"))

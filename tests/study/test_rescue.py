@@ -47,7 +47,7 @@ def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
 
 def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
     gb.save_monitor(early_monitor(), tmp_path / "monitor.json")
-    given = ("rescue", "--calibrated", "monitor.json", "--figure", "rescue.png", "--json")
+    given = ("fly", "--rescue", "--detector", "monitor.json", "--figure", "rescue.png", "--json")
     code, out, _ = cli(*given)
     assert code == 0
     told = json.loads(out)["findings"]
@@ -67,11 +67,11 @@ def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
         (("--trial", "2"), "--trial is of --fault"),
         (("--fault", "in_the_loop", "--trial", "99"), "there is no trial 99 of in_the_loop"),
         (("--fault", "deadzone", "--trial", "1"), "give a figure in deg/s"),
-        (("--aircraft", "Camel_", "--calibrated", "none.json"), "Camel_"),
+        (("--aircraft", "Camel_", "--detector", "none.json"), "Camel_"),
     ],
 )
 def test_bad_input_is_one_line(cli, given, said):
-    code, _, err = cli("rescue", *given)
+    code, _, err = cli("fly", "--rescue", *given)
     assert code == 2
     assert said in err
     assert len(err.strip().splitlines()) == 1

@@ -118,10 +118,10 @@ def _nothing(there: Collection[str]) -> str:
     if not gyros:
         return (
             f"bank {AUTO} watches gyros, and none of p, q, r is there (found: {', '.join(known) or 'no sensor'}); say "
-            "with --map which columns they are, or give --inputs and --outputs"
+            "with --map which columns they are, or learn others: gtmbench calibrate --inputs ... --outputs ..."
         )
     needed = "; ".join(f"for {gyro} {_lacking(gyro, there)}" for gyro in gyros)
     return (
         f"bank {AUTO} finds nothing that tells what a gyro should read (found: {', '.join(known)}): {needed}; say with "
-        "--map which columns they are, or give --inputs and --outputs"
+        "--map which columns they are, or learn others: gtmbench calibrate --inputs ... --outputs ..."
     )

@@ -36,6 +36,7 @@ from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
+from gtmbench.report.words.times import time_text
 from gtmbench.report.words.units import capitalised, duration_text
 from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.study.log.claims import began_s
@@ -96,7 +97,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         marks=marks(watched),
         lanes=[(sensor, sensor_text(sensor), bands(watched, sensor)) for sensor in told_sensors(watched.verdict)],
         states=list(STATES.items()),
-        windows=[(f"Fault at {began_s(fault):.1f} s", *near) for fault, near in zip(faults, close, strict=True)],
+        windows=[(f"Fault at {time_text(began_s(fault))}", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         explained=(FINDING_COLUMNS, finding_rows(watched.judged)),

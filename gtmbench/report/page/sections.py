@@ -139,7 +139,7 @@ class Contents:
         options = f"--false-alarms-per-hour {self.scores.target_per_hour:g} --deadline {self.scores.deadline_s:g}"
         return (
             f"gtmbench campaign {shlex.quote(source)} --out {shlex.quote(name)}\n"
-            f"gtmbench report {shlex.quote(name)} {options}"
+            f"gtmbench campaign {shlex.quote(name)} --report html {options}"
         )
 
 

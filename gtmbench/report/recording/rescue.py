@@ -41,7 +41,7 @@ def write_rescue_recording(rescue: Rescue, path: Path) -> None:
     """Write both flights with a blueprint; every viewer of the same rerun version opens them beside each other."""
     broken = ", ".join(fault_text(fault) for fault in rescue.faults)
     span, marked = shown_s(rescue), moments(rescue)
-    with recorded(path, f"gtmbench rescue: {broken}", _blueprint(rescue)) as recording:
+    with recorded(path, f"gtmbench fly --rescue: {broken}", _blueprint(rescue)) as recording:
         scenes = [
             Scene(flight=shown_flight(rescue, name), name=name, tint=TINTS[name], moments=marked[name])
             for name in rescue.flights

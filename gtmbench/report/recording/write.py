@@ -123,6 +123,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, tr
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.timeline import span_text
+from gtmbench.report.words.times import dated_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import began_s
@@ -366,6 +367,7 @@ def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 def _log_story(watched: WatchedLog) -> list[Event]:
     """Return remarks, what the log tells of, states of sensors, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
+    dated = [(whole_of(watched)[0], "INFO", text) for text in dated_text(watched.log, watched.verdict)]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     timeline = watched.verdict.timeline
@@ -380,4 +382,4 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     severity = {Outcome.FAILED: "CRITICAL", Outcome.UNKNOWN: "WARN", Outcome.HEALTHY: "INFO"}[watched.verdict.outcome]
     end_s, seen = whole_of(watched)[1], certificate_lines(watched.certificate)
     events += [(end_s, "INFO", "\n".join(seen))] if seen else []
-    return [*events, (end_s, severity, f"outcome: {verdict_text(watched)}")]
+    return [*dated, *events, (end_s, severity, f"outcome: {verdict_text(watched)}")]

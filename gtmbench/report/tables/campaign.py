@@ -30,7 +30,7 @@ def campaign_results(parts: Parts) -> dict[str, Any]:
     find, or wasn't asked, is None.
     """
     rows = parts.read(_READ).to_pandas()
-    rows = rows[rows["mildest"].isna()]  # searches are scored by `gtmbench report`
+    rows = rows[rows["mildest"].isna()]  # searches are scored by `gtmbench campaign --report`
     flights, finished = flights_of(parts)
     by_detector = rows.groupby("detector", sort=False)
     failed = int(rows["error"].notna().sum())

@@ -144,6 +144,7 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "path": str(log.path),
         "channels": [{"name": name, "unit": unit_of(name)} for name in log.channels],
         "sample_period_s": log.sample_period_s,
+        "zero_utc": None if log.zero_utc is None else f"{log.zero_utc}Z",
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
         "remarks": [asdict(remark) for remark in log.remarks],

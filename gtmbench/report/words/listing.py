@@ -41,7 +41,7 @@ def listing_lines(contents: LogContents, width: int) -> list[str]:
     bad = [f"not usable: {each.name}, {each.why_not}" for each in useless]
     doubtful = [f"open: '{column.name}' {column.why_not}" for column in contents.columns if column.why_not]
     for told in (bad, doubtful):
-        lines += told[:_MOST] + ([f"... and {len(told) - _MOST} more: --all"] if len(told) > _MOST else [])
+        lines += told[:_MOST] + ([f"... and {len(told) - _MOST} more: --list --details"] if len(told) > _MOST else [])
     by_reason: dict[str, list[str]] = {}
     for each in contents.channels:
         if each.guessed:
@@ -58,7 +58,7 @@ def contents_verdict(contents: LogContents) -> str:
     """Say in a sentence what a log is."""
     span = "" if contents.span_s is None else f" from {contents.span_s[0]:.2f} to {contents.span_s[1]:.2f} s"
     columns = counted(len(contents.columns), "column")
-    return f"{contents.path.name} ({contents.kind}){span} has {columns}; --all lists them."
+    return f"{contents.path.name} ({contents.kind}){span} has {columns}; --list --details lists them."
 
 
 def _sensor_lines(channels: Sequence[LogChannel], width: int) -> list[str]:
@@ -105,7 +105,7 @@ def _watch_lines(contents: LogContents) -> list[str]:
     lines = []
     try:
         bank = composed_bank(there, attitude_from_gyros=contents.attitude_from_gyros)
-        lines.append(f"watch it: gtmbench monitor {log} --identify T0:T1    (T0:T1: a healthy part, in s)")
+        lines.append(f"watch it: gtmbench monitor {log}")
         lines.append(f"bank {AUTO}: possible ({bank.title})")
     except InputError as error:
         lines.append(str(error).replace(f"bank {AUTO}", f"bank {AUTO}: no, it", 1))

@@ -13,6 +13,7 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import told_sensors
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.report.words.other_sensors import NAMES
+from gtmbench.report.words.times import clock_text, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
@@ -70,7 +71,9 @@ def when_text(spans: Sequence[Span], whole_s: Span) -> str:
     if len(spans) == 1 and spans[0][0] <= whole_s[0] + _EDGE_S and spans[0][1] >= whole_s[1] - _EDGE_S:
         return "from beginning to end"
     told = [
-        f"from {start_s:.1f} s on" if end_s >= whole_s[1] - _EDGE_S else f"from {start_s:.1f} to {end_s:.1f} s"
+        f"from {time_text(start_s)} on"
+        if end_s >= whole_s[1] - _EDGE_S
+        else f"from {time_text(start_s).removesuffix(' s')} to {time_text(end_s)}"
         for start_s, end_s in spans
     ]
     return f"{', '.join(told[:_MOST])} and {len(told) - _MOST} times more" if len(told) > _MOST else listed(told)
@@ -177,7 +180,9 @@ def sensor_row(verdict: LogVerdict, sensor: str) -> SensorRow:
 
 def _short_spans(spans: Sequence[SensorSpan], whole_s: Span) -> str:
     told = [
-        f"{each.start_s:.1f} s on" if each.end_s >= whole_s[1] - _EDGE_S else f"{each.start_s:.1f}-{each.end_s:.1f} s"
+        f"{clock_text(each.start_s)} on"
+        if each.end_s >= whole_s[1] - _EDGE_S
+        else f"{clock_text(each.start_s).removesuffix(' s')}-{clock_text(each.end_s)}"
         for each in spans
     ]
     return ", ".join(told[:_MOST]) + (f" and {len(told) - _MOST} more" if len(told) > _MOST else "")
@@ -253,8 +258,16 @@ def span_lines(timeline: Timeline) -> list[str]:
     for sensor, spans in timeline.sensors.items():
         for span in spans:
             text = span_text(sensor, span)
-            lines.append(f"  {sensor:{widest}}  {span.start_s:z.2f} to {span.end_s:z.2f}  {span.state}{text}")
+            lines.append(
+                f"  {sensor:{widest}}  {span.start_s:z.2f} to {span.end_s:z.2f}{_long(span)}  {span.state}{text}"
+            )
     return lines if len(lines) > 1 else []
+
+
+def _long(span: SensorSpan) -> str:
+    """Return from when to when in hours, where it ends beyond an hour."""
+    hours = f" ({clock_text(span.start_s, 0)} to {clock_text(span.end_s, 0)})"
+    return hours if span.end_s >= _LONG_S else ""
 
 
 def span_text(sensor: str, span: SensorSpan) -> str:

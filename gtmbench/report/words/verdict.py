@@ -33,6 +33,7 @@ from gtmbench.report.words.timeline import (
     when_text,
     wrapped,
 )
+from gtmbench.report.words.times import dated_text, time_text
 from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
@@ -46,7 +47,7 @@ _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
 # where lines are short, the first of these first
-_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Not watched", "Next")
+_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Not watched", "When", "Next")
 
 
 class _Accusation(NamedTuple):
@@ -226,6 +227,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
     """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
         ("Why", _why(watched)),
+        ("When", dated_text(watched.log, watched.verdict)),
         ("Not watched", _not_watched(watched)),
         ("How sure", _certainty(watched)),
         ("Read as", _read_as(watched)),
@@ -314,11 +316,12 @@ def _why(watched: WatchedLog) -> list[str]:
         last = alarm.last
         why = "" if last is None else last.doubt if alarm.test == MISSING else last.reason
         reason = f": {why}" if why else ""
-        named = "" if alarm.isolated_s is None else f", named at {alarm.isolated_s:.2f} s"
-        lines.append(f"Alarm at {alarm.time_s:.2f} s by the {source}{named}{reason}.")
+        named = "" if alarm.isolated_s is None else f", named at {time_text(alarm.isolated_s, 2)}"
+        lines.append(f"Alarm at {time_text(alarm.time_s, 2)} by the {source}{named}{reason}.")
     lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
     return lines + [
-        f"Alarm at {alarm.time_s:.2f} s by {whole_text(alarm)}." for alarm in watched.whole_alarms[: _MOST - len(lines)]
+        f"Alarm at {time_text(alarm.time_s, 2)} by {whole_text(alarm)}."
+        for alarm in watched.whole_alarms[: _MOST - len(lines)]
     ]
 
 
@@ -401,7 +404,7 @@ def _next(watched: WatchedLog) -> list[str]:
     if typed:
         return [f"Add {' or '.join(typed)}"]
     if watched.verdict.outcome is Outcome.UNKNOWN and watched.identified_s:
-        return ["--identify SPAN|LOG for more healthy flight; --details for the rest."]
+        return ["--healthy SPAN|LOG for more healthy flight; --details for the rest."]
     if watched.verdict.outcome is Outcome.FAILED:
         return ["--report F.html or --record F.rrd shows it; --details for the rest."]
     return ["--details for every span, with the sizes that would show."]

@@ -107,7 +107,7 @@ class Watching:
         named = isinstance(self.detector, (str, Path))
         return {
             "detector": str(self.detector) if named else one_line(repr(self.detector)),
-            "detector_file": _digest(Path(self.detector)) if named else None,
+            "detector_file": _digest(Path(str(self.detector).rpartition("@")[2])) if named else None,
             "healthy": [_file_fact(each) if isinstance(each, Path) else list(each) for each in self.healthy],
             "mapping": list(self.mapping),
             "rate_hz": self.rate_hz,

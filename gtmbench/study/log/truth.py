@@ -214,7 +214,7 @@ def _before(injections: Sequence[Injection], start_s: float, path: Path) -> Span
     if end_s - start_s < _SHORTEST_S:
         raise InputError(
             f"{path}: the first failure begins {max(end_s - start_s, 0.0) + _MARGIN_S:.1f} s after the log does, and "
-            f"{_SHORTEST_S + _MARGIN_S:g} s are wanted to identify on; give --identify T0:T1, or a ready monitor"
+            f"{_SHORTEST_S + _MARGIN_S:g} s are wanted to identify on; give --healthy T0:T1, or a ready monitor"
         )
     return start_s, min(end_s, start_s + _LONGEST_S)
 

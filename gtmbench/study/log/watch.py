@@ -13,13 +13,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gtmbench.detectors.bank.bank import Bank, bank_of
-from gtmbench.detectors.protocol import Detector, Monitor
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready
+from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.learnt import learnt
+from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.said import doubted, listened
@@ -144,3 +145,38 @@ def watch_log(
     )
     monitor, swap = crossed(learnt(chosen(opened(question)), progress), progress)
     return concluded(doubted(listened(monitor, progress), progress), swap)
+
+
+def taught_by(
+    path: Path,
+    detector: Detector,
+    *,
+    healthy: Sequence[Span],
+    mapping: Sequence[str] = (),
+    rate_hz: float | None = None,
+    false_alarms_per_hour: float | None = None,
+    attitude: str = FROM_LOG,
+    progress: Progress = silent,
+) -> Learnt:
+    """Return the monitor that a log's healthy part teaches, as `watch_log` takes these; it watches nothing.
+
+    Raises
+    ------
+    InputError
+        As `watch_log`; and where the log isn't what the detector expects, or nothing of it is left to learn from.
+    """
+    question = asked(
+        path,
+        detector,
+        healthy=healthy,
+        mapping=mapping,
+        rate_hz=rate_hz,
+        false_alarms_per_hour=false_alarms_per_hour,
+        attitude=attitude,
+    )
+    found = learnt(chosen(opened(question)), progress)
+    if found.check.stops:
+        raise InputError(f"{path}: nothing is learnt from it: {'; '.join(map(str, found.check.stops))}")
+    if not is_ready(found.monitor):
+        raise InputError(f"{path}: nothing is left to learn from but what failed; gtmbench monitor says what")
+    return found

@@ -27,7 +27,7 @@ from tests.helpers.logged import short, watched_log
 from tests.helpers.monitors import monitor
 from tests.helpers.timelines import Judged, clear, failed, suspected, unjudged, verdict
 
-HOW = ("--detector", "C", "--identify", "0:30")
+HOW = ("--detector", "C", "--healthy", "0:30")
 SMALL = Watching(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
 
 
@@ -128,7 +128,7 @@ def test_another_fleet_does_not_mix_with_it(fleet, capsys):
     out = ("--out", fleet / "out")
     for arguments, why in (
         ([fleet / "logs", *HOW, *out], "3 of 3 tasks"),
-        ([fleet / "logs", "--detector", "C", "--identify", "0:29", *out, "--resume"], "holds another fleet"),
+        ([fleet / "logs", "--detector", "C", "--healthy", "0:29", *out, "--resume"], "holds another fleet"),
         ([fleet / "logs/flight_9.csv", *HOW, *out, "--resume"], "holds another fleet"),
     ):
         assert ended("monitor", *arguments) == 2
@@ -220,12 +220,12 @@ def test_what_is_wrong_with_every_log_is_said_before_any_is_watched(tmp_path, cl
     small_logs(tmp_path, ["a.csv", "b.csv"])
     for arguments in (
         ["--detector", "nobody"],
-        ["--detector", "C", "--identify", "5:1"],
-        ["--detector", "C", "--identify", "nowhere.csv"],
+        ["--detector", "C", "--healthy", "5:1"],
+        ["--detector", "C", "--healthy", "nowhere.csv"],
         ["--detector", "C", "--map", "p"],
         ["--detector", "C", "--time-limit", "0"],
         ["--detector", "C", "--jobs", "0"],
-        ["--detector", "C", "--figure", "x.png"],
+        ["--detector", "C", "--report", "x.png"],
         ["--detector", "C", "--rate", "-1"],
     ):
         code, out, err = cli("monitor", ".", "--out", "out", *arguments)

@@ -446,7 +446,7 @@ def test_what_inject_breaks_monitor_finds(cli):
     assert [(each["column"], each["changed"]) for each in summary["columns"]] == [("q_deg_s", 1700), ("r_deg_s", 200)]
     said = {"follows": False, "time_constant_s": None, "time_constant": None, "why": "it was asked for"}
     assert summary["attitude"] == said
-    watched = ("--detector", "C", "--identify", "0:40", "--attitude", "own")  # as it was broken
+    watched = ("--detector", "C", "--healthy", "0:40", "--attitude", "own")  # as it was broken
     code, out, _ = cli("monitor", "broken.csv", *watched, "--json")
     assert code == 1
     found = [(each["text"], each["kind"]) for each in json.loads(out)["findings"]]

@@ -361,7 +361,7 @@ def test_a_log_sampled_faster_has_the_same_cause():
 def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     gb.write_log(ALL["-q"].mutate(flight()), tmp_path / "log.csv")
-    options = ("monitor", "log.csv", "--detector", "C", "--identify", "0:40")
+    options = ("monitor", "log.csv", "--detector", "C", "--healthy", "0:40")
     code, out, err = cli(*options, "--details")
     assert (code, err) == (3, "")
     assert "bank C: not calibrated, nothing is watched" in out
@@ -375,7 +375,7 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     assert told["self_check"]["passed"] is False
     assert told["self_check"]["causes"][0]["changes"] == [{"kind": "sign", "channels": ["q"], "size": 0.0}]
     assert told["self_check"]["causes"][0]["to_type"] == "--map q=-q_deg_s:deg/s"
-    code, out, _ = cli(*options, "--figure", "l.png", "--record", "l.rrd", "--save", "l.json")
-    assert code == 3
-    assert "monitor: none was calibrated, l.json isn't written" in out
+    assert cli(*options, "--report", "l.png", "--record", "l.rrd", "-q")[0] == 3
+    code, out, err = cli("calibrate", *options[1:], "--out", "l.json")
+    assert (code, out, err) == (2, "", "gtmbench: log.csv: nothing is learnt from it: the sign of q is turned\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l.png", "l.rrd", "log.csv"]

@@ -183,7 +183,7 @@ def test_without_truth_it_is_one_line(cli, tmp_path, flight):
     ("settings", "arguments", "said"),
     [
         ([(8.0, "SIM_GYR1_BIAS_X", 0.1)], (), "21 s are wanted to identify on"),
-        (BIASED, ("--identify", "0:100"), "give a span without a failure"),
+        (BIASED, ("--healthy", "0:100"), "give a span without a failure"),
     ],
 )
 def test_what_is_healthy_holds_no_failure(cli, tmp_path, flight, settings, arguments, said):

@@ -1,0 +1,107 @@
+"""What the assertions do with recorded flights: watch them as ``gtmbench monitor`` does, and hold the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from gtmbench.checks import number
+from gtmbench.errors import InputError
+from gtmbench.files.artefacts import artefacts
+from gtmbench.intake.contents import log_columns
+from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.formats.registry import is_log
+from gtmbench.report.words.verdict import verdict_text
+from gtmbench.verdict.timeline import SensorSpan, State
+from gtmbench.verdict.verdict import Outcome
+
+if TYPE_CHECKING:
+    from gtmbench.study.log.watched import WatchedLog
+
+
+@dataclass(frozen=True, kw_only=True)
+class Watching:
+    """A log, and how it is watched."""
+
+    log: FlightLog | Path
+    detector: Any = "auto"
+    judge: str | None = None
+    limits: Sequence[str] = ()
+    healthy: Sequence[tuple[float, float] | str | Path] = ()
+    mapping: Sequence[str] = ()
+
+    def watched(self) -> WatchedLog:
+        """Return what comes of it."""
+        from gtmbench.study.log.watch import watch_log
+
+        return watch_log(
+            self.log.path if isinstance(self.log, FlightLog) else self.log,
+            self.detector,
+            healthy=self.healthy,
+            mapping=self.mapping or (_mapping_of(self.log) if isinstance(self.log, FlightLog) else ()),
+            judge=self.judge,
+            limits=self.limits,
+        )
+
+
+def is_flight(given: object) -> bool:
+    """Whether a recorded flight was given: an opened log, or the path of a file that is one."""
+    if isinstance(given, FlightLog):
+        return True
+    return isinstance(given, (str, Path)) and Path(given).is_file() and is_log(Path(given))
+
+
+def hold_quiet(watching: Watching) -> None:
+    """Fail unless nothing is found in a log, and enough of it is judged."""
+    __tracebackhide__ = True
+    watched = watching.watched()
+    if watched.verdict.outcome is not Outcome.HEALTHY:
+        _fail(watched, f"{watched.log.path.name}: {verdict_text(watched)} (allowed: nothing found)")
+
+
+def hold_found(watching: Watching, *, sensor: str, from_s: float, within_s: float) -> None:
+    """Fail unless a sensor failed from a time on, and no other did."""
+    __tracebackhide__ = True
+    from_s, within_s = number("from_s", from_s), number("within_s", within_s, 0.0)
+    watched = watching.watched()
+    timeline = watched.verdict.timeline
+    if sensor not in timeline.sensors:
+        raise InputError(f"{watched.log.path}: nothing judges '{sensor}'; there are {', '.join(timeline.sensors)}")
+    failed = timeline.of(sensor, State.FAILED)
+    complaints = [] if any(_begins(span, from_s, within_s) for span in failed) else [_missed(failed)]
+    others = [name for name, _ in watched.verdict.failed if name != sensor]
+    if others:
+        complaints.append(f"{', '.join(dict.fromkeys(others))} failed, too")
+    if complaints:
+        allowed = f"{sensor} failed from {from_s:g} s on, give or take {within_s:g} s, and nothing else"
+        said = f"{'; '.join(complaints)} (allowed: {allowed})"
+        _fail(watched, f"{watched.log.path.name}: {said}. {verdict_text(watched)}")
+
+
+def _begins(span: SensorSpan, from_s: float, within_s: float) -> bool:
+    return abs(span.start_s - from_s) <= within_s
+
+
+def _missed(failed: Sequence[SensorSpan]) -> str:
+    if not failed:
+        return "no failure was found"
+    return f"the failure begins at {', '.join(f'{span.start_s:.2f} s' for span in failed)}"
+
+
+def _mapping_of(log: FlightLog) -> tuple[str, ...]:
+    """Return how an opened log's columns were read, as ``--map`` says it; computed ones are computed again."""
+    columns = {column.name for column in log_columns(log.path)}
+    return tuple(f"{source.channel}={source.typed}" for source in log.sources if source.column in columns)
+
+
+def _fail(watched: WatchedLog, said: str) -> NoReturn:
+    __tracebackhide__ = True
+
+    def write(path: Path) -> None:
+        from gtmbench.report.recording.write import write_log_recording
+
+        write_log_recording(watched, path)
+
+    raise AssertionError(f"{said} {artefacts().record(write)}")
