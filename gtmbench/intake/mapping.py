@@ -26,6 +26,7 @@ NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
+_HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
 _FIRST = re.compile(r"[_\[#]0\]?$")  # of several sensors, as converters number their messages: IMU_0, IMU[0]
 
 
@@ -75,6 +76,9 @@ class Chosen:
         """Bring the next of the column's values to the channel's unit, in place; return which are out of range."""
         if self.factor != 1.0:
             values *= self.factor
+        if self.channel in ATTITUDE[:2]:  # some loggers count them from 0 to 360
+            over = (np.abs(values) > _HALF_TURN_DEG) & (np.abs(values) <= _TURN_DEG)
+            values[over] -= np.copysign(_TURN_DEG, values[over])
         rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
         outside = values[rows]
         values[rows] = np.nan
