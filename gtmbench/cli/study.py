@@ -252,23 +252,27 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 @click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
-    """Open a recording (.rrd), or the one in a folder, in the rerun viewer."""
+    """Open a recording (.rrd), or the one in a folder, in the rerun viewer.
+
+    rerun's usage statistics are turned off first, for this user.
+    """
     from gtmbench.report.recording.read import check_recording, recording_in
-    from gtmbench.report.viewer import viewer_command
+    from gtmbench.report.viewer import viewer_command, without_analytics
 
     recording = recording_in(recording)
     check_recording(recording)
     if not web:
         check_screen("--web")
     command = viewer_command([str(recording), *(["--web-viewer"] if web else [])])
-    verdict = f"Showing {recording} in the rerun viewer."
+    verdict, statistics = f"Showing {recording} in the rerun viewer.", without_analytics()
     if not (as_json or quiet):
         echo(verdict)
+        echo(statistics)
     ended = subprocess.run(command, capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
-        print_json(envelope("view", verdict, {"recording": str(recording)}))
+        print_json(envelope("view", verdict, {"recording": str(recording), "statistics": statistics}))
 
 
 @click.command("new")

@@ -32,7 +32,10 @@ def finest_of_alike(columns: Sequence[Column]) -> Column | None:
     >>> finest_of_alike([columns[1], (RawSeries(name="t", load=lambda: 200 * steps), columns[1][1])]) is None
     True
     """
-    alike = list({series.name: (series, meaning) for series, meaning in reversed(columns)}.values())[::-1]
+    by_name: dict[str, Column] = {}
+    for series, meaning in columns:
+        by_name.setdefault(series.name, (series, meaning))
+    alike = list(by_name.values())
     if len(alike) < 2 or len({series.clock for series, _ in alike}) > 1:
         return None
     seconds = [_seconds(*column) for column in alike]
@@ -61,13 +64,15 @@ def _seconds(series: RawSeries, meaning: Meaning) -> FloatArray:
 
 def _is_orderly(seconds: FloatArray) -> bool:
     there = seconds[np.isfinite(seconds)]
-    return len(there) > 1 and np.ptp(there) > 0.0 and float(np.mean(np.diff(there) >= 0.0)) >= _ORDERLY
+    return len(there) > 1 and float(np.ptp(there)) > 0.0 and float(np.mean(np.diff(there) >= 0.0)) >= _ORDERLY
 
 
 def _agree(one: FloatArray, other: FloatArray) -> bool:
     there = np.isfinite(one) & np.isfinite(other)
-    apart = np.abs((one - one[there][0]) - (other - other[there][0]))[there] if there.any() else np.array([np.inf])
-    return bool(np.all(apart <= _APART_S + _DRIFT * np.abs(one[there] - one[there][0]))) if there.any() else False
+    if not there.any():
+        return False
+    since, others = one[there] - one[there][0], other[there] - other[there][0]
+    return bool(np.all(np.abs(since - others) <= _APART_S + _DRIFT * np.abs(since)))
 
 
 def _fineness(seconds: FloatArray) -> tuple[float, float]:

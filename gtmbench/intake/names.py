@@ -251,7 +251,7 @@ def _by_channels(series: Sequence[RawSeries]) -> list[Triple]:
         if each.meaning is None and (channel := guess(each.name, each.unit).channel):
             named.setdefault((each.clock, channel), []).append(each)
     only = {key: columns[0] for key, columns in named.items() if len(columns) == 1}
-    made = []
+    made: list[Triple] = []
     for clock in dict.fromkeys(clock for clock, _ in only):
         for kind, channels in (("rate", GYROS), ("angle", ATTITUDE), ("angle", ATTITUDE[:2])):
             axes = tuple(only[clock, channel] for channel in channels if (clock, channel) in only)

@@ -219,7 +219,7 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     units, shown = _angle_units(angles, motion.angles, angle_unit)
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
     axes = len(angles.series)
-    felt = _axes_felt(raw, gyros)
+    felt = None if gyros.is_reordered else _axes_felt(raw, gyros)
     for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=axes))):
         known = unit(named)
         turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
@@ -287,7 +287,7 @@ def _spread(time_s: FloatArray) -> FloatArray:
     if len(steps) < _FEWEST or not np.all(steps >= 0.0) or np.mean(steps == 0.0) < _SHARED:
         return time_s
     rows = np.append(0, np.flatnonzero(steps > 0.0) + 1)
-    return np.interp(np.arange(len(time_s)), rows, time_s[rows])
+    return np.asarray(np.interp(np.arange(len(time_s)), rows, time_s[rows]))
 
 
 def _angle_units(angles: Triple, values: FloatArray, told: str) -> tuple[list[str], str]:

@@ -237,7 +237,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
         return found
     if looks:
         raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
-    rising = measured or [(each, found) for each in raw.series if (found := rises_evenly(each))]
+    rising = measured or [(each, meaning) for each in raw.series if (meaning := rises_evenly(each)) is not None]
     found = rising[0] if len(rising) == 1 else finest_of_alike(rising)
     if found is not None:
         return found

@@ -20,7 +20,9 @@ _FIRST = 20  # cells by which a column is known
 _DAY_NS, _HOUR_NS, _MINUTE_NS, _S_NS = (round(1e9 * s) for s in (86400, 3600, 60, 1))
 _HALF_NS = 12 * _HOUR_NS
 _EPOCH = date(1970, 1, 1).toordinal()
-_DATE = r"(?P<one>\d{1,4})(?P<mark>[-./])(?P<two>\d{1,2})(?P=mark)(?P<three>\d{1,4})"
+_DATE = (
+    r"(?=\d{4}|\d{1,2}[-./]\d{1,2}[-./]\d\d)(?P<one>\d{1,4})(?P<mark>[-./])(?P<two>\d{1,2})(?P=mark)(?P<three>\d{1,4})"
+)
 _CLOCK = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?P<f>[.,:]\d{1,9})?"
 _TEXT = re.compile(
     rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,\s]\s*|$))?"
@@ -200,7 +202,8 @@ def _run_on(clocks: NDArray[np.int64], known: Sequence[re.Match[str]]) -> NDArra
         back = np.diff(clocks).min(initial=0)
         period = _HALF_NS if -_HALF_NS <= back < -_HALF_NS // 2 else period
     over = np.diff(clocks) < -(period // 2)
-    return clocks + period * np.concatenate([[0], np.cumsum(over)])
+    turns = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(over, dtype=np.int64)])
+    return np.asarray(clocks + period * turns, dtype=np.int64)
 
 
 def _days(known: Sequence[re.Match[str]]) -> tuple[NDArray[np.int64], str]:
