@@ -17,7 +17,7 @@ from itertools import islice, permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.gyro_range import unit_by_range
+from gtmbench.intake.gyro_range import hardly_moves_in_deg_s, only_deg_s
 from gtmbench.intake.names import Triple, guess, triples, unnamed_rates
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -122,17 +122,11 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     if not fits:
         return NOTHING
     best = min(fits, key=lambda fit: fit.score)
-    pairs = {fit.units for fit in fits}
-    if not best.evidence and len(pairs) == 1 and best.units[1] in _FINE_UNITS:
-        fits = [replace(fit, evidence="the gyros, in no other unit beside them") for fit in fits]
-        best = min(fits, key=lambda fit: fit.score)
     if not best.evidence:
-        ranged = unit_by_range(best.gyros.series)
-        told = [replace(fit, evidence=ranged[1]) for fit in fits if ranged is not None and fit.units[0] == ranged[0]]
-        if not told:
+        fits = list(_by_scale(fits))
+        if not fits:
             why = "gyros and attitude fit each other in rad and in deg, and neither gravity nor a climb shows which"
             return Found(meanings={}, why_not=f"{why}: --units rad or --units deg")
-        fits = told
         best = min(fits, key=lambda fit: fit.score)
     alike = [fit for fit in fits if fit is not best and fit.score < best.score + _ALIKE]
     if alike:
@@ -142,18 +136,33 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     return Found(meanings={name: meaning for name, meaning in best.meanings.items() if name not in settled})
 
 
+def _by_scale(fits: Sequence[_Fit]) -> Iterator[_Fit]:
+    """Give those of some fits whose units the size of what gyros and angles read allows, with what shows it."""
+    pairs = {fit.units for fit in fits}
+    for fit in fits:
+        evidence = ""
+        if fit.units[0] == "deg/s":
+            evidence = only_deg_s(fit.gyros.series)
+        elif len(pairs) == 1:
+            own = hardly_moves_in_deg_s(fit.gyros.series) if fit.units == ("rad/s", "rad") else ""
+            evidence = "the gyros, in no other unit beside them" if fit.units[1] in _FINE_UNITS else own
+        if evidence:
+            yield replace(fit, evidence=evidence)
+
+
 def _alone(gyros: Sequence[Triple], known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str) -> Found:
     """Return what gyros are that no attitude is beside: their unit by how fast they turn, their axes as named."""
     exact = [triple for triple in gyros if triple.is_exact] or gyros
     if set(GYROS) & set(known) or len(exact) > 1:
         return NOTHING
     (only,) = exact
-    ranged = (f"{angle_unit}/s", "the unit that is told") if angle_unit else None
-    ranged = (only.stated, "its unit and order") if only.stated else ranged or unit_by_range(only.series)
-    if ranged is None:
+    if only.stated or angle_unit:
+        unit_told, why = only.stated or f"{angle_unit}/s", "its unit and order"
+    else:
+        unit_told, why = "deg/s", only_deg_s(only.series)
+    if not why:
         names = ", ".join(series.name for series in only.series)
         return Found(meanings={}, why_not=f"{names} may be in rad/s or in deg/s: --units rad or --units deg")
-    unit_told, why = ranged
     return Found(
         meanings={
             series.name: Meaning(channel=channel, unit=unit_told, guessed=why)

@@ -105,7 +105,8 @@ ODD = {
     "MATLAB's seconds": lambda t: {"Time": [f"{s:.2f} sec" for s in t.time_s], **frame(t, GX, RAD, 1.0)},
     "days of a spreadsheet": lambda t: {"Date/Time": 46_146.4309 + t.time_s / 86_400.0, **frame(t, GX)},
     "hundredths of a degree": lambda t: {"time_us": numbered(t, 1e6, 10_000_000), **frame(t, GX, RAD, 100.0)},
-    "rad, and gyros alone": lambda t: {"t": t.time_s, **frame(t, ("gx", "gy", "gz"), RAD)},
+    "rad, with an attitude that is too calm in deg": lambda t: {"t": t.time_s, **frame(t, GX, RAD, RAD)},
+    "deg, and gyros alone": lambda t: {"t": t.time_s, **frame(t, ("gx", "gy", "gz"))},
 }
 
 
@@ -151,14 +152,14 @@ def test_dates_in_a_workbook_are_its_time(tmp_path, truth):
 
 
 def test_a_guess_is_told_with_what_shows_it(tmp_path, truth):
-    log = gb.open_log(saved(ODD["rad, and gyros alone"](truth), tmp_path / "log.csv"))
-    assert {source.unit for source in log.sources if source.channel in GYROS} == {"rad/s"}
+    log = gb.open_log(saved(ODD["deg, and gyros alone"](truth), tmp_path / "log.csv"))
+    assert {source.unit for source in log.sources if source.channel in GYROS} == {"deg/s"}
     assert all("readings up to" in source.guessed for source in log.sources if source.channel in GYROS)
 
 
-@pytest.mark.parametrize("factor", [0.2, 0.003])
+@pytest.mark.parametrize("factor", [0.2, RAD, 0.003])
 def test_what_rad_and_deg_both_allow_is_asked_for_by_one_option(tmp_path, truth, factor):
-    """Readings up to 10 may be a calm flight in deg/s or a wild one in rad/s; up to 0.15 a rest or a calm flight."""
+    """Readings up to 10 may be a calm flight in deg/s or a wild one in rad/s; up to 1 a rest or a flight."""
     path = saved({"t": truth.time_s, **frame(truth, ("gx", "gy", "gz"), factor)}, tmp_path / "log.csv")
     with pytest.raises(gb.InputError, match="gx, gy, gz may be in rad/s or in deg/s: --units rad or --units deg"):
         gb.open_log(path, needs=GYROS)
@@ -190,6 +191,6 @@ def test_swapped_axes_are_never_read_left_handed(tmp_path, truth):
 
 
 def test_gyros_alone_are_watched_and_never_accused_where_they_are_healthy(tmp_path, truth):
-    watched = gb.watch_log(saved(ODD["rad, and gyros alone"](truth), tmp_path / "log.csv"), "auto")
+    watched = gb.watch_log(saved(ODD["deg, and gyros alone"](truth), tmp_path / "log.csv"), "auto")
     assert watched.verdict.exit_code in (0, 3)
     assert set(GYROS) <= set(watched.verdict.timeline.sensors)

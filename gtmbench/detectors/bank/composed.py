@@ -9,7 +9,7 @@ from functools import cache
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, load_bank
 from gtmbench.errors import InputError
-from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
+from gtmbench.values.channels import GYROS, SENSORS
 
 AUTO = "auto"
 _FROM = ("C", "B")  # the better relations first
@@ -40,13 +40,9 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     'p and q from phi, psi and theta, as bank C'
     >>> composed_bank(["phi", "theta", "p", "q", "r"]).suspects
     ('p', 'q', 'r', 'phi', 'theta')
-    >>> composed_bank(["p", "q", "r"]).residuals[1].inputs  # gyros alone
-    ('p', 'r')
     """
     there = set(channels)
     taken = [found for gyro in GYROS if (found := _relation(gyro, there)) is not None]
-    if not taken and set(GYROS) <= there and not set(ATTITUDE[:2]) <= there:
-        return _between_gyros()
     if not taken:
         raise InputError(_nothing(there))
     specs = tuple(spec for _, spec in taken)
@@ -66,10 +62,15 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
 
 
 @cache
-def _between_gyros() -> Bank:
+def bank_of_gyros() -> Bank:
     """Return the bank of a log of gyros alone: each from the two others, by an operator that is identified on the log.
 
     No kinematics predict a gyro from others: only what an aircraft does alike again and again is predicted.
+
+    Examples
+    --------
+    >>> [(spec.output, spec.inputs) for spec in bank_of_gyros().residuals][0]
+    ('p', ('q', 'r'))
     """
     look = {"look_back_s": _LOOK_S, "look_ahead_s": _LOOK_S}
     table = {
