@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -46,6 +48,20 @@ class Chosen:
         return 0.0 if self.meaning is None else self.meaning.late_s
 
     @property
+    def _turn_deg(self) -> float:
+        return math.copysign(_TURN_DEG, self.factor)
+
+    @cached_property
+    def _runs_from_zero(self) -> bool:
+        """Whether it is a bank or a pitch that is counted from 0 to 360 deg, as some loggers do."""
+        if self.channel not in ATTITUDE[:2]:
+            return False
+        values = self.series.values() * abs(self.factor)
+        return bool(
+            np.nanmin(values, initial=0.0) >= 0.0 and _HALF_TURN_DEG < np.nanmax(values, initial=0.0) <= _TURN_DEG
+        )
+
+    @property
     def source(self) -> Source:
         """Which column it is, and how it is read."""
         meaning = self.meaning or Meaning(channel=self.channel, unit="")
@@ -76,9 +92,8 @@ class Chosen:
         """Bring the next of the column's values to the channel's unit, in place; return which are out of range."""
         if self.factor != 1.0:
             values *= self.factor
-        if self.channel in ATTITUDE[:2]:  # some loggers count them from 0 to 360
-            over = (np.abs(values) > _HALF_TURN_DEG) & (np.abs(values) <= _TURN_DEG)
-            values[over] -= np.copysign(_TURN_DEG, values[over])
+        if self._runs_from_zero:
+            values[np.abs(values) > _HALF_TURN_DEG] -= self._turn_deg
         rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
         outside = values[rows]
         values[rows] = np.nan

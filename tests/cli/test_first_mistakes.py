@@ -86,7 +86,9 @@ FILES = {
     "ms.csv": lambda: scaled(0, 1e3),
     "us.csv": lambda: scaled(0, 1e6),
     "stamp.csv": lambda: scaled(0, 1e6, head=HEAD.replace("time_s", "timestamp")),
-    "two_times.csv": lambda: text(flight()[:, [0, *range(7)]], head="t_s,timestamp_s," + HEAD.removeprefix("time_s,")),
+    "two_times.csv": lambda: text(
+        flight()[:, [0, *range(7)]] * [1, 2, *6 * [1]], head="t_s,timestamp_s," + HEAD.removeprefix("time_s,")
+    ),
     "words.csv": with_words,
     "comma.csv": lambda: text(decimal=","),
     "german.csv": lambda: text(separator=";", decimal=","),
