@@ -272,7 +272,7 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")
     if as_json:
-        print_json(envelope("view", verdict, {"recording": str(recording), "statistics": statistics}))
+        print_json(envelope("view", verdict, {"recording": str(recording)}))
 
 
 @click.command("new")

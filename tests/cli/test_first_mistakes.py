@@ -75,7 +75,7 @@ FILES = {
     "flights/day2.csv": text,
     "notes/readme.md": lambda: "x",
     "bare.csv": lambda: text(head=BARE),
-    "small.csv": lambda: scaled(MOTION, np.pi / 180.0, head=BARE),
+    "small.csv": lambda: text(flight()[:, :4] * [1, *3 * [np.pi / 180.0]], head=BARE.removesuffix(",roll,pitch,yaw")),
     "letters.csv": lambda: text(head="time_s,a,b,c,d,e,f"),
     "slow.csv": lambda: text(flight()[::25]),
     "shuffled.csv": lambda: text(np.random.default_rng(1).permutation(flight())),
@@ -288,10 +288,10 @@ MISTAKES = [
         "two_times.csv: columns 't_s' and 'timestamp_s' ... choose: --map time=t_s:s",
     ),
     # columns and their units
-    ("monitor small.csv", f"small.csv can't be watched yet: {UNITS}, ... --map psi=yaw:rad or :deg"),
+    ("monitor small.csv", f"small.csv can't be watched yet: {UNITS}, ... --map r=gyro_z:rad/s or :deg/s"),
     (
         "monitor small.csv --identify 0:30",
-        "small.csv: no channels ...: gyros and attitude fit each other in rad and in deg, ...: --units rad or ...",
+        "small.csv: no channels ...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or --units deg; ...",
     ),
     (
         "monitor letters.csv --identify 0:30",
