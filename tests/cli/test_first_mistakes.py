@@ -291,7 +291,7 @@ MISTAKES = [
     ("monitor small.csv", f"small.csv can't be watched yet: {UNITS}, ... --map r=gyro_z:rad/s or :deg/s"),
     (
         "monitor small.csv --identify 0:30",
-        "small.csv: no channels ...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or --units deg; ...",
+        "small.csv: no channels ...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or ...",
     ),
     (
         "monitor letters.csv --identify 0:30",
