@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test verdicts nightly lint docs bench experiments export-check release clean
+.PHONY: run check test verdicts nightly lint docs pictures bench experiments export-check release clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -35,6 +35,9 @@ lint: .venv/ready ## style, types, layers
 
 docs: .venv/ready ## the documentation, into out/docs (open out/docs/index.html); no network, a warning is an error
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m sphinx -a -W --keep-going -q -b html -d out/doctrees docs out/docs
+
+pictures: .venv/ready ## the pictures of README, site and guides, drawn anew; a few minutes
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python experiments/pictures.py
 
 experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in docs/reference/dissertation.md
 	$(BIN)/python experiments

@@ -275,19 +275,22 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Show a recording, or the one in a folder, in the rerun viewer: the flight in 3-D, its readings and verdicts.
 
+    rerun's usage statistics are turned off first, for this user.
+
     Example: gtmbench view first
     """
     from gtmbench.report.recording.read import check_recording, recording_in
-    from gtmbench.report.viewer import viewer_command
+    from gtmbench.report.viewer import viewer_command, without_analytics
 
     recording = recording_in(recording)
     check_recording(recording)
     if not web:
         check_screen("--web")
     command = viewer_command([str(recording), *(["--web-viewer"] if web else [])])
-    verdict = f"Showing {recording} in the rerun viewer."
+    verdict, statistics = f"Showing {recording} in the rerun viewer.", without_analytics()
     if not (as_json or quiet):
         echo(verdict)
+        echo(statistics)
     ended = subprocess.run(command, capture_output=as_json or quiet, check=False).returncode
     if ended:
         raise InputError(f"the rerun viewer ended with code {ended}; try --web")

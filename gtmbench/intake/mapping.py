@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -26,6 +28,7 @@ NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
+_HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
 _FIRST = re.compile(r"[_\[#]0\]?$")  # of several sensors, as converters number their messages: IMU_0, IMU[0]
 
 
@@ -43,6 +46,20 @@ class Chosen:
     def late_s(self) -> float:
         """By how many seconds its stamps are late."""
         return 0.0 if self.meaning is None else self.meaning.late_s
+
+    @property
+    def _turn_deg(self) -> float:
+        return math.copysign(_TURN_DEG, self.factor)
+
+    @cached_property
+    def _runs_from_zero(self) -> bool:
+        """Whether it is a bank or a pitch that is counted from 0 to 360 deg, as some loggers do."""
+        if self.channel not in ATTITUDE[:2]:
+            return False
+        values = self.series.values() * abs(self.factor)
+        return bool(
+            np.nanmin(values, initial=0.0) >= 0.0 and _HALF_TURN_DEG < np.nanmax(values, initial=0.0) <= _TURN_DEG
+        )
 
     @property
     def source(self) -> Source:
@@ -75,6 +92,8 @@ class Chosen:
         """Bring the next of the column's values to the channel's unit, in place; return which are out of range."""
         if self.factor != 1.0:
             values *= self.factor
+        if self._runs_from_zero:
+            values[np.abs(values) > _HALF_TURN_DEG] -= self._turn_deg
         rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
         outside = values[rows]
         values[rows] = np.nan

@@ -10,7 +10,7 @@ from itertools import groupby
 
 from gtmbench.intake.formats.raw import Meaning, RawSeries
 from gtmbench.intake.units import dimension_of, hint, unit
-from gtmbench.values.channels import ACCELEROMETERS, CHANNEL_OF_HEADER, GYROS
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNEL_OF_HEADER, GYROS
 
 # lower case, letters and digits only; "-" turns the sign: a body's z axis points down
 _NAMES = {
@@ -19,7 +19,7 @@ _NAMES = {
     "r": "r yawrate yawspeed gyroz gyrz gyroscopez gz wz omegaz angularratez rbody",
     "phi": "phi roll rollangle bank bankangle",
     "theta": "theta the pitch pitchangle pitchattitude",
-    "psi": "psi yaw yawangle heading hdg trueheading headingtrue",
+    "psi": "psi yaw yawangle heading hdg trueheading headingtrue hding hdingtrue azimuth",
     "alpha": "alpha aoa angleofattack",
     "beta": "beta aos ssa sideslip sideslipangle angleofsideslip",
     "nx": "nx ax accx accelx accelerationx accelerometerx xaccel axbody",
@@ -93,6 +93,9 @@ def stated_unit(header: str, unit_beside: str = "") -> tuple[str, str]:
         return header, unit_beside
     bracketed = _BRACKETS.match(header)
     if bracketed and bracketed["base"]:
+        words, _, last = bracketed["unit"].strip().rpartition(" ")
+        if words and unit(bracketed["unit"]) is None and unit(last) is not None:  # ORIENTATION X (pitch °)
+            return f"{bracketed['base']} {words}", last
         return bracketed["base"], bracketed["unit"].strip()
     # TimeUS and RollDeg are written without a line between
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header)
@@ -142,6 +145,8 @@ def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:
     known = unit(stated) if stated else None
     if known is not None and known.dimension == dimension_of(channel):
         return Guess(channel=channel, meaning=Meaning(channel=channel, unit=stated, sign=sign))
+    if known is not None and channel == "time":
+        return Guess()  # T in degrees is a temperature
     said = f"states '{stated}', not a unit of {dimension_of(channel)} that is known" if stated else "states no unit"
     return Guess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
 
@@ -171,13 +176,15 @@ class Triple:
     kind : str
         ``rate``, ``angle``, ``acceleration``.
     series : tuple of RawSeries
-        About, or along, x, y and z.
+        About, or along, x, y and z; of an attitude without a heading two.
     meanings : tuple of Meaning
         What they are, where that is settled.
     is_exact : bool
         Whether all three names are known as they are, not by parts.
     is_reordered : bool
         Whether they stand in another order than their names say.
+    handed : float
+        -1 where that order makes left-handed axes of right-handed ones.
     """
 
     kind: str
@@ -185,6 +192,7 @@ class Triple:
     meanings: tuple[Meaning, ...] = ()
     is_exact: bool = True
     is_reordered: bool = False
+    handed: float = 1.0
 
     @property
     def clock(self) -> str:
@@ -208,7 +216,7 @@ class Triple:
 
 
 _DIMENSIONS = {"rate": "angular rate", "angle": "angle", "acceleration": "acceleration"}
-_AXES = ("roll|phi|bank", "pitch|theta", "yaw|psi|heading|hdg")
+_AXES = ("roll|phi|bank", "pitch|theta", "yaw|psi|heading|hdg|azimuth")
 _AXIS = re.compile(rf"(?P<word>{'|'.join(_AXES)})|(?P<letter>[xyzpqr])$|\[(?P<place>[012])\]$")
 _RATES = re.compile(r"gyr|omega|pqr|rate|rot|ang[a-z]*_?vel|\*_?(speed|dot|vel|d)$|(^|[^a-z])(w|av)(_|$|\*)|^\*$")
 _ANGLES = re.compile(r"(^|[^a-z])(att|euler|rpy|angle|ori|eul)")
@@ -225,13 +233,31 @@ def triples(series: Sequence[RawSeries]) -> list[Triple]:
         if named is not None:
             kind, axis, stem = named
             found.setdefault((each.clock, kind, stem), {})[axis] = each
-    return [
+    made = [
         Triple(
             kind=kind, series=(axes[0], axes[1], axes[2]), meanings=_meanings(axes), is_exact=_is_exact(axes.values())
         )
         for (_, kind, _), axes in found.items()
         if len(axes) == 3
     ]
+    known = {each.series for each in made}
+    return [*made, *(each for each in _by_channels(series) if each.series not in known)]
+
+
+def _by_channels(series: Sequence[RawSeries]) -> list[Triple]:
+    """Return gyros and attitudes whose names are channels', as gx, gy and gz; an attitude may lack its heading."""
+    named: dict[tuple[str, str], list[RawSeries]] = {}
+    for each in series:
+        if each.meaning is None and (channel := guess(each.name, each.unit).channel):
+            named.setdefault((each.clock, channel), []).append(each)
+    only = {key: columns[0] for key, columns in named.items() if len(columns) == 1}
+    made: list[Triple] = []
+    for clock in dict.fromkeys(clock for clock, _ in only):
+        for kind, channels in (("rate", GYROS), ("angle", ATTITUDE), ("angle", ATTITUDE[:2])):
+            axes = tuple(only[clock, channel] for channel in channels if (clock, channel) in only)
+            if len(axes) == len(channels) and not any(set(axes) <= set(each.series) for each in made):
+                made.append(Triple(kind=kind, series=axes))
+    return made
 
 
 def unnamed_rates(series: Sequence[RawSeries]) -> list[Triple]:
@@ -278,6 +304,7 @@ def _as_axis(series: RawSeries) -> tuple[str, int, str] | None:
     else:
         place = int(axis["place"]) if axis["place"] else "xyzpqr".index(axis["letter"]) % 3
     stem = name[: axis.start()] + "*" + name[axis.end() :]
+    stem = re.sub(r"(?<=[\s_])[xyz][\s_]+(?=\*)", "", stem) if axis["word"] else stem
     if axis["letter"] and _QUATERNION.search(stem):
         return None
     if _ACCELERATIONS.search(stem):

@@ -17,12 +17,15 @@ from itertools import islice, permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
+from gtmbench.intake.gyro_range import hardly_moves_in_deg_s, only_deg_s
 from gtmbench.intake.names import Triple, guess, triples, unnamed_rates
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
 _DEG = math.degrees(1.0)
+_FINE_UNITS = ("cdeg", "ddeg", "mdeg")  # of angles that are beyond what deg allows
+_MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 _MOST_TRIPLES = 6
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
@@ -36,6 +39,7 @@ _ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
 _TURN_WITHIN = 0.05  # of a turn
 _WITNESS, _WITNESS_GAIN = 0.6, (0.2, 5.0)  # correlation, and gain, of a witness: rad and deg are 57 apart
 _USUALLY = 99.5  # %
+_SHARED = 0.5  # of the stamps that repeat the one before
 _GAP = 5.0  # usual intervals
 
 
@@ -80,7 +84,7 @@ class _Fit:
             for triple, channels, unit, signs, told in zip(
                 (self.gyros, self.angles), (GYROS, ATTITUDE), self.units, self.signs, why, strict=True
             )
-            for series, channel, sign in zip(triple.series, channels, signs, strict=True)
+            for series, channel, sign in zip(triple.series, channels, signs, strict=False)
         }
 
 
@@ -110,6 +114,8 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
             for fit in _fits(raw, turned, other, angle_unit)
             if fit.share > _LEAST_OF_OTHER_ORDER
         ]
+    if gyros and not angles:
+        return _alone(gyros, known, angle_unit)
     if not fits and gyros and angles:
         names = " and ".join(", ".join(series.name for series in triple.series) for triple in (gyros[0], angles[0]))
         return Found(meanings={}, why_not=f"{names} don't show one motion in any unit, or too little of it")
@@ -117,14 +123,52 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
         return NOTHING
     best = min(fits, key=lambda fit: fit.score)
     if not best.evidence:
-        why = "gyros and attitude fit each other in rad and in deg, and neither gravity nor a climb shows which"
-        return Found(meanings={}, why_not=f"{why}: --units rad or --units deg")
+        fits = list(_by_scale(fits))
+        if not fits:
+            why = "gyros and attitude fit each other in rad and in deg, and neither gravity nor a climb shows which"
+            return Found(meanings={}, why_not=f"{why}: --units rad or --units deg")
+        best = min(fits, key=lambda fit: fit.score)
     alike = [fit for fit in fits if fit is not best and fit.score < best.score + _ALIKE]
     if alike:
         other = min(alike, key=lambda fit: fit.score)
         return Found(meanings={}, why_not=f"two readings fit alike: {typed(best.meanings)}, or {typed(other.meanings)}")
     settled = {series.name for series, _ in known.values()}
     return Found(meanings={name: meaning for name, meaning in best.meanings.items() if name not in settled})
+
+
+def _by_scale(fits: Sequence[_Fit]) -> Iterator[_Fit]:
+    """Give those of some fits whose units the size of what gyros and angles read allows, with what shows it."""
+    pairs = {fit.units for fit in fits}
+    for fit in fits:
+        evidence = ""
+        if fit.units[0] == "deg/s":
+            evidence = only_deg_s(fit.gyros.series)
+        elif len(pairs) == 1:
+            own = hardly_moves_in_deg_s(fit.gyros.series) if fit.units == ("rad/s", "rad") else ""
+            evidence = "the gyros, in no other unit beside them" if fit.units[1] in _FINE_UNITS else own
+        if evidence:
+            yield replace(fit, evidence=evidence)
+
+
+def _alone(gyros: Sequence[Triple], known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str) -> Found:
+    """Return what gyros are that no attitude is beside: their unit by how fast they turn, their axes as named."""
+    exact = [triple for triple in gyros if triple.is_exact] or gyros
+    if set(GYROS) & set(known) or len(exact) > 1:
+        return NOTHING
+    (only,) = exact
+    if only.stated or angle_unit:
+        unit_told, why = only.stated or f"{angle_unit}/s", "its unit and order"
+    else:
+        unit_told, why = "deg/s", only_deg_s(only.series)
+    if not why:
+        names = ", ".join(series.name for series in only.series)
+        return Found(meanings={}, why_not=f"{names} may be in rad/s or in deg/s: --units rad or --units deg")
+    return Found(
+        meanings={
+            series.name: Meaning(channel=channel, unit=unit_told, guessed=why)
+            for series, channel in zip(only.series, GYROS, strict=True)
+        }
+    )
 
 
 def typed(meanings: Mapping[str, Meaning]) -> str:
@@ -147,7 +191,13 @@ def _candidates(
     if set(channels) <= set(known):
         series, meanings = zip(*(known[channel] for channel in channels), strict=True)
         return [Triple(kind=kind, series=series, meanings=meanings)]
-    own = [triple for triple in named if triple.kind == kind]
+    own = [triple for triple in named if triple.kind == kind and len(triple.series) == len(channels)]
+    if not own and kind == "angle":  # without a heading
+        tilt = channels[:2]
+        if set(tilt) <= set(known):
+            series, meanings = zip(*(known[channel] for channel in tilt), strict=True)
+            return [Triple(kind=kind, series=series, meanings=meanings)]
+        own = [triple for triple in named if triple.kind == kind]
     exact = [triple for triple in own if triple.is_exact]
     return (exact if len(exact) == 1 else own)[:_MOST_TRIPLES]
 
@@ -155,8 +205,10 @@ def _candidates(
 def _other_orders(gyros: Triple) -> Iterator[Triple]:
     """Give three columns in every other order of their axes; none where the format documents which is which."""
     if not gyros.meanings:
-        for series in islice(permutations(gyros.series), 1, None):
-            yield replace(gyros, series=series, is_reordered=True)
+        for order in islice(permutations(range(3)), 1, None):
+            handed = float(np.linalg.det(np.eye(3)[list(order)]))
+            series = tuple(gyros.series[place] for place in order)
+            yield replace(gyros, series=series, is_reordered=True, handed=handed)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -175,15 +227,18 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
         return
     units, shown = _angle_units(angles, motion.angles, angle_unit)
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
-    felt = _axes_felt(raw, gyros)
-    for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=3))):
+    axes = len(angles.series)
+    felt = None if gyros.is_reordered else _axes_felt(raw, gyros)
+    for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=axes))):
         known = unit(named)
         turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
-        told = _gains(motion.rates, _smoothed(_body_rates(turned, motion.time_s), motion.time_s))
+        rates = _smoothed(_body_rates(turned, motion.time_s), motion.time_s)
+        told = _gains(motion.rates[:, :axes], rates[:, :axes])
         if told is None:
             continue
         gains, correlations = told
         own = tuple(np.sign(gains).tolist())
+        own = own if axes == len(GYROS) else (*own, own[0] * own[1])  # axes are right-handed
         rate_unit = _rate_unit(gyros, gains)
         if rate_unit is None or (gyros.signs and own != gyros.signs):
             continue
@@ -193,6 +248,7 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
         flips = sum(sign < 0 for sign in (*own, *signs)) if felt is None else 2 * sum(map(operator.ne, own, felt))
+        flips += len(GYROS) * (gyros.is_reordered and math.prod(own) != gyros.handed)
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
         yield _Fit(
             gyros=gyros,
@@ -227,10 +283,20 @@ def _motion(raw: RawLog, gyros: Triple, angles: Triple) -> _Motion | None:
 def _clean(time_s: FloatArray, series: Sequence[RawSeries]) -> tuple[FloatArray, FloatArray]:
     """Return the stamps that rise, and columns there, where all are numbers."""
     values = np.column_stack([each.values() for each in series])
+    time_s = _spread(time_s)
     there = np.isfinite(time_s) & np.isfinite(values).all(axis=1)
     time_s, values = time_s[there], values[there]
     rising = np.diff(np.maximum.accumulate(time_s), prepend=-np.inf) > 0 if len(time_s) else np.zeros(0, dtype=bool)
     return time_s[rising], values[rising]
+
+
+def _spread(time_s: FloatArray) -> FloatArray:
+    """Return stamps that lie evenly between those of whole seconds, where several rows share one."""
+    steps = np.diff(time_s)
+    if len(steps) < _FEWEST or not np.all(steps >= 0.0) or np.mean(steps == 0.0) < _SHARED:
+        return time_s
+    rows = np.append(0, np.flatnonzero(steps > 0.0) + 1)
+    return np.asarray(np.interp(np.arange(len(time_s)), rows, time_s[rows]))
 
 
 def _angle_units(angles: Triple, values: FloatArray, told: str) -> tuple[list[str], str]:
@@ -238,8 +304,12 @@ def _angle_units(angles: Triple, values: FloatArray, told: str) -> tuple[list[st
     if angles.stated or told:
         return [angles.stated or told], "the unit that is stated"
     most = np.percentile(np.abs(values), _USUALLY, axis=0)
+    if any(most > _MOST_DEG[: len(most)]):
+        return list(_FINE_UNITS), ""
     if most[0] > _ROLL_RAD or most[1] > _PITCH_RAD:
         return ["deg"], f"angles up to {max(most[:2]):.3g}"
+    if values.shape[1] < len(ATTITUDE):
+        return ["deg", "rad"], ""
     steps = np.abs(np.diff(values[:, 2]))
     for name, turn in (("deg", 360.0), ("rad", math.tau)):
         jumps = np.abs(steps - turn) < _TURN_WITHIN * turn
@@ -252,8 +322,10 @@ def _body_rates(angles: FloatArray, time_s: FloatArray) -> FloatArray:
     """Return p, q, r over the intervals between angles in deg."""
     steps = np.diff(angles, axis=0)
     steps -= 360.0 * np.rint(steps / 360.0)
-    phi, theta, _ = np.deg2rad(angles[:-1] + 0.5 * steps).T
-    phi_rate, theta_rate, psi_rate = (steps / np.diff(time_s)[:, np.newaxis]).T
+    phi, theta = np.deg2rad(angles[:-1, :2] + 0.5 * steps[:, :2]).T
+    turning = steps / np.diff(time_s)[:, np.newaxis]
+    phi_rate, theta_rate = turning[:, :2].T
+    psi_rate = turning[:, 2] if turning.shape[1] == len(ATTITUDE) else np.zeros(len(turning))  # as if it flew straight
     return np.column_stack(
         [
             phi_rate - psi_rate * np.sin(theta),

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.alike_times import finest_of_alike, stands_mostly
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
 from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
 from gtmbench.intake.names import Guess, is_table_header, stated_unit
@@ -26,6 +27,9 @@ _BEGINNING, _ORDERLY = 10_000, 0.9  # stamps; of their steps
 _UNITS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 _STEPS_S = (0.002, 0.5)  # between a log's samples
 _EPOCH_S = (6.3e8, 2.53e9)  # the years 1990 to 2050, since 1970
+_DAY_S = 86400.0
+_DAY, _SHEET, _MATLAB = "d", 25569.0, 719529.0  # 1970 as spreadsheets and MATLAB count days
+_DAYS = (32874.0, 54789.0), (726834.0, 748750.0)  # the same years
 _COUNTS = re.compile(
     r"(?i)index|count|number|num|seq|frame|sample|packet|^id|_id|lat|lon|alt|dist"
 )  # rise, and aren't times
@@ -100,7 +104,18 @@ def _told_time(raw: RawLog, mapped: str | None) -> _Told:
     if beyond is not None:
         return _in_two_columns(series, *beyond)
     _check_steps(series, stated, per_second)
-    return _Told(columns=(series,), stamps=series.load(), stated=stated, per_second=per_second, guessed=meaning.guessed)
+    stamps, since_s = series.load(), 0.0
+    if meaning.unit == _DAY:
+        first = float(stamps[np.isfinite(stamps)][0])
+        stamps, since_s = stamps - first, (first - (_MATLAB if first > _DAYS[1][0] else _SHEET)) * _DAY_S
+    return _Told(
+        columns=(series,),
+        stamps=stamps,
+        stated=stated,
+        per_second=per_second,
+        guessed=meaning.guessed,
+        since_s=since_s,
+    )
 
 
 def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
@@ -199,33 +214,61 @@ def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _
 def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
     sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
+    named = {series.name for series, _ in sure}
+    in_seconds_now = Meaning(channel="time", unit="s")
+    sure += [(series, in_seconds_now) for series in raw.series if series.was_clock and series.name not in named]
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
     names = _by_lower_name(raw)
-    pairs = [(series, Meaning(channel="time", unit="s")) for series in raw.series if _beyond_seconds(series, names)]
+    pairs = [(series, in_seconds_now) for series in raw.series if _beyond_seconds(series, names)]
     for certain in (exact, pairs, sure):
-        if len(certain) == 1:
+        if len(certain) == 1 and not (certain[0][0].was_clock and stands_mostly(certain[0][0])):
             return certain[0]
     stepped = [(series, meaning) for series, _ in looks if (meaning := by_steps(series)) is not None]
     whole = [each for each in _of_shortest_name(stepped) if _is_whole(each[0])]
     if len(whole) == 1 and not any(_is_whole(series) for series, _ in (*sure, *pairs)):
         return whole[0]  # of every row, where messages with times of their own are joined
+    measured = _measured_evenly(raw)
     if sure or pairs:
-        both = dict.fromkeys(series.name for series, _ in (*sure, *pairs))
-        first = (sure or pairs)[0]
-        named = " and ".join(map(repr, both))
-        raise InputError(f"columns {named} both tell the time; choose: --map time={first[0].name}:{first[1].unit}")
+        return finest_of_alike([*pairs, *sure, *stepped, *measured]) or _only([*pairs, *sure])
     if len(looks) > 1:
         stepped = _of_shortest_name(stepped)
-    if len(stepped) == 1:
-        return stepped[0]
+    found = stepped[0] if len(stepped) == 1 else finest_of_alike(stepped)
+    if found is not None:
+        return found
     if looks:
         raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
-    rising = [] if measured_time(raw) else [(each, found) for each in raw.series if (found := rises_evenly(each))]
-    if len(rising) == 1:
-        return rising[0]
-    measured = measured_time(raw) or [series.name for series, _ in rising]
-    perhaps = f" (perhaps {', '.join(map(repr, measured[:3]))})" if measured else ""
-    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{perhaps}; {there(raw)}")
+    rising = measured or [(each, meaning) for each in raw.series if (meaning := rises_evenly(each)) is not None]
+    found = rising[0] if len(rising) == 1 else finest_of_alike(rising)
+    if found is not None:
+        return found
+    perhaps = measured_time(raw) or [series.name for series, _ in rising]
+    said = f" (perhaps {', '.join(map(repr, perhaps[:3]))})" if perhaps else ""
+    raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{said}; {there(raw)}")
+
+
+def _only(certain: Sequence[tuple[RawSeries, Meaning]]) -> tuple[RawSeries, Meaning]:
+    """Return the one column that tells the time, though it be coarse; of several none."""
+    both = {series.name: meaning for series, meaning in certain}
+    if len(both) == 1:
+        return certain[0]
+    first, meaning = next(iter(both.items()))
+    raise InputError(
+        f"columns {' and '.join(map(repr, both))} both tell the time, and not the same; choose: "
+        f"--map {shlex.quote(f'time={first}:{meaning.unit}')}"
+    )
+
+
+def _measured_evenly(raw: RawLog) -> list[tuple[RawSeries, Meaning]]:
+    """Return the columns that state a unit of time and rise in it as a log's samples do."""
+    found = []
+    for series in raw.series:
+        stated = stated_unit(series.name, series.unit)[1]
+        known = unit(stated) if stated and not _COUNTS.search(series.name) else None
+        if known is not None and known.dimension == "time":
+            step_s = _usual_step(series) / known.factor
+            if _STEPS_S[0] <= step_s <= _STEPS_S[1]:
+                found.append((series, Meaning(channel="time", unit=stated, guessed=f"its steps of {step_s:.3g} s")))
+    return found
 
 
 def _is_whole(series: RawSeries) -> bool:
@@ -263,6 +306,8 @@ def by_steps(series: RawSeries) -> Meaning | None:
     ]
     if len(epochs) == 1 and np.ptp(known) > 0:
         return Meaning(channel="time", unit=epochs[0], guessed="the date that it counts to")
+    if any(low < middle < high for low, high in _DAYS) and _STEPS_S[0] <= usual * _DAY_S <= _STEPS_S[1]:
+        return Meaning(channel="time", unit=_DAY, guessed="the date that its days count to")
     fits = [name for name, per_second in _UNITS.items() if _STEPS_S[0] <= usual / per_second <= _STEPS_S[1]]
     return Meaning(channel="time", unit=fits[0], guessed=f"its steps of {usual:.6g}") if len(fits) == 1 else None
 

@@ -32,7 +32,16 @@ _UNITS: dict[str, tuple[str, dict[str, float]]] = {
     ),
     "angle": (
         "deg",
-        {"deg": 1.0, "degheading": 1.0, "rad": _DEG, "mrad": _DEG / 1e3, "cdeg": 0.01, "mdeg": 1e-3, THROW: 45.0},
+        {
+            "deg": 1.0,
+            "degheading": 1.0,
+            "rad": _DEG,
+            "mrad": _DEG / 1e3,
+            "ddeg": 0.1,
+            "cdeg": 0.01,
+            "mdeg": 1e-3,
+            THROW: 45.0,
+        },
     ),
     "acceleration": (
         "g",
@@ -49,7 +58,10 @@ _UNITS: dict[str, tuple[str, dict[str, float]]] = {
     ),
     "length": ("ft", {"ft": 1.0, "m": 1 / _FT, "km": 1e3 / _FT, "cm": 0.01 / _FT, "mm": 1e-3 / _FT}),
     "share": ("%", {"%": 1.0, "percent": 1.0, "pct": 1.0, "norm": 100.0}),
-    "time": ("s", {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}),  # how many are a second: a division is exact
+    "time": (
+        "s",
+        {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9, "d": 1 / 86400.0},
+    ),  # how many are a second: a division is exact
 }
 _BY_SPELLING = {
     spelling: (dimension, factor) for dimension, (_, units) in _UNITS.items() for spelling, factor in units.items()
@@ -68,6 +80,7 @@ _WORDS = (
     (r"microseconds?|usecs?\b", "us"),
     (r"nanoseconds?|nsecs?\b", "ns"),
     (r"seconds?|secs?\b", "s"),
+    (r"^days?$", "d"),
     (r"metres?|meters?", "m"),
     (r"feet|foot", "ft"),
 )

@@ -17,9 +17,22 @@ _MEMORY = "25%"  # of what it keeps of a flight that goes on: the oldest is drop
 
 
 def viewer_command(options: Sequence[str]) -> list[str]:
-    """Return the command line of a viewer: ``python -m rerun_cli`` ends with code 0 whatever happened."""
-    run = "import sys; from rerun_cli.__main__ import main; sys.exit(main())"
-    return [sys.executable, "-c", run, *options, "--bind", "127.0.0.1"]
+    """Return the command line of a viewer."""
+    return _rerun(*options, "--bind", "127.0.0.1")
+
+
+def without_analytics() -> str:
+    """Turn off that rerun sends statistics of its use, for this user, and return what there is to say of it."""
+    with suppress(OSError, subprocess.TimeoutExpired):
+        ended = subprocess.run(_rerun("analytics", "disable"), capture_output=True, timeout=_OPENS_S, check=False)
+        if ended.returncode == 0:
+            return "rerun sends no usage statistics: they are turned off (rerun analytics enable: on again)"
+    return "rerun's usage statistics couldn't be turned off; try: rerun analytics disable"
+
+
+def _rerun(*options: str) -> list[str]:
+    """Return a command line of rerun: ``python -m rerun_cli`` ends with code 0 whatever happened."""
+    return [sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())", *options]
 
 
 def opened_viewer() -> str:
@@ -33,6 +46,7 @@ def opened_viewer() -> str:
     address = f"rerun+http://127.0.0.1:{_PORT}/proxy"
     if _listens():
         return address
+    without_analytics()
     command = viewer_command(["--port", str(_PORT), "--memory-limit", _MEMORY, "--hide-welcome-screen"])
     quiet = subprocess.DEVNULL
     viewer = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet, start_new_session=True)

@@ -75,7 +75,7 @@ FILES = {
     "flights/day2.csv": text,
     "notes/readme.md": lambda: "x",
     "bare.csv": lambda: text(head=BARE),
-    "small.csv": lambda: scaled(MOTION, np.pi / 180.0, head=BARE),
+    "small.csv": lambda: text(flight()[:, :4] * [1, *3 * [np.pi / 180.0]], head=BARE.removesuffix(",roll,pitch,yaw")),
     "letters.csv": lambda: text(head="time_s,a,b,c,d,e,f"),
     "slow.csv": lambda: text(flight()[::25]),
     "shuffled.csv": lambda: text(np.random.default_rng(1).permutation(flight())),
@@ -86,7 +86,9 @@ FILES = {
     "ms.csv": lambda: scaled(0, 1e3),
     "us.csv": lambda: scaled(0, 1e6),
     "stamp.csv": lambda: scaled(0, 1e6, head=HEAD.replace("time_s", "timestamp")),
-    "two_times.csv": lambda: text(flight()[:, [0, *range(7)]], head="t_s,timestamp_s," + HEAD.removeprefix("time_s,")),
+    "two_times.csv": lambda: text(
+        flight()[:, [0, *range(7)]] * [1, 2, *6 * [1]], head="t_s,timestamp_s," + HEAD.removeprefix("time_s,")
+    ),
     "words.csv": with_words,
     "comma.csv": lambda: text(decimal=","),
     "german.csv": lambda: text(separator=";", decimal=","),
@@ -286,7 +288,7 @@ MISTAKES = [
     # columns and their units
     (
         "monitor small.csv --healthy 0:30",
-        "small.csv: no channels ...: gyros and attitude fit each other in rad and in deg, ...: --units rad or ...",
+        "small.csv: no channels ...: gyro_x, gyro_y, gyro_z may be in rad/s or in deg/s: --units rad or ...",
     ),
     (
         "monitor letters.csv --healthy 0:30",

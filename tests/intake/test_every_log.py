@@ -59,13 +59,13 @@ SCALES = {"rad": 1.0, "deg": 180.0 / np.pi}
 @pytest.mark.parametrize("units", SCALES)
 def test_a_common_scale_needs_somebodys_word(tmp_path, units):
     table = makers.flight(60.0)
-    small = {"time_s": table.time_s} | {name: 0.02 * table[name] for name in CHANNELS}
+    small = {"time_s": table.time_s} | {name: 0.12 * table[name] for name in CHANNELS}
     path = tmp_path / "small.csv"
     pd.DataFrame(small).to_csv(path, index=False)
     with pytest.raises(gb.InputError, match=r"fit each other in rad and in deg, .*: --units rad or --units deg"):
         gb.open_log(path, needs=CHANNELS)
     log = gb.open_log(path, needs=CHANNELS, mapping=[f"units={units}"])
-    factor = 0.02 if units == "deg" else 0.02 / makers.RAD
+    factor = 0.12 if units == "deg" else 0.12 / makers.RAD
     assert np.abs(log.segments[0]["q"] - factor * table.q).max() < 1e-9
 
 

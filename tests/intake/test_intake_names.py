@@ -206,14 +206,19 @@ def test_a_time_that_is_in_doubt_isnt_taken(tmp_path, header, message):
         gb.open_log(path)
 
 
-def test_two_columns_that_tell_the_time_are_one_too_many(tmp_path):
+def test_of_columns_that_tell_one_time_the_finest_is_taken_and_told(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text(
-        "time_ms,gps_s,t_s,p_deg_s\n" + "".join(f"{10 * k},{k / 100},{k / 100},{k % 7}\n" for k in range(500))
-    )
-    with pytest.raises(gb.InputError, match="'time_ms' and 't_s' both tell the time; choose: --map time=time_ms:ms"):
-        gb.open_log(path)
-    assert gb.open_log(path, mapping=["time=t_s"]).segments[0].sample_period_s == 0.01
+    path.write_text("timestamp_s,gps_s,t_ms,p_deg_s\n" + _rows())
+    log = gb.open_log(path)
+    assert log.segments[0].sample_period_s == 0.01
+    (told,) = [source for source in log.sources if source.channel == "time"]
+    assert (told.column, told.unit) == ("t_ms", "ms")
+    assert "agreement with" in told.guessed
+    assert gb.open_log(path, mapping=["time=gps_s"]).segments[0].sample_period_s == 0.01
+
+
+def _rows():
+    return "".join(f"{k // 100},{k / 100},{10 * k},{k % 7}\n" for k in range(500))
 
 
 # how the same table may be written

@@ -11,7 +11,7 @@ import gtmbench as gb
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.page.traces import panel, round_values
 from gtmbench.report.words.verdict import verdict_text
-from tests.helpers.browsers import Seen, looking_at
+from tests.helpers.browsers import Seen, clipped, looking_at
 from tests.helpers.hostile import refused
 
 HOSTILE = "<script>alert('x')<|script>`**\u202e]( {{ 7*7 }} $x$ <|title>.csv"
@@ -161,6 +161,21 @@ def test_a_browser_shows_it_without_complaint_and_without_scrolling_sideways(ope
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     assert tab.complaints == []
     assert all(url.startswith("file:") for url in tab.requests)
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "printed"), [(375, False), (1280, False), (1280, True)])
+def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
+    assert clipped(opened(width), printed=printed) == []
+
+
+@pytest.mark.browser
+def test_what_is_cut_off_is_found(opened, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(
+        "<body><div style='width: 9em; overflow: hidden'><p style='width: 40em'>" + 20 * "word " + "</p></div>"
+    )
+    assert clipped(opened(1280, at=page)) == [(20 * "word ").strip()[:60]]
 
 
 @pytest.mark.browser

@@ -3,6 +3,7 @@
 import base64
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +14,7 @@ from gtmbench.report.tables.scores import in_markdown
 from gtmbench.study.campaign.conduct import WHAT
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import table_of
-from tests.helpers.browsers import Seen, looking_at
+from tests.helpers.browsers import Seen, clipped, looking_at
 from tests.helpers.campaigns import written
 from tests.helpers.hostile import refused
 from tests.study.campaign.test_scores import healthy, search, trial
@@ -233,6 +234,23 @@ def test_a_browser_shows_the_page_without_complaint_and_without_scrolling_sidewa
     assert tab.evaluate("[...document.images].every((image) => image.complete && image.naturalWidth > 100)")
     assert tab.evaluate("document.images.length") >= 2
     assert "is the first" in tab.locator(".verdict").inner_text()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "printed"), [(375, False), (1280, True)])
+def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
+    assert clipped(opened(width), printed=printed) == []
+
+
+@pytest.mark.browser
+def test_code_and_tables_of_the_site_are_whole_on_paper(opened, tmp_path):
+    style = (Path(__file__).parents[2] / "docs" / "_static" / "site.css").read_text()
+    table = "<table><tr>" + 12 * "<td>a_rather_long_name</td>" + "</tr></table>"
+    page = tmp_path / "site.html"
+    wide = f"<pre>{40 * 'gtmbench '}</pre><div class='pst-scrollable-table-container'>{table}</div>"
+    theme = "pre, .pst-scrollable-table-container { overflow: auto }"
+    page.write_text(f"<style>{theme} {style}</style><body><div class='bd-article'>{wide}</div>")
+    assert clipped(opened(1280, at=page), printed=True) == []
 
 
 @pytest.mark.browser

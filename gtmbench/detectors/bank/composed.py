@@ -7,12 +7,13 @@ from dataclasses import replace
 from functools import cache
 
 from gtmbench.checks import listed
-from gtmbench.detectors.bank.bank import Bank, ResidualSpec, load_bank
+from gtmbench.detectors.bank.bank import Bank, ResidualSpec, bank_of, load_bank
 from gtmbench.errors import InputError
 from gtmbench.values.channels import GYROS, SENSORS
 
 AUTO = "auto"
 _FROM = ("C", "B")  # the better relations first
+_LOOK_S = 0.5  # of operators between gyros, as `bank_between` has it
 
 
 def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False) -> Bank:
@@ -58,6 +59,29 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
         statistic=judged.statistic,
     )
     return bank.driven() if attitude_from_gyros else bank
+
+
+@cache
+def bank_of_gyros() -> Bank:
+    """Return the bank of a log of gyros alone: each from the two others, by an operator that is identified on the log.
+
+    No kinematics predict a gyro from others: only what an aircraft does alike again and again is predicted.
+
+    Examples
+    --------
+    >>> [(spec.output, spec.inputs) for spec in bank_of_gyros().residuals][0]
+    ('p', ('q', 'r'))
+    """
+    look = {"look_back_s": _LOOK_S, "look_ahead_s": _LOOK_S}
+    table = {
+        "title": "each gyro from the two others, by operators that hold for flight like the part learnt from",
+        "suspects": list(GYROS),
+        "residuals": [
+            {"output": gyro, "inputs": [other for other in GYROS if other != gyro], **look} for gyro in GYROS
+        ],
+        "alarm": {"statistic": "energy", "windows_s": [0.5, 2.0], "two_sided": False},
+    }
+    return bank_of(AUTO, table)
 
 
 def unwatched(bank: Bank, channels: Collection[str], lost: Mapping[str, str] | None = None) -> dict[str, str]:

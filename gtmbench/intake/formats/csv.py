@@ -17,15 +17,17 @@ from numpy.typing import NDArray
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import count_lines
+from gtmbench.intake.formats.clock_texts import ClockTexts, Told, clock_of_dates, clock_texts
 from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
-from gtmbench.intake.formats.raw import RawLog, RawSeries, dates_in_seconds, first_date_s
+from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.units import unit
 
 if TYPE_CHECKING:
     import pandas as pd
 
 _MOSTLY = 0.9  # of a column's cells are numbers (or dates), and it is a column of numbers whose others are missing
-_DATE = re.compile(r"\s*\d{4}-\d\d-\d\d")
+_ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d")
+_INDEX = "index"  # what a column without a name is that tells the time
 _ONLY_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|nan", re.IGNORECASE)
 _NUMBER = re.compile(r"\s*[-+]?(\d|[.,]\d|nan\s*$|inf)", re.IGNORECASE)
 
@@ -56,21 +58,35 @@ def read_csv(path: Path) -> RawLog:
             raise InputError(_more_cells(layout.names, layout.separator)) from error
         if frame.empty:
             raise InputError("it names columns, and holds no row of values below them")
-    frame, notes = _without_headers(frame, layout.names[0])
-    series, ignored = [], []
+    frame, notes = _without_headers(frame, next(filter(None, layout.names)), layout.names)
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")
-    for place, name in enumerate(layout.names):
-        if not name:
+    places = [place for place, name in enumerate(layout.names) if name]
+    clocks = {place: told for place in places if (told := _clock(frame[place])) is not None}
+    if layout.names[:1] == ("",) and len(layout.names) > 1 and (told := _clock(frame[0])) is not None:
+        clocks[0] = told  # the index that pandas saves
+    days, own = ([place for place, each in clocks.items() if each.told is told] for told in (Told.DAY, Told.CLOCK))
+    if len(days) == len(own) == 1:
+        clocks[own[0]] = clocks[own[0]].on(clocks[days[0]])
+    series, ignored = [], [layout.names[place] for place in days]
+    for place in sorted({*places, *clocks} - {*days}):
+        name = layout.names[place] or _INDEX
+        if place in clocks:
+            told = clocks[place]
+            notes.append(f"column '{name}': {told.note}")
+            series.append(
+                RawSeries(
+                    name=name, load=partial(np.asarray, told.seconds), unit="s", since_s=told.since_s, was_clock=True
+                )
+            )
             continue
-        values, note, since_s = _numbers(frame[place])
+        values, note = _numbers(frame[place])
         if note:
             notes.append(f"column '{name}': {note}")
         if values is None:
             ignored.append(name)
             continue
-        stated = "s" if note.startswith("dates") else layout.units[place]
-        series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=stated, since_s=since_s))
+        series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=layout.units[place]))
     return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
 
 
@@ -174,32 +190,43 @@ def _frame(path: Path, layout: Layout) -> pd.DataFrame:
         )
 
 
-def _without_headers(frame: pd.DataFrame, first: str) -> tuple[pd.DataFrame, list[str]]:
+def _without_headers(frame: pd.DataFrame, first: str, names: Sequence[str]) -> tuple[pd.DataFrame, list[str]]:
     """Return a table without the headers that stand between its rows, as of files put together, and a note on them."""
-    if frame[0].dtype.kind in "iuf":
+    place = names.index(first)
+    if frame[place].dtype.kind in "iuf":
         return frame, []
-    again = frame[0].astype(str).str.strip() == first
+    again = frame[place].astype(str).str.strip() == first
     if not again.any():
         return frame, []
     return frame.mask(again), [f"rows that repeat the header: {again.sum()}; were files put together?"]
 
 
-def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str, float]:
-    """Return a column's numbers, None where it holds others, a note on them, and since when dates count, else 0."""
+def _clock(column: pd.Series[Any]) -> ClockTexts | None:
+    """Return what a column of dates, times of day or durations tells; None of others."""
     import pandas as pd
 
     if pd.api.types.is_numeric_dtype(column.dtype):
-        return column.to_numpy(dtype=np.int64 if column.dtype.kind in "iub" else np.float64), "", 0.0
+        return None
     filled = column.dropna()
-    if len(filled) and _DATE.match(str(filled.iloc[0])):
+    if len(filled) and _ISO.match(str(filled.iloc[0])):  # by far the quickest
         dates = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True).dt.tz_localize(None).to_numpy()
         if np.count_nonzero(~np.isnat(dates)) >= _MOSTLY * len(filled):
-            return *dates_in_seconds(dates), first_date_s(dates)
+            return clock_of_dates(dates)
+    return clock_texts(column.tolist())
+
+
+def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:
+    """Return a column's numbers, None where it holds others, and a note on them."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column.dtype):
+        return column.to_numpy(dtype=np.int64 if column.dtype.kind in "iub" else np.float64), ""
+    filled = column.dropna()
     numbers = pd.to_numeric(column, errors="coerce").to_numpy(dtype=np.float64)
     words = len(filled) - np.count_nonzero(np.isfinite(numbers))
     if len(filled) and words <= (1.0 - _MOSTLY) * len(filled):
-        return numbers, f"{words} cells hold no number and count as missing" if words else "", 0.0
+        return numbers, f"{words} cells hold no number and count as missing" if words else ""
     if words == len(filled):
-        return None, "", 0.0
+        return None, ""
     odd = filled[pd.to_numeric(filled, errors="coerce").isna()]
-    return None, f"{words} of {len(filled)} cells hold no number, such as '{one_line(str(odd.iloc[0]))[:20]}'", 0.0
+    return None, f"{words} of {len(filled)} cells hold no number, such as '{one_line(str(odd.iloc[0]))[:20]}'"

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.apart import Arrays, read_apart
+from gtmbench.intake.formats.clock_texts import ClockTexts, clock_of_dates, clock_texts
 from gtmbench.intake.formats.limits import MOST_COLUMNS, check_columns, check_values, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries
 
@@ -37,8 +40,26 @@ def read_excel(path: Path, part: str = "") -> RawLog:
             raise InputError("no sheet of it holds a header and rows of numbers below it")
         sheet = part or next(iter(sheets))
         check_columns(facts["headers"][sheet])
-        series = [RawSeries(name=name, load=partial(np.asarray, values)) for name, values in sheets[sheet].items()]
-    return RawLog(kind=_KIND, series=tuple(series), notes=(f"sheet '{sheet}'",))
+        clocks = {name: told for name, values in sheets[sheet].items() if (told := _clock(values)) is not None}
+        series = [
+            RawSeries(
+                name=name,
+                load=partial(np.asarray, clocks[name].seconds if name in clocks else values),
+                unit="s" if name in clocks else "",
+                since_s=clocks[name].since_s if name in clocks else 0.0,
+                was_clock=name in clocks,
+            )
+            for name, values in sheets[sheet].items()
+        ]
+    notes = [f"column '{name}': {told.note}" for name, told in clocks.items()]
+    return RawLog(kind=_KIND, series=tuple(series), notes=(f"sheet '{sheet}'", *notes))
+
+
+def _clock(values: NDArray[Any]) -> ClockTexts | None:
+    """Return what a column of dates, times of day or durations tells; None of numbers."""
+    if values.dtype.kind == "M":
+        return clock_of_dates(values)
+    return clock_texts(values.tolist()) if values.dtype.kind == "U" else None
 
 
 def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
@@ -59,10 +80,23 @@ def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
         headers[sheet.title] = names
         for column, name in enumerate(names):
             cells = [row[column] if column < len(row) else None for row in rows[place + 1 :]]
-            values = np.array([float(cell) if isinstance(cell, (int, float)) else np.nan for cell in cells])
-            if name and np.count_nonzero(np.isfinite(values)) > _LEAST_NUMBERS * len(values):
+            values = _values(cells)
+            if name and values is not None:
                 found[f"{sheet.title}\t{name}"] = values
     return {"headers": headers}, found
+
+
+def _values(cells: list[Any]) -> NDArray[Any] | None:
+    """Return a column of numbers, dates, or texts that tell a time; None of others."""
+    numbers = np.array([float(cell) if isinstance(cell, (int, float)) else np.nan for cell in cells])
+    if np.count_nonzero(np.isfinite(numbers)) > _LEAST_NUMBERS * len(numbers):
+        return numbers
+    dates = [cell.isoformat() if isinstance(cell, datetime) else "NaT" for cell in cells]
+    stamps = np.array(dates, dtype="datetime64[us]")
+    if np.count_nonzero(~np.isnat(stamps)) > _LEAST_NUMBERS * len(stamps):
+        return stamps
+    texts = [cell if isinstance(cell, str) else "" if cell is None else str(cell) for cell in cells]
+    return np.array(texts) if clock_texts(texts) is not None else None
 
 
 def _header(rows: list[tuple[Any, ...]]) -> int | None:

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.clock_texts import ClockTexts, clock_of_dates, clock_of_durations
 from gtmbench.intake.formats.limits import check_columns, check_unpacked, check_values, reading
-from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries, dates_in_seconds
+from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries
 from gtmbench.values.pieces import rows_of_piece
 
 if TYPE_CHECKING:
@@ -31,10 +32,18 @@ def read_parquet(path: Path) -> RawLog:
         check_values(metadata.num_rows, "one of its columns")
         check_unpacked(8.0 * metadata.num_rows, path)
         for field in schema:
-            if _is_date(field.type):
-                values, note = dates_in_seconds(_column(path, field.name, "datetime64[ns]"))
-                series.append(RawSeries(name=field.name, load=partial(np.asarray, values), unit="s"))
-                notes.append(f"column '{field.name}': {note}")
+            told = _clock(path, field) if _is_clock(field.type) else None
+            if told is not None:
+                series.append(
+                    RawSeries(
+                        name=field.name,
+                        load=partial(np.asarray, told.seconds),
+                        unit="s",
+                        since_s=told.since_s,
+                        was_clock=True,
+                    )
+                )
+                notes.append(f"column '{field.name}': {told.note}")
             elif _is_number(field.type):
                 series.append(RawSeries(name=field.name, load=partial(_column, path, field.name, None)))
             else:
@@ -78,7 +87,8 @@ def _numbers(column: pa.Array, dtype: str | None) -> NDArray[Any]:
     import pyarrow.compute as pc
 
     if dtype is not None:
-        dates = pc.cast(column, pa.timestamp("ns"), safe=False)
+        kind = pa.timestamp("ns") if dtype.startswith("datetime") else pa.duration("ns")
+        dates = pc.cast(column, kind, safe=False)
         return np.asarray(dates.to_numpy(zero_copy_only=False), dtype=dtype)
     if column.null_count or not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
         column = pc.cast(column, pa.float64(), safe=False)
@@ -86,10 +96,20 @@ def _numbers(column: pa.Array, dtype: str | None) -> NDArray[Any]:
     return np.asarray(column.to_numpy(zero_copy_only=False) if column.null_count else np.from_dlpack(column))
 
 
-def _is_date(kind: pa.DataType) -> bool:
+def _is_clock(kind: pa.DataType) -> bool:
     import pyarrow as pa
 
-    return bool(pa.types.is_timestamp(kind))
+    return bool(pa.types.is_timestamp(kind) or pa.types.is_duration(kind))
+
+
+def _clock(path: Path, field: pa.Field) -> ClockTexts | None:
+    """Return what a column of dates or durations tells; None where all are missing."""
+    import pyarrow as pa
+
+    if pa.types.is_timestamp(field.type):
+        return clock_of_dates(_column(path, field.name, "datetime64[ns]"))
+    nanoseconds = _column(path, field.name, "timedelta64[ns]")
+    return clock_of_durations(nanoseconds.astype(np.int64), ~np.isnat(nanoseconds))
 
 
 def _is_number(kind: pa.DataType) -> bool:

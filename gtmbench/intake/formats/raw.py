@@ -61,6 +61,8 @@ class RawSeries:
         The columns that it is worked out of, where the file itself has no such column.
     since_s : float
         Of a column of dates, which becomes seconds since its first one: when that is, in seconds since 1970.
+    was_clock : bool
+        Whether its values were dates, times of day or durations before they became seconds.
     """
 
     name: str
@@ -70,6 +72,7 @@ class RawSeries:
     meaning: Meaning | None = None
     made_of: tuple[str, ...] = ()
     since_s: float = 0.0
+    was_clock: bool = False
 
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
@@ -240,34 +243,13 @@ def since_text(origin_s: float) -> str:
     """
     said = f"{origin_s:.6g} s"
     if origin_s < _LAST_DATE_S:
-        said = _date_text(np.datetime64(round(origin_s * 1e3), "ms"))
+        said = date_text(np.datetime64(round(origin_s * 1e3), "ms"))
     return f"stamps count from 1970: times are since the first, {said}"
 
 
-def _date_text(date: np.datetime64) -> str:
+def date_text(date: np.datetime64) -> str:
+    """Return a date and a time of day to a millisecond."""
     return str(date.astype("datetime64[ms]")).replace("T", " ") + " UTC"
-
-
-def dates_in_seconds(dates: NDArray[Any]) -> tuple[NDArray[np.float64], str]:
-    """Return dates as seconds since the first of them, NaN where one is missing, and a note that says so."""
-    nanoseconds = dates.astype("datetime64[ns]")
-    there = ~np.isnat(nanoseconds)
-    if not there.any():
-        return np.full(len(dates), np.nan), "no date can be read"
-    first = nanoseconds[there][0]
-    whole = (nanoseconds - first).astype(np.int64)
-    return np.where(there, whole / 1e9, np.nan), f"dates: times are since the first, {_date_text(first)}"
-
-
-def first_date_s(dates: NDArray[Any]) -> float:
-    """Return the first of some dates in seconds since 1970, 0 where there is none.
-
-    >>> first_date_s(np.array(["NaT", "1970-01-02"], dtype="datetime64[ns]"))
-    86400.0
-    """
-    there = dates.astype("datetime64[ns]")
-    there = there[~np.isnat(there)]
-    return float(there[0].astype(np.int64)) / 1e9 if len(there) else 0.0
 
 
 def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:

@@ -52,6 +52,8 @@ _TITLE = 105  # letters in a line
 _LINE = 0.15  # inches, of the certificate
 _LANE = 0.28  # inches, of a sensor's timeline
 _LONGEST_NAME = 14
+_ACCUSED = (State.FAILED, State.SUSPECTED)
+_EDGE = 1.5  # points about a span in which a sensor is accused
 
 
 def write_log_figure(watched: WatchedLog, path: Path) -> None:
@@ -127,8 +129,11 @@ def _timelines(axis: Axes, watched: WatchedLog) -> None:
         for state, tint in STATES.items():
             spans = [(each.start_s, each.duration_s) for each in timeline.sensors[sensor] if each.state == state]
             if spans:
-                axis.broken_barh(spans, (lane - 0.36, 0.72), lw=0.0, facecolor=tint, label=state)
-        accused = timeline.of(sensor, State.FAILED, State.SUSPECTED)[:MOST_ALARMS]
+                edge = _EDGE if state in _ACCUSED else 0.0  # in ten hours a second is narrower than a pixel
+                axis.broken_barh(
+                    spans, (lane - 0.36, 0.72), facecolor=tint, edgecolor=tint, lw=edge, zorder=1.0 + edge, label=state
+                )
+        accused = timeline.of(sensor, *_ACCUSED)[:MOST_ALARMS]
         if accused:
             begun_s = [each.start_s for each in accused]
             axis.plot(begun_s, [lane] * len(begun_s), "|", color="k", ms=13, mew=1.6, label="fault began, estimated")
@@ -146,7 +151,7 @@ def _timelines(axis: Axes, watched: WatchedLog) -> None:
 
 def _bands(axis: Axes, watched: WatchedLog, sensor: str) -> None:
     """Tint a sensor's panel where it failed, is suspected or isn't judged."""
-    for span in watched.verdict.timeline.of(sensor, State.FAILED, State.SUSPECTED, State.NOT_JUDGED):
+    for span in watched.verdict.timeline.of(sensor, *_ACCUSED, State.NOT_JUDGED):
         axis.axvspan(span.start_s, span.end_s, facecolor=STATES[span.state], alpha=0.25, lw=0.0, zorder=0)
 
 

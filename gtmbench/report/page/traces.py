@@ -18,6 +18,7 @@ from gtmbench.values.record import FloatArray, Span
 _POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
 _DIGITS = 4  # of a value, of the panel's height
 _TICKS = 3  # at least, on an axis
+_EDGE = 0.04  # of an axis
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,14 +79,15 @@ class Panel:
 
     @property
     def ticks(self) -> list[Tick]:
-        """Round values on the axis."""
-        return [
+        """Round values on the axis, but those whose words would stand in the panels above or below."""
+        made = [
             Tick(
                 share=(value - self.low) / (self.high - self.low),
                 name=f"{10.0**value:g}" if self.is_logarithmic else f"{value:g}",
             )
             for value in self._marked()
         ]
+        return [tick for tick in made if _EDGE <= tick.share <= 1.0 - _EDGE] or made
 
     def _marked(self) -> list[float]:
         """Return round values; on a logarithmic axis powers of ten."""

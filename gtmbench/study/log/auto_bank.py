@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gtmbench.checks import naming
 from gtmbench.detectors.auto_recipe import AutoDetector
-from gtmbench.detectors.bank.composed import composed_bank, unwatched
+from gtmbench.detectors.bank.composed import bank_of_gyros, composed_bank, unwatched
 from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
@@ -24,7 +24,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 def bank_for_logs(
     logs: Sequence[Path | ReadLog], mapping: Sequence[str], origin: Origin | None = None
 ) -> tuple[BankDetector, dict[str, str]]:
-    """Return the bank that logs allow, and why it doesn't watch which gyros.
+    """Return the bank that logs allow, and why it doesn't watch which gyros; of gyros alone, one between these.
 
     Parameters
     ----------
@@ -53,6 +53,8 @@ def bank_for_logs(
     with naming(reads[0].path):
         if contents[0].no_time:
             raise InputError(contents[0].no_time)
+        if set(GYROS) <= set(there) and not set(ATTITUDE) & set(there):
+            return BankDetector(bank=bank_of_gyros()), {}
         try:
             composed_bank(there)  # refused before samples are looked at
         except InputError as error:

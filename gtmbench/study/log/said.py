@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
+from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
@@ -34,6 +35,7 @@ from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, chec
 from gtmbench.values.record import Record, Span
 
 LOST = "its messages are missing: the link lost them, or it stopped"
+ALONE = "gyros alone tell no fault from a new motion: an attitude beside them would"
 _WIDE = 3.0  # spread of a residual beyond which little shows
 _MUCH = 0.1  # of the time
 _SOON_S = 15.0  # within which two tell of one fault
@@ -128,6 +130,8 @@ def doubted(said: Said, progress: Progress) -> Said:
         watches = _but_bent(watches)
     if log.is_received:
         watches = _but_lost(watches)
+    if isinstance(learnt.opened.asked.watcher, AutoDetector) and learnt.opened.attitude is None:
+        watches = _but_alone(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, findings=findings)
@@ -156,6 +160,19 @@ def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     bent = {id(alarm) for alarm, is_bent in zip(told, are_bent(told), strict=True) if is_bent and alarm.judgements}
     return tuple(
         replace(watch, alarms=tuple(with_doubt(each, BENT) if id(each) in bent else each for each in watch.alarms))
+        for watch in watches
+    )
+
+
+def _but_alone(watches: Sequence[Watch]) -> tuple[Watch, ...]:
+    """Return watches of gyros alone: operators hold for the motion that they were learnt from, so nobody is accused."""
+    return tuple(
+        replace(
+            watch,
+            alarms=tuple(
+                with_doubt(each, ALONE) if each.accuses and each.test != MISSING else each for each in watch.alarms
+            ),
+        )
         for watch in watches
     )
 
