@@ -28,6 +28,7 @@ _PROMISES: dict[str, float] = (
 _WHOLE = (("gps", GPS_VELOCITY), ("magnetometer", MAGNETOMETER))  # sensors that are clear as a whole
 _WITHIN_S = WINDOWS_S[2]
 _WITNESSES = 2
+_ABOVE = 1.5  # times the least that is a failure: what is as large is found too small as often as not
 _SPARE = 1.5  # times what the window itself tells: means are more restless beside a fault
 _FIRST = 1.25  # times the bound, as while nothing is known
 
@@ -88,4 +89,4 @@ def _least(findings: Findings, course: Course, channel: str, rows: IntArray) -> 
         return np.full(len(rows), np.inf)
     needed = _FIRST * BOUND * float(findings.tempers[place]) + model.explanations[place].price
     least = _SPARE * np.sqrt(2.0 * needed) * findings.scan.seen.deviation[rows, place]
-    return np.asarray(np.maximum(least, model.explanations[place].least) * abs(course.unit_of(channel)))
+    return np.asarray(np.maximum(least, _ABOVE * model.explanations[place].least) * abs(course.unit_of(channel)))
