@@ -1,8 +1,8 @@
 """The pictures of README, site and guides, drawn anew: ``make pictures``, or ``python experiments/pictures.py``.
 
 What commands write is taken from them (`gtmbench run`, `gtmbench fly --rescue`); the log's figure and its page are
-those of a flight with a gap and a gyro that is broken. The page is seen by the browser that the tests have; without one it stays
-as it is, and so do the tabs of the rerun viewer, which are taken by hand. A few minutes on one core.
+those of a flight with a gap and a gyro that is broken. The page is seen by the browser that the tests have; without one
+it stays as it is, and so do the tabs of the rerun viewer, which are taken by hand. A few minutes on one core.
 """
 
 from __future__ import annotations
