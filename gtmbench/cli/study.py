@@ -275,9 +275,9 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None:
     """Show a recording, or the one in a folder, in the rerun viewer: the flight in 3-D, its readings and verdicts.
 
-    rerun's usage statistics are turned off first, for this user.
-
     Example: gtmbench view first
+
+    rerun's usage statistics are turned off first, for this user.
     """
     from gtmbench.report.recording.read import check_recording, recording_in
     from gtmbench.report.viewer import viewer_command, without_analytics

@@ -29,7 +29,7 @@ _WHOLE = (("gps", GPS_VELOCITY), ("magnetometer", MAGNETOMETER))  # sensors that
 _WITHIN_S = WINDOWS_S[2]
 _WITNESSES = 2
 _ABOVE = 1.5  # times the least that is a failure: what is as large is found too small as often as not
-_SPARE = 1.5  # times what the window itself tells: means are more restless beside a fault
+_SPARE = 2.0  # times what the window itself tells: means are more restless beside a fault
 _FIRST = 1.25  # times the bound, as while nothing is known
 
 
@@ -88,5 +88,16 @@ def _least(findings: Findings, course: Course, channel: str, rows: IntArray) -> 
     if len(holding) < _WITNESSES:
         return np.full(len(rows), np.inf)
     needed = _FIRST * BOUND * float(findings.tempers[place]) + model.explanations[place].price
-    least = _SPARE * np.sqrt(2.0 * needed) * findings.scan.seen.deviation[rows, place]
+    deviation = np.maximum(findings.scan.seen.deviation[rows, place], _to_the_end(findings, place, rows))
+    least = _SPARE * np.sqrt(2.0 * needed) * deviation
     return np.asarray(np.maximum(least, _ABOVE * model.explanations[place].least) * abs(course.unit_of(channel)))
+
+
+def _to_the_end(findings: Findings, place: int, rows: IntArray) -> FloatArray:
+    """Return how well an error is known that begins with windows and stays: what is before them alone tells of it."""
+    seen, cells = findings.scan.seen, findings.model.cells
+    last = np.flatnonzero(seen.last == cells)
+    order = last[np.argsort(seen.onset[last])]
+    at = np.searchsorted(seen.onset[order], seen.onset[rows])
+    known = np.append(seen.deviation[order, place], np.inf)
+    return np.asarray(np.maximum(known[at], known[np.maximum(at - 1, 0)]))

@@ -176,7 +176,9 @@ def taught_by(
     )
     found = learnt(chosen(opened(question)), progress)
     if found.check.stops:
-        raise InputError(f"{path}: nothing is learnt from it: {'; '.join(map(str, found.check.stops))}")
+        causes = [f"{each.text}; type {each.to_type}" if each.to_type else each.text for each in found.check.causes]
+        reasons = " or ".join(causes) or "; ".join(stop.text for stop in found.check.stops)
+        raise InputError(f"{path}: nothing is learnt from it: {reasons}")
     if not is_ready(found.monitor):
         raise InputError(f"{path}: nothing is left to learn from but what failed; gtmbench monitor says what")
     return found

@@ -377,5 +377,6 @@ def test_the_command_tells_the_cause_and_what_to_type(cli, tmp_path, monkeypatch
     assert told["self_check"]["causes"][0]["to_type"] == "--map q=-q_deg_s:deg/s"
     assert cli(*options, "--report", "l.png", "--record", "l.rrd", "-q")[0] == 3
     code, out, err = cli("calibrate", *options[1:], "--out", "l.json")
-    assert (code, out, err) == (2, "", "gtmbench: log.csv: nothing is learnt from it: the sign of q is turned\n")
+    to_type = "the sign of q is turned; type --map q=-q_deg_s:deg/s"
+    assert (code, out, err) == (2, "", f"gtmbench: log.csv: nothing is learnt from it: {to_type}\n")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["l.png", "l.rrd", "log.csv"]
