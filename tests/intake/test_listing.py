@@ -69,7 +69,7 @@ def test_every_bank_that_it_offers_can_watch_the_log_and_no_other(tmp_path, cli)
     write("log.csv", sent, tmp_path)
     contents = log_contents(tmp_path / "log.csv")
     (offered,) = [line for line in listing_lines(contents, 300) if line.startswith("with --detector")]
-    names = offered.partition("list ")[2].split(", ")
+    names = offered.partition("bank ")[2].split(", ")
     assert "C" in names
     assert "B" not in names
     for name in ("C", "B"):

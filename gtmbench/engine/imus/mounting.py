@@ -15,7 +15,7 @@ from gtmbench.values.record import FloatArray
 _STRETCH, _FEWEST = 50, 5  # blocks of one fit; fits of which the median is any
 _RIDGE, _LIVELY_DEG_S = 1e-3, 1.0  # an axis that turns less in a stretch tells nothing
 _TURNED_DEG = 10.0  # more is no constant of a gyro that stands a bit askew
-_REFLECTED = -0.5  # of a determinant near -1: no rotation does that
+_THROUGHOUT = 0.9  # of the fits: a sign that turns amid the log is a fault, and no mounting
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,13 +72,15 @@ def mounting_of(gyros: FloatArray, known: FloatArray) -> Mounting:
     ]
     if len(fits) < _FEWEST:
         return Mounting()
-    usual = np.median(fits, axis=0)
+    rotations = [fit for fit in fits if np.linalg.det(fit) > 0.0]
+    is_reflected = len(rotations) < (1.0 - _THROUGHOUT) * len(fits)
+    usual = np.median(fits if is_reflected else rotations, axis=0)
     left, sizes, right = np.linalg.svd(usual)
     if sizes[-1] < 0.5 * sizes[0]:  # they don't read one motion
         return Mounting()
-    found = left @ right
-    if np.linalg.det(found) < _REFLECTED:
+    if is_reflected:
         return Mounting(is_reflected=True)
+    found = left @ right
     turned_deg = float(np.degrees(np.arccos(np.clip(0.5 * (np.trace(found) - 1.0), -1.0, 1.0))))
     return Mounting(matrix=found, turned_deg=turned_deg) if turned_deg > _TURNED_DEG else Mounting()
 

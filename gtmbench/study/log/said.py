@@ -20,6 +20,7 @@ from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
 from gtmbench.engine.course.judged import CourseJudged, course_judged
+from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.intake.flight_log import FlightLog
@@ -206,7 +207,11 @@ def _course(said: Said, whole: Judged | None) -> CourseJudged | None:
     readings = said.learnt.opened.readings
     if whole is None or not readings or said.check.stops:
         return None
-    broken = [(span.start_s, span.end_s) for _, span in whole.accused]
+    broken = [
+        (span.start_s, span.end_s)
+        for sensor, span in whole.accused
+        if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
+    ]
     return course_judged(whole.flight.without(broken), readings)
 
 
