@@ -51,7 +51,7 @@ FAULTS: Mapping[str, Callable[..., gb.Fault]] = {
     "jam": lambda **at: gb.Jam(**at),
 }
 BEGINS, ENDS = 0.25, 0.75  # shares of what is flown, between which faults begin
-SEEDS, LASTS_S = range(10, 14), 150.0  # of synthetic flights
+SEEDS, LASTS_S = range(10, 12), 150.0  # of synthetic flights
 TIME_CONSTANTS_S = (3.0, 8.0, 20.0)
 SAID_QUICK = "**Quick: one fault of a log or a flight. It bounds nothing.**\n\n"
 INTRODUCTION = """One gyro of one IMU is broken. *named*: that gyro of that IMU failed by what all IMUs and the
