@@ -197,7 +197,7 @@ def _stays(model: Model, finding: Finding) -> bool:
     onset = finding.first * CELL
     before = slice(max(onset - round(_LATE_S[0] / period_s), 0), onset)
     late = slice(onset + round(_LATE_S[0] / period_s), min(onset + round(_LATE_S[1] / period_s), finding.last * CELL))
-    if min(np.count_nonzero(known[part]) for part in (before, late)) * period_s < _LATE_S[0]:
+    if min(np.count_nonzero(known[part]) for part in (before, late)) * period_s < 0.5 * _LATE_S[0]:
         return False
     shift = left[late][known[late]].mean() - left[before][known[before]].mean()
     return bool(abs(shift) < _STAYS * size_deg_s)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -34,22 +34,14 @@ class Findings:
 
     Attributes
     ----------
-    scan : Scan
-        Of the model with everything that was found taken away, all its windows looked at once.
-    tempers : shape (explanations,)
-        What evidence is divided by: chance makes more of some explanations on this log than noise would.
+    model : Model
+        With everything that was found taken away.
     found : tuple of Finding
         In order of time.
     """
 
-    scan: Scan
-    tempers: FloatArray = field(repr=False)
+    model: Model
     found: tuple[Finding, ...]
-
-    @property
-    def model(self) -> Model:
-        """The model with everything that was found taken away."""
-        return self.scan.model
 
 
 class _Bench:
@@ -149,10 +141,10 @@ def found_by(
         found = kept
         if is_settled:
             break
-    scan = bench.without(found)
-    sided = [replace(each, side=side_of(scan.model, each)) for each in found]
+    model = bench.without(found).model
+    sided = [replace(each, side=side_of(model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(scan=scan, tempers=tempers, found=tuple(in_time))
+    return Findings(model=model, found=tuple(in_time))
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:

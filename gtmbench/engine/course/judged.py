@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.relations import gps_altitude
@@ -48,19 +47,16 @@ class CourseJudged:
     course : Course
     stands : tuple of (channel, span, reading)
         Which channels read one value.
-    clear : tuple of Claim
-        Where sensors are clear.
     """
 
     found: tuple[Finding, ...]
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
-    clear: tuple[Claim, ...] = field(default=(), repr=False)
 
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
-        return (*self.standing, *self.accused, *self.unjudged, *self.clear)
+        return (*self.standing, *self.accused, *self.unjudged)
 
     def explains(self, span: Span) -> bool:
         """Tell whether somebody is accused of something that goes on in a span."""
@@ -137,12 +133,9 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     relations = relations_of(course)
-    if not relations:
-        return CourseJudged(found=(), course=course, stands=stands)
-    findings = found_by(flight, relations, explanations_of(course))
-    doubted = (_in_units(course, each) for each in _doubted(flight, findings.found))
-    clear = tuple(cleared(course, findings))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands, clear=clear)
+    found = found_by(flight, relations, explanations_of(course)).found if relations else ()
+    doubted = (_in_units(course, each) for each in _doubted(flight, found))
+    return CourseJudged(found=tuple(doubted), course=course, stands=stands)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:

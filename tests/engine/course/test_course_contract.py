@@ -61,8 +61,7 @@ def said_of(record):
 
 
 def accused(record):
-    quiet = (State.NOT_JUDGED, State.CLEAR)
-    return {(sensor, span.state) for sensor, span in said_of(record).claims if span.state not in quiet}
+    return {(sensor, span.state) for sensor, span in said_of(record).claims if span.state is not State.NOT_JUDGED}
 
 
 # ---- relations ----
@@ -125,21 +124,6 @@ def test_every_explanation_has_a_name_of_its_own_and_every_base_is_there():
 def test_nobody_is_accused_of_a_healthy_course():
     for seed in (3, 4):
         assert accused(flown(seed=seed)) == set()
-
-
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("channel", [*ACCELEROMETERS, "alpha", "beta"])
-def test_a_sensor_that_is_clear_wouldnt_be_beside_an_error_as_large_as_its_promise(channel, sign):
-    def clear_about(record):
-        spans = [span for sensor, span in said_of(record).clear if sensor == channel]
-        return [span.sizes.error for span in spans if span.start_s <= ONSET_S - 10.0 and span.end_s >= ONSET_S + 10.0]
-
-    (size,) = clear_about(flown())
-    assert 0.0 < size <= SIZES[channel]
-    broken = gb.inject(flown(), gb.Bias(channel=channel, onset_s=ONSET_S, size=sign * size))
-    found = said_of(broken)
-    about = [span for _, span in (*found.accused, *found.unjudged) if span.meets(ONSET_S - 5.0, ONSET_S + 20.0)]
-    assert about or not clear_about(broken)
 
 
 @pytest.mark.parametrize(
