@@ -37,6 +37,11 @@ class Mounting:
     is_reflected: bool = False
 
     @property
+    def is_plain(self) -> bool:
+        """Whether its axes are the aircraft's, so that its gyros may be called as those are."""
+        return not (self.turned_deg or self.is_reflected)
+
+    @property
     def taken(self) -> list[int]:
         """Which of the IMU's axes lies nearest to each of the aircraft's."""
         return [int(each) for each in np.argmax(np.abs(self.matrix), axis=1)]

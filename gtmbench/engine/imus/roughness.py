@@ -22,8 +22,8 @@ _WANDER = 0.3  # by what shakes one IMU more than the other
 
 
 def relations(flight: Flight) -> list[Relation]:
-    """Return the relation of each further IMU, but of one that no mounting allows."""
-    return [_relation(flight, imu) for imu in flight.imus if not imu.mounting.is_reflected]
+    """Return the relation of each further IMU, but of one that is mounted turned."""
+    return [_relation(flight, imu) for imu in flight.imus if imu.mounting.is_plain]
 
 
 def _relation(flight: Flight, imu: Imu) -> Relation:

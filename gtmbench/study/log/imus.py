@@ -85,8 +85,9 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
 
 def _of(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]], lines: list[str]) -> Iterator[Claim]:
     flight, span_s = judged.flight.by(imu), (judged.flight.blocks.start_s, judged.flight.blocks.end_s)
-    if imu.mounting.is_reflected:
-        yield from ((name, unjudged(span_s, f"{imu.name} {_REFLECTED}")) for name in imu.channels)
+    if not imu.mounting.is_plain:
+        reason = _REFLECTED if imu.mounting.is_reflected else _turned(imu)
+        yield from ((name, unjudged(span_s, f"{imu.name} {reason}")) for name in imu.channels)
         return
     own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.channels, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
@@ -99,7 +100,11 @@ def _mounting(imu: Imu) -> Iterator[str]:
     if imu.mounting.is_reflected:
         yield f"{imu.name} {_REFLECTED}; its columns, or their signs, are wrong."
     if imu.mounting.turned_deg:
-        yield f"{imu.name} is mounted turned by {imu.mounting.turned_deg:.0f} deg; its gyros are judged as turned back."
+        yield f"{imu.name} {_turned(imu)}; give its columns with --map to judge it."
+
+
+def _turned(imu: Imu) -> str:
+    return f"is mounted turned by {imu.mounting.turned_deg:.0f} deg"
 
 
 def is_contradicted(alarm: Alarm, judged: Judged | None) -> bool:
