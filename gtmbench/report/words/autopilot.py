@@ -43,6 +43,7 @@ def word_text(word: Event) -> str:
 def beside_text(each: Beside) -> str:
     """Write an alarm of ours with the autopilot's word.
 
+    >>> from gtmbench.detectors.alarm import Alarm
     >>> word = Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)
     >>> beside_text(Beside(alarm=Alarm(number=0, time_s=11.0, onset_s=10.0, source="q"), word=word))
     "beside our alarm at 11.00 s: 'gyro 1 isn't healthy' at 12.50 s, 1.50 s later"
