@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from gtmbench.detectors.alarm import Alarm
@@ -75,36 +75,32 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
     for sensor, span in claims:
         if span.state in (State.FAILED, State.SUSPECTED):
             failures.setdefault(sensor, []).append(failure_of(span))
-    found: list[Claim] = []
-    lines: list[str] = []
-    for imu in judged.flight.imus:
-        found += _of(judged, imu, failures, lines)
-        lines += _mounting(imu)
-    return Told(claims=tuple(found), lines=tuple(lines))
+    told = [
+        _judged(judged, imu, failures) if imu.mounting.is_plain else _unplain(judged, imu) for imu in judged.flight.imus
+    ]
+    return Told(
+        claims=tuple(claim for each in told for claim in each.claims),
+        lines=tuple(line for each in told for line in each.lines),
+    )
 
 
-def _of(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]], lines: list[str]) -> Iterator[Claim]:
-    flight, span_s = judged.flight.by(imu), (judged.flight.blocks.start_s, judged.flight.blocks.end_s)
-    if not imu.mounting.is_plain:
-        reason = _REFLECTED if imu.mounting.is_reflected else _turned(imu)
-        yield from ((name, unjudged(span_s, f"{imu.name} {reason}")) for name in imu.channels)
-        return
+def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> Told:
+    flight = judged.flight.by(imu)
     own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.channels, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
     said = hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=False, failures=own | beside)
-    lines += [f"{imu.name}: {change.text}." for change in said.changes]
-    yield from ((name, span) for gyro, name in zip(GYROS, imu.channels, strict=True) for span in said.claims[gyro])
+    claims = tuple((name, span) for gyro, name in zip(GYROS, imu.channels, strict=True) for span in said.claims[gyro])
+    return Told(claims=claims, lines=tuple(f"{imu.name}: {change.text}." for change in said.changes))
 
 
-def _mounting(imu: Imu) -> Iterator[str]:
+def _unplain(judged: Judged, imu: Imu) -> Told:
+    """Return what is told of an IMU whose axes aren't the aircraft's."""
+    span_s = judged.flight.blocks.start_s, judged.flight.blocks.end_s
+    reason, to_do = f"is mounted turned by {imu.mounting.turned_deg:.0f} deg", "give its columns with --map to judge it"
     if imu.mounting.is_reflected:
-        yield f"{imu.name} {_REFLECTED}; its columns, or their signs, are wrong."
-    if imu.mounting.turned_deg:
-        yield f"{imu.name} {_turned(imu)}; give its columns with --map to judge it."
-
-
-def _turned(imu: Imu) -> str:
-    return f"is mounted turned by {imu.mounting.turned_deg:.0f} deg"
+        reason, to_do = _REFLECTED, "its columns, or their signs, are wrong"
+    claims = tuple((name, unjudged(span_s, f"{imu.name} {reason}")) for name in imu.channels)
+    return Told(claims=claims, lines=(f"{imu.name} {reason}; {to_do}.",))
 
 
 def is_contradicted(alarm: Alarm, judged: Judged | None) -> bool:

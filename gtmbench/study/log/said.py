@@ -6,7 +6,7 @@ residuals explain.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -138,15 +138,9 @@ def doubted(said: Said, progress: Progress) -> Said:
     return replace(said, watches=watches, check=check, findings=findings)
 
 
-def _but_contradicted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
-    """Return watches that doubt of a gyro what the other IMUs contradict."""
-    return tuple(
-        replace(
-            watch,
-            alarms=tuple(with_doubt(each, SAME) if is_contradicted(each, whole) else each for each in watch.alarms),
-        )
-        for watch in watches
-    )
+def _changed(watches: Sequence[Watch], change: Callable[[Alarm], Alarm]) -> tuple[Watch, ...]:
+    """Return watches with each alarm changed."""
+    return tuple(replace(watch, alarms=tuple(map(change, watch.alarms))) for watch in watches)
 
 
 def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
@@ -155,35 +149,26 @@ def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
+def _but_contradicted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
+    """Return watches that doubt of a gyro what the other IMUs contradict."""
+    return _changed(watches, lambda each: with_doubt(each, SAME) if is_contradicted(each, whole) else each)
+
+
 def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches that doubt what a bent attitude may have raised, as `are_bent` tells."""
     told = [alarm for watch in watches for alarm in watch.faults]
     bent = {id(alarm) for alarm, is_bent in zip(told, are_bent(told), strict=True) if is_bent and alarm.judgements}
-    return tuple(
-        replace(watch, alarms=tuple(with_doubt(each, BENT) if id(each) in bent else each for each in watch.alarms))
-        for watch in watches
-    )
+    return _changed(watches, lambda each: with_doubt(each, BENT) if id(each) in bent else each)
 
 
 def _but_alone(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches of gyros alone: operators hold for the motion that they were learnt from, so nobody is accused."""
-    return tuple(
-        replace(
-            watch,
-            alarms=tuple(
-                with_doubt(each, ALONE) if each.accuses and each.test != MISSING else each for each in watch.alarms
-            ),
-        )
-        for watch in watches
-    )
+    return _changed(watches, lambda each: with_doubt(each, ALONE) if each.accuses and each.test != MISSING else each)
 
 
 def _but_lost(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches of a log that a radio received: what is missing may be lost."""
-    return tuple(
-        replace(watch, alarms=tuple(each.disbelieved(LOST) if each.test == MISSING else each for each in watch.alarms))
-        for watch in watches
-    )
+    return _changed(watches, lambda each: each.disbelieved(LOST) if each.test == MISSING else each)
 
 
 def _judged(said: Said) -> Judged | None:
