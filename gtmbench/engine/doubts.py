@@ -15,7 +15,7 @@ from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
 from gtmbench.engine.sides import constants_of_gyro
-from gtmbench.engine.sums import CELL
+from gtmbench.engine.sums import CELL, blocks_of_cells
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
@@ -175,9 +175,9 @@ def _twin(model: Model, finding: Finding) -> tuple[str, ...]:
     """
     flight, best = model.flight, finding.best
     told = {name for name, _, _ in finding.shown_by}
-    if len(flight.imus) != 1 or not flight.is_driven or not finding.parts_imus or "attitude" in told:
+    if len(flight.compared) != 1 or not flight.is_driven or not finding.parts_imus or "attitude" in told:
         return ()
-    axis, (imu,) = axis_number(best.suspect), flight.imus
+    axis, (imu,) = axis_number(best.suspect), flight.compared
     watched, further = GYROS[axis], imu.channels[axis]
     bends = max(_bend_deg(model, finding, fades_s, of=watched) for fades_s in TIMES_S)
     is_open = best.is_gain or (bends > _FAR_DEG and not _stays(model, finding))
@@ -208,10 +208,9 @@ def _gain_between(model: Model, finding: Finding) -> list[str]:
     if not (finding.best.is_gain and finding.parts_imus):
         return []
     axis, flight = axis_number(finding.best.suspect), model.flight
-    inside = np.zeros(len(flight), dtype=bool)
-    inside[finding.first * CELL : finding.last * CELL] = True
+    inside = blocks_of_cells(finding.first, finding.last, len(flight))
     shown = {name for name, _, _ in finding.shown_by}
-    own = [imu for imu in flight.imus if relation_of(imu) in shown]
+    own = [imu for imu in flight.compared if relation_of(imu) in shown]
     if any(_bears_out(finding, change(flight, imu, axis, inside)) for imu in own):
         return []
     return [f"noise of {finding.best.suspect}, or of another IMU, may do the same"]
@@ -230,13 +229,12 @@ def _leaks(finding: Finding, found: Sequence[Finding]) -> list[str]:
 def _outvoted(model: Model, finding: Finding) -> list[str]:
     """Doubt a gyro of three IMUs where the other two don't agree, or it doesn't part from both."""
     flight, best = model.flight, finding.best
-    if len(flight.imus) < _VOTERS or not finding.parts_imus or best.kind == "noise":
+    if len(flight.compared) < _VOTERS or not finding.parts_imus or best.kind == "noise":
         return []
-    axis, inside = axis_number(best.suspect), np.zeros(len(flight), dtype=bool)
-    inside[finding.first * CELL : finding.last * CELL] = True
+    axis, inside = axis_number(best.suspect), blocks_of_cells(finding.first, finding.last, len(flight))
     far = apart(flight, axis, inside)
     most = float(np.nanmax(far, initial=0.0))
-    own = np.array([best.suspect in imu.channels for imu in flight.imus])
+    own = np.array([best.suspect in imu.channels for imu in flight.compared])
     parts = far > _PARTS * most
     is_alone = bool((parts == own).all()) if own.any() else bool(parts[np.isfinite(far)].all())
     return [] if is_alone else ["more than one of the IMUs parts from the others"]
@@ -245,11 +243,10 @@ def _outvoted(model: Model, finding: Finding) -> list[str]:
 def _shaken(model: Model, finding: Finding) -> list[str]:
     """Doubt noise that leaves the means of IMUs as they are: it is what shakes one more than another."""
     flight = model.flight
-    if finding.best.kind != "noise" or not flight.imus:
+    if finding.best.kind != "noise" or not flight.compared:
         return []
-    axis, inside = axis_number(finding.best.suspect), np.zeros(len(flight), dtype=bool)
-    inside[finding.first * CELL : finding.last * CELL] = True
-    own = [imu for imu in flight.imus if finding.best.suspect in (*imu.channels, GYROS[axis])]
+    axis, inside = axis_number(finding.best.suspect), blocks_of_cells(finding.first, finding.last, len(flight))
+    own = [imu for imu in flight.compared if finding.best.suspect in (*imu.channels, GYROS[axis])]
     if all(means_part(flight, imu, axis, inside) for imu in own):
         return []
     return ["the means of the IMUs agree, and only noise differs: vibration"]
@@ -280,12 +277,11 @@ def _regime(model: Model, finding: Finding) -> list[str]:
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
     own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
     lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
-    inside = np.zeros(len(flight), dtype=bool)
     last = finding.last
     if finding.lasts and not finding.best.is_gain:
         shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))
         last = max(min(shows, last), finding.first + 1)
-    inside[finding.first * CELL : last * CELL] = True
+    inside = blocks_of_cells(finding.first, last, len(flight))
     sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
     if all(_is_seen(flight, lively, inside=each) for each in sides):
         return []

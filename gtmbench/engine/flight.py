@@ -62,6 +62,11 @@ class Flight:
     is_assumed: bool = False
     imus: tuple[Imu, ...] = field(default=(), repr=False)
 
+    @property
+    def compared(self) -> tuple[Imu, ...]:
+        """The further IMUs that are judged: those whose gyros are about the aircraft's axes."""
+        return tuple(imu for imu in self.imus if imu.mounting.is_plain)
+
     def by(self, imu: Imu) -> Flight:
         """Return the flight as it is watched by a further IMU alone."""
         held_s = np.column_stack([imu.held_s, self.blocks.held_s[:, len(GYROS) :]])
@@ -234,3 +239,15 @@ def trailing_means(values: FloatArray, count: int) -> FloatArray:
     known = numbers[ends] - numbers[starts]
     mean = np.maximum(sums[ends] - sums[starts], 0.0) / np.maximum(known, 1.0)
     return np.where(known > 0, mean, np.nan)
+
+
+def means_about(values: FloatArray, half: int) -> FloatArray:
+    """Return means of each row and so many before and behind it, fewer at the ends.
+
+    >>> means_about(np.array([1.0, 2.0, 6.0, 7.0]), 1).tolist()
+    [1.5, 3.0, 5.0, 6.5]
+    """
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+    rows = np.arange(len(values))
+    first, last = np.maximum(rows - half, 0), np.minimum(rows + half + 1, len(values))
+    return np.asarray((sums[last] - sums[first]) / (last - first).reshape(-1, *[1] * (values.ndim - 1)))

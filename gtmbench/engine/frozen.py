@@ -22,7 +22,7 @@ _CERTAIN = 50.0  # nats
 
 def frozen_gyros(flight: Flight) -> tuple[Finding, ...]:
     """Return where gyros stand still; none of an IMU whose three all do, for then it is the logger."""
-    own = [(GYROS, flight), *((imu.channels, flight.by(imu)) for imu in flight.imus if imu.mounting.is_plain)]
+    own = [(GYROS, flight), *((imu.channels, flight.by(imu)) for imu in flight.compared)]
     return tuple(each for sensors, watched in own for each in _of_gyros(watched, sensors))
 
 

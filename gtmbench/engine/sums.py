@@ -26,10 +26,21 @@ from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
 from gtmbench.engine.relation import Relation
-from gtmbench.values.record import FloatArray, IntArray
+from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets
 _AT_ONCE = 400  # cells whose products are worked out together, for memory
+
+
+def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
+    """Tell which of so many blocks lie in cells [first, last), shape (count,).
+
+    >>> np.flatnonzero(blocks_of_cells(1, 2, 100)).tolist() == list(range(CELL, 2 * CELL))
+    True
+    """
+    found = np.zeros(count, dtype=bool)
+    found[first * CELL : last * CELL] = True
+    return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -17,8 +17,8 @@ from gtmbench.intake.formats.raw import RawSeries
 
 _USUALLY = 99.9  # %
 _FASTEST_RAD_S, _RANGE_DEG_S = math.radians(920.0), 2500.0  # of aircraft; of gyros
-_CALM_DEG_S = 3.0
-_FEWEST = 200
+_CALM_DEG_S = 3.0  # below, no log's gyros and attitude tell of one motion
+_FEWEST = 200  # readings: a few seconds, or the fastest thousandth is one of them
 
 
 def only_deg_s(gyros: Sequence[RawSeries]) -> str:

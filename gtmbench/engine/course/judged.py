@@ -18,7 +18,7 @@ from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
-from gtmbench.engine.sums import CELL
+from gtmbench.engine.sums import blocks_of_cells
 from gtmbench.values.channels import WHOLE, names_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, unjudged
@@ -97,11 +97,14 @@ class CourseJudged:
     def _of(self, finding: Finding) -> Iterator[Claim]:
         suspects, shows_s = sensors_of(finding), max(finding.shows_s, finding.onset_s)
         sensor = suspects[0] if len(suspects) == 1 else None
-        judgement = replace(
-            judgement_of(finding, shows_s), sensor=sensor, candidates=suspects, axis=_axis_of(finding.best.suspect)
-        )
         reason = f"{' or '.join(suspects)} explains it"
-        judgement = replace(judgement, reason="" if sensor else reason)
+        judgement = replace(
+            judgement_of(finding, shows_s),
+            sensor=sensor,
+            candidates=suspects,
+            axis=_axis_of(finding.best.suspect),
+            reason="" if sensor else reason,
+        )
         yield from claims_of(judgement, suspects, (finding.onset_s, finding.end_s), reason)
 
 
@@ -193,8 +196,7 @@ def _short(flight: Flight, finding: Finding) -> list[str]:
 
 def _livelier(flight: Flight, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen."""
-    inside = np.zeros(len(flight), dtype=bool)
-    inside[finding.first * CELL : finding.last * CELL] = True
+    inside = blocks_of_cells(finding.first, finding.last, len(flight))
     there, rest = inside & flight.flown, ~inside & flight.flown
     if not there.any() or not rest.any():
         return ["nothing is known beside it"]

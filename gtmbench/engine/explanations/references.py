@@ -11,9 +11,8 @@ import numpy as np
 
 from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.explanation import TIMES_S, Explanation, followed
-from gtmbench.engine.flight import Flight
+from gtmbench.engine.flight import Flight, means_about
 from gtmbench.values.channels import GYROS
-from gtmbench.values.record import FloatArray
 
 _LEAN, _LEAN_LOW, _LEAN_HIGH = 0.005, -0.3, 0.6  # deg/s a deg
 _TURNS, _MOST, _MOST_YAW = 0.05, 0.7, 0.9  # the share of a turn that they take back
@@ -62,13 +61,6 @@ def _turns(flight: Flight, *, axis: int, fades_s: float) -> Effect:
     """Return the pull by which a share of each turn is taken back: its low pass, over the time constant."""
     turns = flight.gyros[:, axis]
     if axis < 2:
-        turns = turns - _running_mean(turns, max(round(_COMES_BACK_S / flight.blocks.period_s), 1))
+        turns = turns - means_about(turns, round(0.5 * _COMES_BACK_S / flight.blocks.period_s))
     turned, _ = followed(flight, on_axis(turns, axis), fades_s)
     return Effect(turning=-turned / fades_s)
-
-
-def _running_mean(values: FloatArray, count: int) -> FloatArray:
-    sums = np.concatenate([[0.0], np.cumsum(values)])
-    rows = np.arange(len(values))
-    first, last = np.maximum(rows - count // 2, 0), np.minimum(rows + count // 2 + 1, len(values))
-    return np.asarray((sums[last] - sums[first]) / (last - first))

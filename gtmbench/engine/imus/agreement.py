@@ -42,7 +42,7 @@ def _rms(values: FloatArray, rows: BoolArray) -> float:
 def apart(flight: Flight, axis: int, rows: BoolArray) -> FloatArray:
     """Return how far each further IMU's gyro is from the watched one in some blocks, shape (imus,), in deg/s."""
     own = flight.blocks.gyros[:, axis]
-    return np.array([_rms(imu.gyros[:, axis] - own, rows & flight.judged) for imu in flight.imus])
+    return np.array([_rms(imu.gyros[:, axis] - own, rows & flight.judged) for imu in flight.compared])
 
 
 def factors(own: FloatArray, other: FloatArray, rows: BoolArray) -> Span:

@@ -24,7 +24,7 @@ _WANDER_DEG_S, _LEAST_DEG_S = 0.05, 0.02  # by vibration that aliases; of noise
 
 def relations(flight: Flight) -> list[Relation]:
     """Return the relation of each further IMU, but of one that is mounted turned."""
-    return [_relation(flight, imu) for imu in flight.imus if imu.mounting.is_plain]
+    return [_relation(flight, imu) for imu in flight.compared]
 
 
 def relation_of(imu: Imu) -> str:

@@ -11,9 +11,8 @@ import numpy as np
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S, Explanation
 from gtmbench.engine.explanations import bias, drift, noise, scale
-from gtmbench.engine.flight import Flight
+from gtmbench.engine.flight import Flight, means_about
 from gtmbench.engine.imus.imu import Imu, gyro_of, rough_of
-from gtmbench.values.record import FloatArray
 
 _USUAL_S, _LEAST_POWER = 10.0, 1e-3  # over which shares are told, in (deg/s)^2
 _KINDS = (bias, drift, scale)
@@ -24,7 +23,7 @@ def explanations(flight: Flight) -> list[Explanation]:
     """Return them for each gyro of each further IMU, of sizes as those of the watched ones."""
     return [
         each
-        for imu in flight.imus
+        for imu in flight.compared
         for each in (*_of(flight.by(_as_watched(imu, flight)), imu), *map(_noise, imu.channels))
     ]
 
@@ -44,11 +43,11 @@ def _as_watched(imu: Imu, flight: Flight) -> Imu:
 
     Its own noise is in y, and would explain itself as a gain; the watched one's is in the regressors as well.
     """
-    width = max(round(_USUAL_S / flight.blocks.period_s), 2)
+    half = max(round(0.5 * _USUAL_S / flight.blocks.period_s), 1)
     read, watched = np.nan_to_num(imu.gyros), flight.gyros
-    mean, of_watched = about(read, width), about(watched, width)
-    shared = about(read * watched, width) - mean * of_watched
-    power = about(watched**2, width) - of_watched**2
+    mean, of_watched = means_about(read, half), means_about(watched, half)
+    shared = means_about(read * watched, half) - mean * of_watched
+    power = means_about(watched**2, half) - of_watched**2
     share = shared / np.maximum(power, _LEAST_POWER)
     return replace(imu, gyros=mean + share * (watched - of_watched))
 
@@ -62,18 +61,6 @@ def _of(own: Flight, imu: Imu) -> Iterator[Explanation]:
                 base=each.base and _named(each.base, imu),
                 effect=partial(_moved, own=own, imu=imu, effect=each.effect),
             )
-
-
-def about(values: FloatArray, width: int) -> FloatArray:
-    """Return means of so many rows about each, fewer at the ends.
-
-    >>> about(np.array([1.0, 2.0, 6.0, 7.0]), 3).tolist()
-    [1.5, 3.0, 5.0, 6.5]
-    """
-    sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
-    rows = np.arange(len(values))
-    first, last = np.maximum(rows - width // 2, 0), np.minimum(rows + (width + 1) // 2, len(values))
-    return np.asarray((sums[last] - sums[first]) / (last - first).reshape(-1, *[1] * (values.ndim - 1)))
 
 
 def _named(base: str, imu: Imu) -> str:

@@ -23,7 +23,7 @@ _WANDER = 0.3  # by what shakes one IMU more than the other
 
 def relations(flight: Flight) -> list[Relation]:
     """Return the relation of each further IMU, but of one that is mounted turned."""
-    return [_relation(flight, imu) for imu in flight.imus if imu.mounting.is_plain]
+    return [_relation(flight, imu) for imu in flight.compared]
 
 
 def _relation(flight: Flight, imu: Imu) -> Relation:
