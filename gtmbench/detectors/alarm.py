@@ -42,6 +42,8 @@ class Judgement:
         The IMU of `sensor`, if a log has several.
     axis : str
         The channel of `sensor` that is wrong, of a sensor of several, where one alone is; empty otherwise.
+    together : tuple of Judgement
+        Of each sensor, where several have failed at once; `sensor` is None then, and all are `candidates`.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class Judgement:
     doubt: str = ""
     imu: str = ""
     axis: str = ""
+    together: tuple[Judgement, ...] = ()
 
     @property
     def swapped(self) -> bool:
@@ -75,6 +78,8 @@ class Judgement:
         """In words: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
+        if self.together:
+            return f"{', '.join(self.candidates[:-1])} and {self.candidates[-1]} failed"
         if self.sensor is not None:
             named = f"{self.sensor} ({self.axis})" if self.axis else self.sensor
             return f"{named} of {self.imu} failed" if self.imu else f"{named} failed"

@@ -39,6 +39,8 @@ class Case:
     ----------
     record : Record
         From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
+    source : str
+        The residual whose alarm is judged.
     others : frozenset of str
         Residuals with an alarm of their own that began at another time.
     together : frozenset of str
@@ -67,6 +69,7 @@ class Case:
     suspects: tuple[str, ...]
     habits: Mapping[str, Habit]
     referees: Mapping[str, Referee] = field(default_factory=dict)
+    source: str = ""
     others: frozenset[str] = frozenset()
     together: frozenset[str] = frozenset()
 

@@ -401,7 +401,7 @@ def _holder(
     name = excess.holder if excess is not None and excess.is_clear else None
     if strays:
         mates = suspects_in(case, [mate for mate in axis_of(best.channel) if mate in ANGLES and mate != best.channel])
-        healers = [mate.channel for mate in mates if all(_would_heal(mate, output) for output in strays)]
+        healers = [mate.channel for mate in mates if all(would_heal(mate, output) for output in strays)]
         name = next((healer for healer in healers if name in (None, healer)), None)
     least = _MOSTLY * (case.deviance - best.bic)
     return next((fit for fit in good if fit.channel == name and case.deviance - fit.bic >= least), None)
@@ -462,10 +462,10 @@ def _strays(case: Case, best: FittedHypothesis) -> list[str]:
     """
     sick = [output for output, far in case.sickness.items() if output not in best.left.outputs and far > 1.0]
     mates = suspects_in(case, [name for name in _axis(case, best.channel) if name != best.channel] if sick else [])
-    return [output for output in sick if any(_would_heal(mate, output) for mate in mates)]
+    return [output for output in sick if any(would_heal(mate, output) for mate in mates)]
 
 
-def _would_heal(suspect: Suspect, output: str) -> bool:
+def would_heal(suspect: Suspect, output: str) -> bool:
     """Tell whether a residual is healthy, or much nearer to it, once a suspect reads what it should."""
     case = suspect.case
     if output not in suspect.outputs:

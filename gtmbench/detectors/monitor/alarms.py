@@ -368,6 +368,7 @@ class AlarmLogic:
             suspects=tuple(name for name in suspects if name not in fault.ruled_out),
             habits=fault.habits,
             referees=fault.referees,
+            source=fault.crossing.output,
             others=frozenset(each.crossing.output for each in others if not fault.began_with(each.crossing)),
             together=frozenset(each.output for each in self._raised if fault.began_with(each)),
         )

@@ -17,12 +17,12 @@ from gtmbench.detectors.isolation.diagnosis import (
     ended_s,
     fault_of,
     is_bent_far,
-    judge,
     looks_like_motion,
     only_doubts,
 )
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
+from gtmbench.detectors.isolation.several import judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, rows_of, trusted
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
@@ -97,7 +97,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     if end is not None:
         return Outcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
-    judged = judge(case, ranking, first)
+    judged = judge_all(case, ranking, first, without)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
     judged = _in_motion(fault, case, _settling(fault, case, judged), first)
@@ -180,8 +180,8 @@ def _decisive(ranking: Iterable[FittedHypothesis], judged: Judgement) -> FittedH
     """Return the hypothesis of a kind that is told decisively, where it reads something definite."""
     if judged.sensor is None or judged.kind_margin <= DECISIVE:
         return None
-    named = next(fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind))
-    return None if fault_of(named) is None else named
+    named = next((fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind)), None)
+    return None if named is None or fault_of(named) is None else named
 
 
 def _closing(case: Case, judged: Judgement, since: int) -> Closing | None:

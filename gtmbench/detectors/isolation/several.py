@@ -1,0 +1,120 @@
+"""Several sensors hit at once: where no single one explains what all residuals show, each axis is judged by itself.
+
+An angle enters up to three residuals and reads anything, so that it explains a part of whatever happens to several
+gyros. One sensor is all that is wrong only if every residual is healthy, or much nearer to it, once that sensor reads
+what it should. Otherwise the gyro and the angle of each axis that is hit are weighed by their own residual and their
+own readings alone: what another axis shows is another fault's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
+from gtmbench.detectors.isolation.driving import suspects_in
+from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
+from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.virtual import ANGLES
+from gtmbench.values.channels import axis_of
+
+SEVERAL = "several sensors are hit at once"
+
+
+def judge_all(
+    case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()
+) -> Judgement:
+    """Return what is said of a case: of one sensor, or of each axis that is hit.
+
+    Parameters
+    ----------
+    case : Case
+    ranking : list of FittedHypothesis
+        Of one sensor each, the best first.
+    first : Judgement
+        What the signature says.
+    without : iterable of str
+        Families of hypotheses that aren't tried.
+    """
+    hit = _hit(case, ranking, first)
+    if hit is None:
+        return judge(case, ranking, first)
+    parts = _parts(case, hit, first, tuple(without))
+    return _merged(case, parts, first)
+
+
+def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> list[str] | None:
+    """Return the residuals that tell of faults of their own, its own among them; None where one sensor explains all."""
+    if case.driving or first.sensor is not None or case.source not in case.residuals.raw:
+        return None
+    best = next((fit for fit in ranking if fit.channel in first.candidates), None)
+    if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
+        return None
+    sick = [output for output, far in case.sickness.items() if far > 1.0 or output == case.source]
+    if set(sick) <= set(axis_of(best.channel)):
+        return None
+    if any(all(would_heal(suspect, output) for output in sick) for suspect in suspects_in(case, ANGLES)):
+        return None
+    return [output for output in sick if output == case.source or output not in case.others]
+
+
+def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, Judgement]:
+    """Return what is said of each residual by itself, but of those that an angle heals which is named of another."""
+    parts: dict[str, Judgement] = {}
+    for output in outputs:
+        alone = _alone(case, output)
+        ranking = ranked_hypotheses(alone, alone.suspects, without)
+        signature = replace(first, candidates=alone.suspects)
+        parts[output] = judge(alone, ranking, signature)
+    for output, judged in tuple(parts.items()):
+        if judged.sensor in ANGLES and output in parts:
+            (angle,) = suspects_in(case, [str(judged.sensor)])
+            for other in [name for name in parts if name != output and would_heal(angle, name)]:
+                if parts[other].sensor not in ANGLES:
+                    del parts[other]
+    return parts
+
+
+def _alone(case: Case, output: str) -> Case:
+    """Return a case of one residual, with the gyro and the angle of its axis as suspects."""
+    raw = {output: case.residuals.raw[output]}
+    suspects = tuple(name for name in case.monitor.bank.suspects if name in axis_of(output))
+    return replace(
+        case,
+        residuals=replace(case.residuals, raw=raw),
+        suspects=suspects,
+        source=output,
+        others=frozenset(),
+        together=frozenset(raw),
+    )
+
+
+def _merged(case: Case, parts: dict[str, Judgement], first: Judgement) -> Judgement:
+    """Return what is said of all parts in one."""
+    del first
+    own = parts.get(case.source)
+    telling = [judged for output, judged in parts.items() if output == case.source or _is_definite(judged)]
+    if len(telling) == 1:
+        return telling[0]
+    named = [judged for judged in telling if judged.sensor is not None and not judged.doubt]
+    if len(named) == len(telling):
+        kinds = {judged.kind for judged in named}
+        sensors = tuple(dict.fromkeys(str(judged.sensor) for judged in named))
+        return Judgement(
+            time_s=case.end_s,
+            sensor=None,
+            candidates=sensors,
+            kind=kinds.pop() if len(kinds) == 1 else None,
+            together=tuple(named),
+        )
+    candidates = tuple(dict.fromkeys(name for judged in telling for name in judged.candidates))
+    if not candidates:
+        return own or telling[0]
+    doubt = next((judged.doubt for judged in telling if judged.doubt), "") if all(j.doubt for j in telling) else ""
+    return Judgement(time_s=case.end_s, sensor=None, candidates=candidates, reason=SEVERAL, doubt=doubt)
+
+
+def _is_definite(judged: Judgement) -> bool:
+    return bool(judged.candidates) and judged.kind not in (None, UNKNOWN, "random_walk")
