@@ -224,7 +224,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     healthy, worst = case.deviance, max(case.sickness.values())
     good = [fit for fit in ranking if fit.bic < healthy - DECISIVE and fit.channel in first.candidates]
     if first.sensor is None and worst <= 1.0:
-        step = _stepped(case, first)
+        step = None if _is_anothers(case, ranking, first) else _stepped(case, first)
         if step is not None:
             return step
         good = [fit for fit in good if good[0].bic < healthy - _PLAIN]
@@ -465,14 +465,14 @@ def _strays(case: Case, best: FittedHypothesis) -> list[str]:
     return [output for output in sick if any(would_heal(mate, output) for mate in mates)]
 
 
-def would_heal(suspect: Suspect, output: str) -> bool:
-    """Tell whether a residual is healthy, or much nearer to it, once a suspect reads what it should."""
+def would_heal(suspect: Suspect, output: str, share: float = 0.5) -> bool:
+    """Tell whether a residual is healthy, or no more than a share as far from it, once a suspect reads what it should."""
     case = suspect.case
     if output not in suspect.outputs:
         return False
     row = suspect.outputs.index(output)
     left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
-    most = max(0.5 * case.sickness[output], 1.0)
+    most = max(share * case.sickness[output], 1.0)
     return greatest(case.monitor, output, left, enough=most) < most
 
 
@@ -487,6 +487,12 @@ def _reason(best: FittedHypothesis, order: Sequence[str], untestable: Sequence[s
     if len(order) > 1:
         return f"a fault of {order[1]} explains it nearly as well as one of {order[0]}"
     return f"nothing predicts {', '.join(untestable)}" if untestable else EARLY
+
+
+def _is_anothers(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> bool:
+    """Tell whether a sensor's own readings show a fault that isn't under suspicion: what it does is no step."""
+    best = ranking[0] if ranking else None
+    return best is not None and best.is_shown and best.channel not in first.candidates and best.bic < case.deviance - DECISIVE
 
 
 def _stepped(case: Case, first: Judgement) -> Judgement | None:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
@@ -21,6 +23,8 @@ from gtmbench.detectors.virtual import ANGLES
 from gtmbench.values.channels import axis_of
 
 SEVERAL = "several sensors are hit at once"
+_HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
+_PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
 def judge_all(
@@ -49,15 +53,23 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     """Return the residuals that tell of faults of their own, its own among them; None where one sensor explains all."""
     if case.driving or first.sensor is not None or case.source not in case.residuals.raw:
         return None
-    best = next((fit for fit in ranking if fit.channel in first.candidates), None)
+    best = ranking[0] if ranking else None
     if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
         return None
-    sick = [output for output, far in case.sickness.items() if far > 1.0 or output == case.source]
+    sick = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
     if set(sick) <= set(axis_of(best.channel)):
         return None
-    if any(all(would_heal(suspect, output) for output in sick) for suspect in suspects_in(case, ANGLES)):
+    if any(all(would_heal(suspect, output, _HEALED) for output in sick) for suspect in suspects_in(case, ANGLES)):
         return None
     return [output for output in sick if output == case.source or output not in case.others]
+
+
+def _is_hit(case: Case, output: str) -> bool:
+    """Tell whether a residual is sick, or holds much more than chance."""
+    if case.sickness[output] > 1.0:
+        return True
+    count = int(np.isfinite(case.white[output][case.judged]).sum())
+    return case.energies[output] - count > max(_PLAIN, _LOUDER * count)
 
 
 def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, Judgement]:
