@@ -8,7 +8,7 @@ own readings alone: what another axis shows is another fault's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
 from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
 from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.isolation.health import energy
+from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.values.channels import axis_of
 
@@ -45,7 +47,10 @@ def judge_all(
     hit = _hit(case, ranking, first)
     if hit is None:
         return judge(case, ranking, first)
-    parts = _parts(case, hit, first, tuple(without))
+    parts, gains = _parts(case, hit, first, tuple(without))
+    with_angle = _with_own_angle(case, hit, parts, gains)
+    if with_angle is not None:
+        return with_angle
     return _merged(case, parts, first)
 
 
@@ -72,13 +77,15 @@ def _is_hit(case: Case, output: str) -> bool:
     return case.energies[output] - count > max(_PLAIN, _LOUDER * count)
 
 
-def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, Judgement]:
+def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> tuple[dict[str, Judgement], dict[str, float]]:
     """Return what is said of each residual by itself, but of those that an angle heals which is named of another."""
     parts: dict[str, Judgement] = {}
+    gains: dict[str, float] = {}
     for output in outputs:
         alone = _alone(case, output)
         ranking = ranked_hypotheses(alone, alone.suspects, without)
         signature = replace(first, candidates=alone.suspects)
+        gains[output] = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
         parts[output] = judge(alone, ranking, signature)
     for output, judged in tuple(parts.items()):
         if judged.sensor in ANGLES and output in parts:
@@ -86,7 +93,64 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
             for other in [name for name in parts if name != output and would_heal(angle, name)]:
                 if parts[other].sensor not in ANGLES:
                     del parts[other]
-    return parts
+    return parts, gains
+
+
+def _with_own_angle(case: Case, hit: Sequence[str], parts: Mapping[str, Judgement], gains: Mapping[str, float]) -> Judgement | None:
+    """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
+
+    What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
+    change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading heals them,
+    it is the angle that they tell of.
+    """
+    for angle in suspects_in(case, ANGLES):
+        own = [output for output in axis_of(angle.channel) if output in hit]
+        others = [output for output in hit if output not in own]
+        if not own or not others or own[0] not in parts:
+            continue
+        ahead = _gain(angle, others, is_named=parts[own[0]].sensor == angle.channel) - sum(gains[output] for output in others)
+        if ahead < -DECISIVE:
+            continue
+        judged = parts[own[0]]
+        gyro = next(name for name in axis_of(angle.channel) if name != angle.channel)
+        if judged.sensor is None or judged.doubt or ahead < DECISIVE:
+            names = dict.fromkeys([gyro, angle.channel, *(name for each in parts.values() for name in each.candidates)])
+            return replace(judged, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
+        other = angle.channel if judged.sensor == gyro else gyro
+        unknown = Judgement(time_s=case.end_s, sensor=other, candidates=(other,), kind=UNKNOWN)
+        return _together(case, [judged, unknown])
+    return None
+
+
+def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
+    """Return by how much of BIC some smooth change of an angle explains other axes' residuals; -inf if it can't."""
+    rows = [angle.outputs.index(output) for output in outputs if output in angle.outputs]
+    if len(rows) < len(outputs):
+        return -np.inf
+    since_s = np.where(angle.begun, angle.time_s - angle.time_s[angle.onset], 0.0)
+    reading = np.where(angle.begun, np.nan_to_num(angle.measured), 0.0)
+    changes = [1.0 * angle.begun, since_s, reading, *([angle.off] if is_named else [])]
+    shapes = angle.shown(np.array(changes))[:, rows]
+    white = angle.white[rows]
+    there = np.isfinite(white)
+    of, told = shapes[:, there].T, white[there]
+    size = np.linalg.norm(of, axis=0)
+    of = of[:, size > 0.0] / size[size > 0.0]
+    left = told - of @ np.linalg.lstsq(of, told, rcond=1e-6)[0]
+    as_it_is = sum(angle.case.energies[output] for output in outputs)
+    return as_it_is - energy(left) - of.shape[1] * float(np.log(max(angle.case.count, 2)))
+
+
+def _together(case: Case, named: Sequence[Judgement]) -> Judgement:
+    """Return that several sensors failed at once."""
+    kinds = {judged.kind for judged in named}
+    return Judgement(
+        time_s=case.end_s,
+        sensor=None,
+        candidates=tuple(dict.fromkeys(str(judged.sensor) for judged in named)),
+        kind=kinds.pop() if len(kinds) == 1 else None,
+        together=tuple(named),
+    )
 
 
 def _alone(case: Case, output: str) -> Case:
@@ -112,15 +176,7 @@ def _merged(case: Case, parts: dict[str, Judgement], first: Judgement) -> Judgem
         return telling[0]
     named = [judged for judged in telling if judged.sensor is not None and not judged.doubt]
     if len(named) == len(telling):
-        kinds = {judged.kind for judged in named}
-        sensors = tuple(dict.fromkeys(str(judged.sensor) for judged in named))
-        return Judgement(
-            time_s=case.end_s,
-            sensor=None,
-            candidates=sensors,
-            kind=kinds.pop() if len(kinds) == 1 else None,
-            together=tuple(named),
-        )
+        return _together(case, named)
     candidates = tuple(dict.fromkeys(name for judged in telling for name in judged.candidates))
     if not candidates:
         return own or telling[0]
