@@ -26,6 +26,7 @@ from gtmbench.values.channels import axis_of
 
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
+_NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
@@ -103,19 +104,22 @@ def _with_own_angle(case: Case, hit: Sequence[str], parts: Mapping[str, Judgemen
     change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading heals them,
     it is the angle that they tell of.
     """
+    alarmed = {*hit, *case.together, *case.others}
     for angle in suspects_in(case, ANGLES):
-        own = [output for output in axis_of(angle.channel) if output in hit]
-        others = [output for output in hit if output not in own]
-        if not own or not others or own[0] not in parts:
+        axis = axis_of(angle.channel)
+        others = [output for output in hit if output not in axis]
+        if not others or not alarmed & set(axis):
             continue
-        ahead = _gain(angle, others, is_named=parts[own[0]].sensor == angle.channel) - sum(gains[output] for output in others)
-        if ahead < -DECISIVE:
+        judged = next((parts[output] for output in axis if output in parts), None)
+        explained = sum(gains[output] for output in others)
+        gain = _gain(angle, others, is_named=judged is None or judged.sensor == angle.channel)
+        if gain < _NEARLY * explained:
             continue
-        judged = parts[own[0]]
-        gyro = next(name for name in axis_of(angle.channel) if name != angle.channel)
-        if judged.sensor is None or judged.doubt or ahead < DECISIVE:
-            names = dict.fromkeys([gyro, angle.channel, *(name for each in parts.values() for name in each.candidates)])
-            return replace(judged, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
+        if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
+            names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.candidates)])
+            told = judged or parts[case.source]
+            return replace(told, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
+        gyro = next(name for name in axis if name != angle.channel)
         other = angle.channel if judged.sensor == gyro else gyro
         unknown = Judgement(time_s=case.end_s, sensor=other, candidates=(other,), kind=UNKNOWN)
         return _together(case, [judged, unknown])
