@@ -27,6 +27,7 @@ from gtmbench.values.channels import axis_of
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
+_PARTLY = 0.5  # of the same, where the angle is named by its own axis
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
@@ -112,8 +113,9 @@ def _with_own_angle(case: Case, hit: Sequence[str], parts: Mapping[str, Judgemen
             continue
         judged = next((parts[output] for output in axis if output in parts), None)
         explained = sum(gains[output] for output in others)
-        gain = _gain(angle, others, is_named=judged is None or judged.sensor == angle.channel)
-        if gain < _NEARLY * explained:
+        is_named = judged is not None and judged.sensor == angle.channel
+        gain = _gain(angle, others, is_named=is_named or judged is None)
+        if gain < (_PARTLY if is_named else _NEARLY) * explained:
             continue
         if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
             names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.candidates)])
@@ -127,13 +129,18 @@ def _with_own_angle(case: Case, hit: Sequence[str], parts: Mapping[str, Judgemen
 
 
 def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
-    """Return by how much of BIC some smooth change of an angle explains other axes' residuals; -inf if it can't."""
+    """Return by how much of BIC some smooth change of an angle explains other axes' residuals; -inf if it can't.
+
+    It is a constant, a ramp, a share of its own reading, and of one that is named what it reads beside its gyro's.
+    """
+    off = angle.off
+    angle = Suspect.as_read(angle.case, angle.channel)
     rows = [angle.outputs.index(output) for output in outputs if output in angle.outputs]
     if len(rows) < len(outputs):
         return -np.inf
     since_s = np.where(angle.begun, angle.time_s - angle.time_s[angle.onset], 0.0)
     reading = np.where(angle.begun, np.nan_to_num(angle.measured), 0.0)
-    changes = [1.0 * angle.begun, since_s, reading, *([angle.off] if is_named else [])]
+    changes = [1.0 * angle.begun, since_s, reading, *([off] if is_named else [])]
     shapes = angle.shown(np.array(changes))[:, rows]
     white = angle.white[rows]
     there = np.isfinite(white)

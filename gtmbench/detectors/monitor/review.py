@@ -22,8 +22,8 @@ from gtmbench.detectors.isolation.diagnosis import (
 )
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
-from gtmbench.detectors.isolation.several import judge_all
-from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, rows_of, trusted
+from gtmbench.detectors.isolation.several import SEVERAL, judge_all
+from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
 _LONG_S = 20.0  # after an alarm: what looks have said until then, twice, the next one says, too
@@ -97,7 +97,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     if end is not None:
         return Outcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
-    judged = judge_all(case, ranking, first, without)
+    judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
     judged = _in_motion(fault, case, _settling(fault, case, judged), first)
@@ -110,6 +110,23 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         closing=_closing(case, judged, row - fault.row),
         is_decided=_is_decided(fault, judged, row),
     )
+
+
+def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFault]) -> Judgement:
+    """Return a judgement without its name, where an earlier alarm that nobody can tell may be what it tells of.
+
+    What began with it and enters this residual isn't this sensor's.
+    """
+    if judged.sensor is None:
+        return judged
+    for each in earlier(fault, others):
+        alarm = each.alarm
+        is_open = each.is_judged and alarm.sensor is None and alarm.accuses and not alarm.last.together
+        if is_open and each.began_with(fault.crossing) and fault.crossing.output in each.enters:
+            if judged.sensor not in alarm.candidates:
+                names = tuple(dict.fromkeys([judged.sensor, *alarm.candidates]))
+                return replace(judged, sensor=None, partner=None, candidates=names, reason=SEVERAL)
+    return judged
 
 
 def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
