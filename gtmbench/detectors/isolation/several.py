@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.alarm import NOISE_CHANGED, Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
 from gtmbench.detectors.isolation.driving import suspects_in
@@ -22,12 +22,16 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.values.channels import axis_of
+from gtmbench.faults.replacing import Stale
+from gtmbench.values.channels import GYROS, axis_of
+from gtmbench.values.record import BoolArray, FloatArray
 
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
+_OFTEN, _OFTENER = 10, 0.03  # rows, and share of them, that repeat in all channels, more than before
+_IN_TUNE = 1.05  # times the frequency of another tone
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
@@ -46,6 +50,9 @@ def judge_all(
     without : iterable of str
         Families of hypotheses that aren't tried.
     """
+    repeating = _repeating(case)
+    if repeating is not None:
+        return repeating
     hit = _hit(case, ranking, first)
     if hit is None:
         return judge(case, ranking, first)
@@ -53,7 +60,7 @@ def judge_all(
     with_angle = _with_own_angle(case, hit, parts, gains)
     if with_angle is not None:
         return with_angle
-    return _merged(case, parts, first)
+    return _merged(case, parts)
 
 
 def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> list[str] | None:
@@ -66,17 +73,29 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     sick = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
     if set(sick) <= set(axis_of(best.channel)):
         return None
-    if any(all(would_heal(suspect, output, _HEALED) for output in sick) for suspect in suspects_in(case, ANGLES)):
+    if any(all(_would_heal_all_of(suspect, output) for output in sick) for suspect in suspects_in(case, ANGLES)):
         return None
     return [output for output in sick if output == case.source or output not in case.others]
 
 
 def _is_hit(case: Case, output: str) -> bool:
     """Tell whether a residual is sick, or holds much more than chance."""
-    if case.sickness[output] > 1.0:
-        return True
-    count = int(np.isfinite(case.white[output][case.judged]).sum())
-    return case.energies[output] - count > max(_PLAIN, _LOUDER * count)
+    return case.sickness[output] > 1.0 or _is_loud(case.white[output][case.judged])
+
+
+def _is_loud(white: FloatArray) -> bool:
+    """Tell whether a whitened residual holds much more than chance, though no window of it is beyond a threshold."""
+    count = int(np.isfinite(white).sum())
+    return energy(white) - count > max(_PLAIN, _LOUDER * count)
+
+
+def _would_heal_all_of(suspect: Suspect, output: str) -> bool:
+    """Tell whether nearly nothing is wrong with a residual once a suspect reads what it should."""
+    if not would_heal(suspect, output, _HEALED):
+        return False
+    case, row = suspect.case, suspect.outputs.index(output)
+    left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
+    return case.sickness[output] > 1.0 or not _is_loud(left)
 
 
 def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> tuple[dict[str, Judgement], dict[str, float]]:
@@ -178,22 +197,73 @@ def _alone(case: Case, output: str) -> Case:
     )
 
 
-def _merged(case: Case, parts: dict[str, Judgement], first: Judgement) -> Judgement:
-    """Return what is said of all parts in one."""
-    del first
-    own = parts.get(case.source)
+def _merged(case: Case, parts: Mapping[str, Judgement]) -> Judgement:
+    """Return what is said of all parts in one: several sensors failed at once, or one of these did."""
     telling = [judged for output, judged in parts.items() if output == case.source or _is_definite(judged)]
     if len(telling) == 1:
         return telling[0]
-    named = [judged for judged in telling if judged.sensor is not None and not judged.doubt]
-    if len(named) == len(telling):
+    named = _of_gyros(telling) or telling
+    if all(judged.sensor is not None and not judged.doubt for judged in named):
         return _together(case, named)
-    candidates = tuple(dict.fromkeys(name for judged in telling for name in judged.candidates))
-    if not candidates:
-        return own or telling[0]
-    doubt = next((judged.doubt for judged in telling if judged.doubt), "") if all(j.doubt for j in telling) else ""
-    return Judgement(time_s=case.end_s, sensor=None, candidates=candidates, reason=SEVERAL, doubt=doubt)
+    told = [judged for judged in telling if judged.candidates] or telling[:1]
+    kinds = {judged.kind for judged in told}
+    return Judgement(
+        time_s=case.end_s,
+        sensor=None,
+        candidates=tuple(dict.fromkeys(name for judged in told for name in judged.candidates)),
+        kind=kinds.pop() if len(kinds) == 1 else None,
+        reason=SEVERAL,
+        doubt=told[0].doubt if all(judged.doubt for judged in told) else "",
+    )
+
+
+def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
+    """Return what is said of gyros that one cause hits: one of them is named, and none that the others can't be.
+
+    They have the same kind of fault, of a tone the same frequency. Gyros stand in one box; that two of them and the
+    angle of a third axis do the same at once has no cause.
+    """
+    sure = [judged for judged in parts if judged.sensor in GYROS and not judged.doubt]
+    if not sure or any(judged.kind != sure[0].kind or judged.doubt not in ("", NOISE_CHANGED) for judged in parts):
+        return []
+    tones = [judged.parameters["frequency_hz"] for judged in parts if "frequency_hz" in judged.parameters]
+    if tones and max(tones) > _IN_TUNE * min(tones):
+        return []
+    gyros = [next((name for name in judged.candidates if name in GYROS), None) for judged in parts]
+    if None in gyros or any(judged.sensor in ANGLES for judged in parts):
+        return []
+    return [
+        judged if judged in sure else replace(judged, sensor=gyro, candidates=(str(gyro),), reason="", doubt="")
+        for judged, gyro in zip(parts, gyros, strict=True)
+    ]
+
+
+def _repeating(case: Case) -> Judgement | None:
+    """Return that all channels repeat their rows, as of a logger that writes old ones; None where they don't."""
+    channels = [name for name in case.monitor.bank.suspects if name in case.habits]
+    if not {*channels} & {*GYROS} or not {*channels} & {*ANGLES}:
+        return None
+    since = slice(case.sure, case.judged.stop)
+    repeated = _repeats([case.record[name][since] for name in channels])
+    before = _repeats([case.habits[name].before for name in channels])
+    if repeated.sum() < _OFTEN or repeated.mean() < before.mean() + _OFTENER:
+        return None
+    found = {"hold_s": case.period_s / max(1.0 - float(repeated.mean()), 1.0 / len(repeated))}
+    return _together(
+        case,
+        [
+            Judgement(time_s=case.end_s, sensor=name, candidates=(name,), kind=Stale.kind, parameters=found)
+            for name in channels
+        ],
+    )
+
+
+def _repeats(readings: Sequence[FloatArray]) -> BoolArray:
+    """Tell which rows are the same as the one before, in every channel."""
+    rows = min(len(values) for values in readings)
+    return np.asarray(np.all([np.diff(values[-rows:]) == 0.0 for values in readings], axis=0))
 
 
 def _is_definite(judged: Judgement) -> bool:
+    """Tell whether a residual beside the one that alarmed is a fault's, and not a model's error."""
     return bool(judged.candidates) and judged.kind not in (None, UNKNOWN, "random_walk")
