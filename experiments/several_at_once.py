@@ -193,7 +193,9 @@ def flown(trial: Trial) -> gb.Record:
     if trial.name != HARDER:
         return record
     harder = gb.measure(
-        gb.fly("gtm", f"{excitation}*3" if False else excitation, DURATION_S, trial.seed + 7_000), noise="t2", seed=trial.seed
+        gb.fly("gtm", f"{excitation}*3" if False else excitation, DURATION_S, trial.seed + 7_000),
+        noise="t2",
+        seed=trial.seed,
     )
     return record if harder is None else harder
 
@@ -260,7 +262,9 @@ def told(watch: Watch, hit: frozenset[str], kinds: tuple[str, ...], second_s: fl
         "kind": any(alarm.last is not None and alarm.last.kind in kinds for alarm in alarms),
         "second": any(hit & set(alarm.candidates) for alarm in later),
         "hit": " ".join(sorted(hit)) if not kinds or " " not in kinds[0] else ", ".join(kinds),
-        "said": "; ".join(f"{alarm.onset_s:.1f} {alarm.verdict} ({alarm.last.kind if alarm.last else ''})" for alarm in alarms),
+        "said": "; ".join(
+            f"{alarm.onset_s:.1f} {alarm.verdict} ({alarm.last.kind if alarm.last else ''})" for alarm in alarms
+        ),
     }
 
 
@@ -278,21 +282,37 @@ def failed(alarm: Alarm) -> tuple[str, ...]:
 
 if __name__ == "__main__":
     import os, time
+
     first, jobs = int(sys.argv[1]), int(sys.argv[2])
     only = sys.argv[4].split(",") if len(sys.argv) > 4 else None
     import pickle
+
     path = Path("/tmp/w/mon.pkl")
     from gtmbench.jobs.progress import Progress
+
     if not path.exists():
         size = Size(flights=1, calibration=20, calibration_s=300.0)
         mon = calibrated(size, jobs, lambda *a, **k: None)
-        gb.save_monitor(mon, "/tmp/w/mon.json"); path.write_bytes(b"x")
+        gb.save_monitor(mon, "/tmp/w/mon.json")
+        path.write_bytes(b"x")
     mon = gb.load_monitor("/tmp/w/mon.json")
-    ts = [t for t in trials(first, quick=False) if only is None or any(o in f"{t.group}:{t.name}:{t.seed}" for o in only)]
+    ts = [
+        t for t in trials(first, quick=False) if only is None or any(o in f"{t.group}:{t.name}:{t.seed}" for o in only)
+    ]
     began = time.time()
-    rows = pd.DataFrame(spread(Watched.row, [Watched(trial=t, monitor=mon) for t in ts], processes=jobs, step="x", progress=lambda *a, **k: None))
+    rows = pd.DataFrame(
+        spread(
+            Watched.row,
+            [Watched(trial=t, monitor=mon) for t in ts],
+            processes=jobs,
+            step="x",
+            progress=lambda *a, **k: None,
+        )
+    )
     rows.to_csv(sys.argv[3], index=False)
-    g = rows.groupby(["group", "name"], sort=False)[["detected", "healthy named", "ever", "alone", "all named", "several", "kind", "second", "false_alarms"]].sum()
+    g = rows.groupby(["group", "name"], sort=False)[
+        ["detected", "healthy named", "ever", "alone", "all named", "several", "kind", "second", "false_alarms"]
+    ].sum()
     g["n"] = rows.groupby(["group", "name"], sort=False).size()
     print(g.to_string())
     print(time.time() - began)

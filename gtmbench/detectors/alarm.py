@@ -193,6 +193,11 @@ class Alarm:
         return not (self.doubt or self.has_passed)
 
     @property
+    def is_of_several(self) -> bool:
+        """Whether several sensors failed at once: all of `candidates`, not one of them."""
+        return self.last is not None and bool(self.last.together)
+
+    @property
     def isolated_s(self) -> float | None:
         """When the final decision on the sensor first became possible; None while undecided."""
         if self.last is None or self.last.sensor is None:

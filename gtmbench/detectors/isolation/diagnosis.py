@@ -466,7 +466,7 @@ def _strays(case: Case, best: FittedHypothesis) -> list[str]:
 
 
 def would_heal(suspect: Suspect, output: str, share: float = 0.5) -> bool:
-    """Tell whether a residual is healthy, or no more than a share as far from it, once a suspect reads what it should."""
+    """Tell whether a residual is healthy, or a share as far from it at most, once a suspect reads what it should."""
     case = suspect.case
     if output not in suspect.outputs:
         return False
@@ -491,8 +491,9 @@ def _reason(best: FittedHypothesis, order: Sequence[str], untestable: Sequence[s
 
 def _is_anothers(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> bool:
     """Tell whether a sensor's own readings show a fault that isn't under suspicion: what it does is no step."""
-    best = ranking[0] if ranking else None
-    return best is not None and best.is_shown and best.channel not in first.candidates and best.bic < case.deviance - DECISIVE
+    if not ranking or not ranking[0].is_shown or ranking[0].channel in first.candidates:
+        return False
+    return ranking[0].bic < case.deviance - DECISIVE
 
 
 def _stepped(case: Case, first: Judgement) -> Judgement | None:

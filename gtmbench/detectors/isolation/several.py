@@ -22,22 +22,21 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.faults.replacing import Stale
+from gtmbench.faults.replacing import Jam, Stale
 from gtmbench.values.channels import GYROS, axis_of
-from gtmbench.values.record import BoolArray, FloatArray
+from gtmbench.values.record import BoolArray, FloatArray, runs
 
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
-_OFTEN, _OFTENER = 10, 0.03  # rows, and share of them, that repeat in all channels, more than before
+_OFTEN, _OFTENER = 10.0, 4.0  # rows that repeat in several channels at once, beyond so many times as before
+_TOGETHER = 0.8  # of the rows that any channel repeats, that all do
 _IN_TUNE = 1.05  # times the frequency of another tone
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
-def judge_all(
-    case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()
-) -> Judgement:
+def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()) -> Judgement:
     """Return what is said of a case: of one sensor, or of each axis that is hit.
 
     Parameters
@@ -50,9 +49,9 @@ def judge_all(
     without : iterable of str
         Families of hypotheses that aren't tried.
     """
-    repeating = _repeating(case)
-    if repeating is not None:
-        return repeating
+    standing = _standing(case)
+    if standing is not None:
+        return standing
     hit = _hit(case, ranking, first)
     if hit is None:
         return judge(case, ranking, first)
@@ -98,7 +97,9 @@ def _would_heal_all_of(suspect: Suspect, output: str) -> bool:
     return case.sickness[output] > 1.0 or not _is_loud(left)
 
 
-def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> tuple[dict[str, Judgement], dict[str, float]]:
+def _parts(
+    case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]
+) -> tuple[dict[str, Judgement], dict[str, float]]:
     """Return what is said of each residual by itself, but of those that an angle heals which is named of another."""
     parts: dict[str, Judgement] = {}
     gains: dict[str, float] = {}
@@ -117,7 +118,9 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
     return parts, gains
 
 
-def _with_own_angle(case: Case, hit: Sequence[str], parts: Mapping[str, Judgement], gains: Mapping[str, float]) -> Judgement | None:
+def _with_own_angle(
+    case: Case, hit: Sequence[str], parts: Mapping[str, Judgement], gains: Mapping[str, float]
+) -> Judgement | None:
     """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
 
     What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
@@ -168,7 +171,7 @@ def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
     of = of[:, size > 0.0] / size[size > 0.0]
     left = told - of @ np.linalg.lstsq(of, told, rcond=1e-6)[0]
     as_it_is = sum(angle.case.energies[output] for output in outputs)
-    return as_it_is - energy(left) - of.shape[1] * float(np.log(max(angle.case.count, 2)))
+    return float(as_it_is - energy(left) - of.shape[1] * np.log(max(angle.case.count, 2)))
 
 
 def _together(case: Case, named: Sequence[Judgement]) -> Judgement:
@@ -238,23 +241,41 @@ def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
     ]
 
 
-def _repeating(case: Case) -> Judgement | None:
-    """Return that all channels repeat their rows, as of a logger that writes old ones; None where they don't."""
+def _standing(case: Case) -> Judgement | None:
+    """Return that all channels, or all gyros, repeat the same rows, as of a logger or a box; None where they don't.
+
+    Noise never repeats in several sensors at once. Counts do where nothing moves, so that other sensors have to.
+    """
     channels = [name for name in case.monitor.bank.suspects if name in case.habits]
-    if not {*channels} & {*GYROS} or not {*channels} & {*ANGLES}:
-        return None
+    gyros = [name for name in channels if name in GYROS]
     since = slice(case.sure, case.judged.stop)
-    repeated = _repeats([case.record[name][since] for name in channels])
-    before = _repeats([case.habits[name].before for name in channels])
-    if repeated.sum() < _OFTEN or repeated.mean() < before.mean() + _OFTENER:
-        return None
-    found = {"hold_s": case.period_s / max(1.0 - float(repeated.mean()), 1.0 / len(repeated))}
-    return _together(
-        case,
-        [
-            Judgement(time_s=case.end_s, sensor=name, candidates=(name,), kind=Stale.kind, parameters=found)
-            for name in channels
-        ],
+    for group in (channels, gyros):
+        others = [name for name in channels if name not in group]
+        is_counted = any(case.habits[name].is_counted for name in group)
+        if len(group) < len(GYROS) or (is_counted and not (others and all(map(case.moves, others)))):
+            continue
+        readings = [case.record[name][since] for name in group]
+        repeated = _repeats(readings)
+        before = _repeats([case.habits[name].before for name in group])
+        if repeated.sum() < _OFTEN + _OFTENER * before.mean() * len(repeated):
+            continue
+        if all(repeated.sum() >= _TOGETHER * _repeats([values]).sum() for values in readings):
+            return _together(case, [_stands(case, name, repeated) for name in group])
+    return None
+
+
+def _stands(case: Case, channel: str, repeated: BoolArray) -> Judgement:
+    """Return that a sensor stands still, or that it is read every so often."""
+    starts, ends = runs(repeated)
+    longest = float((ends - starts).max())
+    if longest > 0.5 * float(repeated.sum()):
+        value = float(case.record[channel][case.sure + int(starts[np.argmax(ends - starts)])])
+        return Judgement(
+            time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Jam.kind, parameters={"value": value}
+        )
+    hold_s = case.period_s * len(repeated) / max(float(np.count_nonzero(~repeated)), 1.0)
+    return Judgement(
+        time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Stale.kind, parameters={"hold_s": hold_s}
     )
 
 

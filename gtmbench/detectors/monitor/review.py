@@ -121,11 +121,11 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
         return judged
     for each in earlier(fault, others):
         alarm = each.alarm
-        is_open = each.is_judged and alarm.sensor is None and alarm.accuses and not alarm.last.together
-        if is_open and each.began_with(fault.crossing) and fault.crossing.output in each.enters:
-            if judged.sensor not in alarm.candidates:
-                names = tuple(dict.fromkeys([judged.sensor, *alarm.candidates]))
-                return replace(judged, sensor=None, partner=None, candidates=names, reason=SEVERAL)
+        is_open = each.is_judged and alarm.sensor is None and alarm.accuses and not alarm.is_of_several
+        is_beside = each.began_with(fault.crossing) and fault.crossing.output in each.enters
+        if is_open and is_beside and judged.sensor not in alarm.candidates:
+            names = tuple(dict.fromkeys([judged.sensor, *alarm.candidates]))
+            return replace(judged, sensor=None, partner=None, candidates=names, reason=SEVERAL)
     return judged
 
 
