@@ -74,8 +74,15 @@ class Judgement:
         return self.kind == "swap" and None not in (self.sensor, self.partner)
 
     @property
+    def failed(self) -> tuple[str, ...]:
+        """The sensors that have failed: two that are swapped, or all that failed at once; none while undecided."""
+        if self.together:
+            return self.candidates
+        return tuple(name for name in (self.sensor, self.partner if self.swapped else None) if name is not None)
+
+    @property
     def verdict(self) -> str:
-        """In words: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
+        """In words: ``p failed``, ``p and q have changed places``, ``p, q and r failed``, ``undecided: p or phi``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
         if self.together:
@@ -161,7 +168,7 @@ class Alarm:
     @property
     def last(self) -> Judgement | None:
         """The final judgement; for a fault that ended, the one made while it lasted. None without any."""
-        decided = [judged for judged in self.judgements if judged.sensor is not None]
+        decided = [judged for judged in self.judgements if judged.failed]
         if decided and self.ended_s is not None:
             lasting = [judged for judged in decided if judged.time_s <= self.ended_s]
             return (lasting or decided)[-1]
@@ -200,11 +207,11 @@ class Alarm:
     @property
     def isolated_s(self) -> float | None:
         """When the final decision on the sensor first became possible; None while undecided."""
-        if self.last is None or self.last.sensor is None:
+        if self.last is None or not self.last.failed:
             return None
         time_s = self.last.time_s
         for judgement in reversed([judged for judged in self.judgements if judged.time_s <= time_s]):
-            if judgement.sensor != self.last.sensor:
+            if {*judgement.failed} != {*self.last.failed}:
                 break
             time_s = judgement.time_s
         return time_s
@@ -221,6 +228,8 @@ class Alarm:
         if self.last is None:
             return "alarm"
         names = self.last.candidates if self.last.sensor is None else (self.last.sensor,)
+        if self.last.together:
+            return self.last.verdict
         if not names:
             return f"passed: {self.last.verdict}"
         if set(names) <= set(ANGLES) and not self.last.swapped and not self.last.doubt:
