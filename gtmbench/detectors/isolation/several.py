@@ -8,7 +8,7 @@ own readings alone: what another axis shows is another fault's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -69,32 +69,47 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     best = ranking[0] if ranking else None
     if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
         return None
-    sick = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
-    if set(sick) <= set(axis_of(best.channel)):
+    hit = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
+    if set(hit) <= set(axis_of(best.channel)):
         return None
-    if any(all(_would_heal_all_of(suspect, output) for output in sick) for suspect in suspects_in(case, ANGLES)):
+    if any(_explains_all(suspect, hit) for suspect in suspects_in(case, ANGLES)):
         return None
-    return [output for output in sick if output == case.source or output not in case.others]
+    return [output for output in hit if output == case.source or output not in case.others]
 
 
 def _is_hit(case: Case, output: str) -> bool:
-    """Tell whether a residual is sick, or holds much more than chance."""
+    """Tell whether a residual is sick, or holds much more than chance, though no window of it is beyond a threshold."""
     return case.sickness[output] > 1.0 or _is_loud(case.white[output][case.judged])
 
 
 def _is_loud(white: FloatArray) -> bool:
-    """Tell whether a whitened residual holds much more than chance, though no window of it is beyond a threshold."""
     count = int(np.isfinite(white).sum())
     return energy(white) - count > max(_PLAIN, _LOUDER * count)
 
 
-def _would_heal_all_of(suspect: Suspect, output: str) -> bool:
-    """Tell whether nearly nothing is wrong with a residual once a suspect reads what it should."""
-    if not would_heal(suspect, output, _HEALED):
+def _explains_all(angle: Suspect, hit: Sequence[str]) -> bool:
+    """Tell whether nearly nothing is wrong any more with what is hit once an angle reads what it should.
+
+    What its gyro makes it read heals its own axis in any case. So another axis's residual has to be healed with it; or
+    else none of them may be louder than chance.
+    """
+    case = angle.case
+    sick = [output for output in hit if output == case.source or case.sickness[output] > 1.0]
+    if not all(would_heal(angle, output, _HEALED) for output in sick):
         return False
-    case, row = suspect.case, suspect.outputs.index(output)
-    left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
-    return case.sickness[output] > 1.0 or not _is_loud(left)
+    others = [output for output in hit if output not in sick]
+    return not set(sick) <= set(axis_of(angle.channel)) or not any(map(_is_loud, _left_by(angle, others)))
+
+
+def _left_by(suspect: Suspect, outputs: Sequence[str]) -> Iterator[FloatArray]:
+    """Give what residuals that a suspect enters leave once it reads what it should, and those that it doesn't."""
+    shown = suspect.shown(suspect.off[np.newaxis])[0]
+    for output in outputs:
+        if output in suspect.outputs:
+            row = suspect.outputs.index(output)
+            yield suspect.white[row] - shown[row]
+        else:
+            yield suspect.case.white[output][suspect.case.judged]
 
 
 def _parts(
