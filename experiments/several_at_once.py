@@ -339,7 +339,8 @@ def report(rows: pd.DataFrame, figures: Mapping[str, Mapping[str, float]], size:
     return f"""# Several sensors hit at once
 
 {SAID_QUICK if quick else ""}Bank C, calibrated on {size.calibration} flights of {size.calibration_s:g} s,
-watches {len(rows)} flights of {DURATION_S:g} s (seeds {rows["seed"].min()} to {rows["seed"].max()}; {", ".join(EXCITATIONS)} in turn), each broken in
+watches {len(rows)} flights of {DURATION_S:g} s (seeds {rows["seed"].min()} to {rows["seed"].max()};
+{", ".join(EXCITATIONS)} in turn), each broken in
 another way from {ONSET_S:g} s on; sizes are drawn from about what is detected to ten times it. *At any time*: a healthy
 sensor is named by some look, and perhaps no longer at the end. *Kind right* is asked of common causes alone. Of a
 sensor that fails twice the first fault lasts 12 s, the second begins 35 s after the first.
