@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -31,23 +30,16 @@ from gtmbench.detectors.isolation.excess import Excess, whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.readings import ALIKE, is_straighter
+from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
-from gtmbench.faults.replacing import Stuck
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
 _ALIKE = 200.0  # between faults that are physically the same
-_END = 20.0  # nats
-# kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
-_ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
-_CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the first seconds; and a row judged
 _RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
 _OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
@@ -539,53 +531,6 @@ def _untestable(case: Case) -> list[str]:
     ]
 
 
-def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
-    """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
-
-    Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
-    explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
-    is `rival`: a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't
-    say for long.
-    """
-    fault = fault_of(best)
-    if fault is None or best.channel in ANGLES:
-        return None
-    suspect = suspect_through(case, best.channel, best.estimator)
-    if suspect is None:
-        return None
-    begun = suspect.time_s >= fault.onset_s
-    elapsed_s = suspect.time_s - fault.onset_s
-    virtual = suspect.expected
-    before = np.array([virtual[0]])
-    reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
-    added = np.where(begun, reads - virtual, 0.0)
-    shown = suspect.shown(added[np.newaxis])[0]
-    rows = case.judged.stop - case.judged.start
-    gain, over = np.zeros(rows), np.zeros(rows)  # of leaving the record as it is; what it has over what is tolerated
-    for i, output in enumerate(suspect.outputs):
-        if output in case.residuals.raw:
-            as_is = np.square(np.clip(suspect.white[i], -MOST, MOST))
-            undone = np.square(np.clip(suspect.white[i] - shown[i], -MOST, MOST))
-            gain += 0.5 * np.nan_to_num(undone - as_is)
-            over += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
-    ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
-    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in case.residuals.raw)
-    since = rows - clear  # whitening remembers the fault
-    if since * case.period_s < _CLEAR_S:
-        return None
-    # whitening smears the end: of the rows before, the one that explains most
-    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
-    trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
-    deviances = suspect.deviances(suspect.white - suspect.shown(trials))
-    ended = int(ends[np.argmin(deviances)])
-    lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
-    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
-    healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
-    if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
-        return None
-    return round(float(case.record.time_s[case.judged.start + ended]), 9)
-
-
 def is_bent_far(case: Case) -> bool:
     """Tell whether a gyro seems to have bent the attitude so far that its fit errs: what was said stands."""
     for suspect in likely_suspects_in(case, case.driving):
@@ -605,19 +550,3 @@ def only_doubts(case: Case, judged: Judgement, last: Judgement | None) -> bool:
     if last is None or last.sensor not in case.driving or judged.doubt != DOUBT or not judged.candidates:
         return False
     return set(judged.candidates) <= set(axis_of(last.sensor))
-
-
-def fault_of(fit: FittedHypothesis) -> Fault | None:
-    """Return the fault that a fit tells of, where that reads something definite."""
-    parameters = dict(fit.parameters)
-    onset_s = parameters.pop("onset_s", -1e9)
-    if fit.kind in ("jam", "hardover", "stuck"):
-        return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
-    cls = FAULTS.get(fit.kind)
-    if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):
-        return None
-    names = {each.name for each in cls.parameters()}
-    if fit.kind in _ENDLESS or not set(parameters) <= names:
-        return None
-    figures: dict[str, Any] = parameters
-    return cls(channel=fit.channel, onset_s=onset_s, **figures)

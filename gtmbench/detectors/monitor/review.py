@@ -14,12 +14,11 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
     by_signature,
-    ended_s,
-    fault_of,
     is_bent_far,
     looks_like_motion,
     only_doubts,
 )
+from gtmbench.detectors.isolation.ended import ended_s, fault_of, quiet_since_s
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.several import SEVERAL, judge_all
@@ -147,11 +146,12 @@ def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
 
 
 def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:
-    """Return how a fault is closed that has ended, by what was decisive of it; None where it hasn't."""
-    if fault.held is None:
-        return None
-    lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
-    ended = ended_s(case, fault.held, lasting)
+    """Return how a fault is closed that has ended: by what was decisive of it, or once it is quiet; None if neither."""
+    if fault.held is not None:
+        lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
+        ended = ended_s(case, fault.held, lasting)
+    else:
+        ended = None if fault.alarm.sensor is None else quiet_since_s(case, fault.alarm.sensor)
     return None if ended is None else Closing(ended_s=ended, known_s=case.end_s)
 
 
