@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,7 +13,7 @@ import numpy as np
 from gtmbench.checks import listed, meant
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
-from gtmbench.intake.formats.documented import ALL
+from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
@@ -29,7 +28,6 @@ UNITS = "units"  # beside the channels of a mapping: of all columns that state n
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
 _HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
-_FIRST = re.compile(r"[_\[#]0\]?$")  # of several sensors, as converters number their messages: IMU_0, IMU[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -243,8 +241,8 @@ def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
 def _recognised(raw: RawLog) -> dict[str, Chosen]:
     """Return the channels that documentation or names tell without doubt.
 
-    A documented format has an order in which its topics are preferred; of two columns of a table neither is taken,
-    unless one is named as this package names it.
+    A documented format has an order in which its topics are preferred, and a known source one of its columns; else of
+    two columns of a table neither is taken, unless one is named as this package names it.
     """
     recognised = {}
     candidates: dict[str, list[RawSeries]] = {}
@@ -253,7 +251,10 @@ def _recognised(raw: RawLog) -> dict[str, Chosen]:
         if told.meaning is not None and told.channel in CHANNELS:
             candidates.setdefault(told.channel, []).append(series)
     for channel, sure in candidates.items():
-        best = [series for series in sure if is_table_header(series.name)] or sure if raw.by_name else sure[:1]
+        told = [series for series in sure if series.meaning is not None]
+        best = told or [series for series in sure if is_table_header(series.name)] or sure
+        if told and (not raw.by_name or len({series.clock for series in told}) == 1):
+            best = told[:1]
         if len(best) == 1:
             others = [f"'{series.name}'" for series in sure if series is not best[0]]
             recognised[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")
@@ -356,11 +357,9 @@ def judged(series: RawSeries, raw: RawLog) -> Guess:
     """Return what a column is: by the format's documentation, else by its name where names may be believed."""
     if series.meaning is not None:
         return Guess(channel=series.meaning.channel, meaning=series.meaning)
-    topic, _, field = series.name.rpartition(".")
-    message = _FIRST.sub("", re.split(r"[./]", topic)[-1])
-    documented = ALL.get((message, field)) if raw.by_name else None
-    if documented is not None:  # an autopilot's, in anybody's table
-        return Guess(channel=documented.channel, meaning=documented)
+    meaning = documented(series.name) if raw.by_name else None
+    if meaning is not None:  # an autopilot's, in anybody's table
+        return Guess(channel=meaning.channel, meaning=meaning)
     return guess(series.name, series.unit) if raw.by_name else Guess()
 
 

@@ -28,7 +28,7 @@ def with_quaternions(raw: RawLog) -> RawLog:
     """
     if not raw.by_name:
         return raw
-    told = {guess(series.name, series.unit).channel for series in raw.series}
+    told = {(series.meaning or guess(series.name, series.unit)).channel for series in raw.series}
     names = {series.name for series in raw.series}
     added, notes = [], []
     found = list(_quaternions(raw))

@@ -24,7 +24,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
 from gtmbench.intake.formats.dataflash_events import Told
 from gtmbench.intake.formats.dataflash_servos import TOPIC, servo_series
-from gtmbench.intake.formats.documented import ARDUPILOT
+from gtmbench.intake.formats.dialects import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.injections import Injection

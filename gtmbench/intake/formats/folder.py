@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.csv import layout_of, read_csv
-from gtmbench.intake.formats.documented import ALL, PX4
+from gtmbench.intake.formats.dialects import ALL, PX4
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
 from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events

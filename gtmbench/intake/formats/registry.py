@@ -26,6 +26,7 @@ from gtmbench.intake.formats import (
 )
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
+from gtmbench.intake.formats.dialects import with_dialect
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.packed import read_gzip, read_zip
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
@@ -90,7 +91,7 @@ def read_raw(path: Path, part: str = "") -> RawLog:
     form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
-    return _printable(form.read(path, part) if form.has_parts else form.read(path))
+    return with_dialect(_printable(form.read(path, part) if form.has_parts else form.read(path)))
 
 
 def is_log(path: Path) -> bool:

@@ -20,7 +20,7 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.documented import MAVLINK
+from gtmbench.intake.formats.dialects import MAVLINK
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first
 from gtmbench.values.clock import FloatArray

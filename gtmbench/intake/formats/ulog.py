@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.documented import PX4
+from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import (
     ANGLES,

@@ -1,0 +1,208 @@
+"""What known sources write: columns, units, axes and epochs, read from ``dialects.toml``."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from importlib.resources import files
+from typing import Any
+
+from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
+from gtmbench.values.clock import FloatArray
+
+_QUATERNION = "quaternion"
+_EAST = "90-"  # before a heading that is counted from east
+_QUARTER = {"deg": 90.0, "rad": 1.5707963267948966}
+_BRACES = re.compile(r"(?P<before>.*?)\{(?P<words>.*)\}(?P<after>.*)")
+_INDEX = re.compile(r"\.0*(\d+)$")  # as PlotJuggler numbers an array's fields
+_TABLE = tomllib.loads((files("gtmbench.intake.formats") / "dialects.toml").read_text(encoding="utf-8"))
+NAMES: Mapping[str, str] = _TABLE["names"]
+"""The words by which anybody calls a channel."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """Columns, and the channels that they are; of a quaternion four columns and three angles."""
+
+    columns: tuple[str, ...]
+    meanings: tuple[Meaning, ...]
+    from_east: bool = False
+
+    @classmethod
+    def of(cls, text: str) -> Line:
+        """Read a line of the table.
+
+        >>> line = Line.of("nx ny -nz = IMU.Acc{X,Y,Z} : g")
+        >>> line.columns, line.meanings[2].channel, line.meanings[2].sign
+        (('IMU.AccX', 'IMU.AccY', 'IMU.AccZ'), 'nz', -1.0)
+        """
+        channels, _, rest = text.partition(" = ")
+        names, _, unit = rest.rpartition(" : ")
+        braces = _BRACES.fullmatch(names)
+        words = [f"{braces['before']}{each}{braces['after']}" for each in braces["words"].split(",")] if braces else []
+        return cls(
+            columns=tuple(words or [names]),
+            meanings=tuple(
+                Meaning(channel=name.removeprefix(_EAST).lstrip("-"), unit=unit, sign=1.0 - 2.0 * ("-" in name))
+                for name in channels.split()
+            ),
+            from_east=_EAST in channels,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dialect:
+    """A known source of tables.
+
+    Attributes
+    ----------
+    name : str
+    tells : tuple of str
+        The columns that show that a table is the source's.
+    lines : tuple of Line
+        What its columns are, the preferred ones first.
+    cells : int
+        Columns of a table without a header; 0 of one with a header.
+    """
+
+    name: str
+    tells: tuple[str, ...]
+    lines: tuple[Line, ...]
+    cells: int = 0
+
+    def found_in(self, raw: RawLog) -> bool:
+        """Tell whether a log's columns show that it is of this source."""
+        if self.cells:
+            return raw.is_nameless and len(raw.series) + len(raw.ignored) == self.cells
+        return not raw.is_nameless and all(_find(tell, raw.series) for tell in self.tells)
+
+    def told_of(self, raw: RawLog) -> RawLog:
+        """Return a log whose columns are known for what they are."""
+        series = meant(raw.series, self.lines)
+        return replace(raw, series=series, notes=(*raw.notes, f"columns, units and axes: {self.name}"))
+
+
+def _lines(texts: Iterable[str]) -> tuple[Line, ...]:
+    return tuple(map(Line.of, texts))
+
+
+def _topics(source: str) -> Mapping[tuple[str, str], Meaning]:
+    """Return what a source's messages mean: by topic and field, the preferred ones first."""
+    return {
+        (topic, field): meaning
+        for line in _lines(_TABLE["topics"][source])
+        for column, meaning in zip(line.columns, line.meanings, strict=False)
+        for topic, _, field in [column.partition(".")]
+    }
+
+
+PX4, ARDUPILOT, MAVLINK = map(_topics, ("PX4", "ArduPilot", "MAVLink"))
+ALL = {**PX4, **ARDUPILOT, **MAVLINK}
+"""Of messages that anybody may have in a table; Paparazzi's ATTITUDE has other fields."""
+
+
+@cache
+def dialects() -> tuple[Dialect, ...]:
+    """Return the known sources of tables."""
+    found = []
+    for entry in _TABLE["dialect"]:
+        lines = _lines(entry["columns"])
+        tells = tuple(entry.get("tells", lines[0].columns))
+        found.append(Dialect(name=entry["name"], tells=tells, lines=lines, cells=entry.get("cells", 0)))
+    return tuple(found)
+
+
+@cache
+def lines_of(source: str) -> tuple[Line, ...]:
+    """Return what a source's messages mean, line by line: of ``ROS`` or ``Paparazzi``."""
+    return _lines(_TABLE["topics"][source])
+
+
+def with_dialect(raw: RawLog) -> RawLog:
+    """Return a log with what its columns are, where a source is known that writes such; else as it is."""
+    known = (dialect for dialect in dialects() if not dialect.cells and dialect.found_in(raw)) if raw.by_name else ()
+    return next((dialect.told_of(raw) for dialect in known), raw)
+
+
+def meant(series: Sequence[RawSeries], lines: Iterable[Line]) -> tuple[RawSeries, ...]:
+    """Return columns with what some lines say of them, those first; angles of quaternions are added."""
+    known: dict[RawSeries, RawSeries] = {}
+    made: list[RawSeries] = []
+    for line in lines:
+        found = [_find(column, series) for column in line.columns]
+        if line.meanings[0].unit == _QUATERNION:
+            parts = [each for one in found for each in one[:1]]
+            made += _angles(parts, line) if len(parts) == len(line.columns) else []
+            continue
+        for columns, meaning in zip(found, line.meanings, strict=True):
+            for each in columns:
+                if each not in known and each.meaning is None:
+                    east = line.from_east and meaning.channel == "psi"
+                    known[each] = _from_north(each, meaning) if east else replace(each, meaning=meaning)
+    own = [each for each in known.values() if each.made_of]
+    rest = [each for each in series if each not in known or each in [_column_of(one, series) for one in own]]
+    return (*known.values(), *made, *rest)
+
+
+def _column_of(made: RawSeries, series: Sequence[RawSeries]) -> RawSeries | None:
+    return next((each for each in series if (each.name,) == made.made_of), None)
+
+
+def _find(column: str, series: Iterable[RawSeries]) -> list[RawSeries]:
+    """Return the columns of that name, whichever table or topic they are in."""
+    end = column.removeprefix("*")
+    return [
+        each
+        for each in series
+        for bare in [each.name.removeprefix(f"{each.clock}.") if each.clock else each.name]
+        if bare == column or (end != column and bare.endswith(end)) or each.name == column
+    ]
+
+
+def _from_north(column: RawSeries, meaning: Meaning) -> RawSeries:
+    """Return a heading that is counted from east, turning left, as it is from north, turning left."""
+
+    def load() -> FloatArray:
+        return column.values() - _QUARTER[meaning.unit]
+
+    return replace(column, name=f"{column.name} from north", load=load, meaning=meaning, made_of=(column.name,))
+
+
+def _angles(parts: Sequence[RawSeries], line: Line) -> list[RawSeries]:
+    """Return roll, pitch and yaw of a quaternion w, x, y, z, in deg."""
+    stem = re.sub(r"[\W_]*[w0][\W_]*$", "", parts[0].name, flags=re.IGNORECASE)
+    return [
+        RawSeries(
+            name=f"{stem}({angle})",
+            load=partial(_turned, parts, angle, 90.0 * (line.from_east and angle == "yaw")),
+            clock=parts[0].clock,
+            meaning=replace(meaning, unit="deg"),
+            made_of=tuple(part.name for part in parts),
+        )
+        for angle, meaning in zip(ANGLES, line.meanings, strict=True)
+    ]
+
+
+def _turned(parts: Sequence[RawSeries], angle: str, less_deg: float) -> FloatArray:
+    return euler_deg([part.values() for part in parts], angle) - less_deg
+
+
+def message_of(name: str) -> tuple[str, str]:
+    """Return which message's field a column is named by, as converters number and join them.
+
+    >>> message_of("IMU_0.GyrX"), message_of("/fmu/out/sensor_combined.gyro_rad[0]")
+    (('IMU', 'GyrX'), ('sensor_combined', 'gyro_rad[0]'))
+    >>> message_of("/vehicle_angular_velocity/xyz.00")
+    ('vehicle_angular_velocity', 'xyz[0]')
+    """
+    path = _INDEX.sub(r"[\1]", name)
+    topic, _, field = path.rpartition("." if "." in path else "/")
+    return re.sub(r"[_\[#]0\]?$", "", re.split(r"[./]", topic)[-1]), field
+
+
+def documented(name: str) -> Any:
+    """Return what a column is that is named as an autopilot's message and field; None of others."""
+    return ALL.get(message_of(name))
