@@ -27,6 +27,7 @@ NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
+_NAMELESS = "no header: columns are called by their numbers, as in --map time=1:s --map p=2:rad/s"
 _HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
 
 
@@ -380,8 +381,10 @@ def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str], why: s
     names = f"channel{'s' * (len(lacking) > 1)} {', '.join(map(repr, lacking))}"
     unlike = [channel for channel in lacking if _open(raw, channel) == ""]
     asks = list(dict.fromkeys(_open(raw, channel) for channel in lacking if channel not in unlike))
-    if unlike:
+    if unlike and not raw.is_nameless:
         asks.append(f"nothing looks like {listed(unlike, 'or')}: {asked(unlike[0], 'COLUMN')}")
+    if raw.is_nameless and not asks:
+        return f"no {names}; {there(raw)}"
     return (
         f"no {names}: {why or '; '.join(asks)}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
     )
@@ -417,6 +420,8 @@ def there(raw: RawLog) -> str:
     """Return which columns there are."""
     names = [series.name for series in raw.series]
     numbers = f"its columns: {_named(names)}" if names else "it has no columns of numbers"
+    if raw.is_nameless:
+        numbers = f"{_NAMELESS}; {numbers}"
     return f"{numbers}; no numbers are in {_named(raw.ignored)}" if raw.ignored else numbers
 
 

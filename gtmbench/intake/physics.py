@@ -136,6 +136,21 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     return Found(meanings={name: meaning for name, meaning in best.meanings.items() if name not in settled})
 
 
+def tells_of_one_motion(raw: RawLog) -> bool:
+    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its clocks known.
+    """
+    told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
+    if not {*GYROS, *ATTITUDE} <= set(told):
+        return False
+    gyros, angles = _candidates((), "rate", GYROS, told)[0], _candidates((), "angle", ATTITUDE, told)[0]
+    return any(fit.signs[0] == gyros.signs for fit in _fits(raw, gyros, angles, ""))
+
+
 def _by_scale(fits: Sequence[_Fit]) -> Iterator[_Fit]:
     """Give those of some fits whose units the size of what gyros and angles read allows, with what shows it."""
     pairs = {fit.units for fit in fits}

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
+from gtmbench.intake.formats.dialects import indexed
 from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
 from gtmbench.intake.names import guess
 from gtmbench.values.channels import ATTITUDE
@@ -52,7 +53,7 @@ def _quaternions(raw: RawLog) -> Iterator[tuple[str, list[RawSeries]]]:
     """Yield the quaternions of a log: what their columns' names begin with, and w, x, y, z."""
     by_stem: dict[tuple[str, str], dict[str, RawSeries]] = {}
     for series in raw.series:
-        named = _NAMED.fullmatch(series.name)
+        named = _NAMED.fullmatch(indexed(series.name))
         if named:
             by_stem.setdefault((named["stem"], series.clock), {})[named["part"].strip("[]").lower()] = series
     for (stem, _), parts in by_stem.items():

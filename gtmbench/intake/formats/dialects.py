@@ -66,12 +66,15 @@ class Dialect:
         What its columns are, the preferred ones first.
     cells : int
         Columns of a table without a header; 0 of one with a header.
+    rate_hz : float
+        Samples a second where nothing in the table tells; 0 where that isn't documented.
     """
 
     name: str
     tells: tuple[str, ...]
     lines: tuple[Line, ...]
     cells: int = 0
+    rate_hz: float = 0.0
 
     def found_in(self, raw: RawLog) -> bool:
         """Tell whether a log's columns show that it is of this source."""
@@ -82,14 +85,15 @@ class Dialect:
     def told_of(self, raw: RawLog) -> RawLog:
         """Return a log whose columns are known for what they are."""
         series = meant(raw.series, self.lines)
-        return replace(raw, series=series, notes=(*raw.notes, f"columns, units and axes: {self.name}"))
+        rate_hz = raw.rate_hz or self.rate_hz
+        return replace(raw, series=series, rate_hz=rate_hz, notes=(*raw.notes, f"columns, units and axes: {self.name}"))
 
 
 def _lines(texts: Iterable[str]) -> tuple[Line, ...]:
     return tuple(map(Line.of, texts))
 
 
-def _topics(source: str) -> Mapping[tuple[str, str], Meaning]:
+def topics_of(source: str) -> Mapping[tuple[str, str], Meaning]:
     """Return what a source's messages mean: by topic and field, the preferred ones first."""
     return {
         (topic, field): meaning
@@ -99,7 +103,7 @@ def _topics(source: str) -> Mapping[tuple[str, str], Meaning]:
     }
 
 
-PX4, ARDUPILOT, MAVLINK = map(_topics, ("PX4", "ArduPilot", "MAVLink"))
+PX4, ARDUPILOT, MAVLINK = map(topics_of, ("PX4", "ArduPilot", "MAVLink"))
 ALL = {**PX4, **ARDUPILOT, **MAVLINK}
 """Of messages that anybody may have in a table; Paparazzi's ATTITUDE has other fields."""
 
@@ -111,7 +115,8 @@ def dialects() -> tuple[Dialect, ...]:
     for entry in _TABLE["dialect"]:
         lines = _lines(entry["columns"])
         tells = tuple(entry.get("tells", lines[0].columns))
-        found.append(Dialect(name=entry["name"], tells=tells, lines=lines, cells=entry.get("cells", 0)))
+        about = {key: entry[key] for key in ("cells", "rate_hz") if key in entry}
+        found.append(Dialect(name=entry["name"], tells=tells, lines=lines, **about))
     return tuple(found)
 
 
@@ -198,9 +203,14 @@ def message_of(name: str) -> tuple[str, str]:
     >>> message_of("/vehicle_angular_velocity/xyz.00")
     ('vehicle_angular_velocity', 'xyz[0]')
     """
-    path = _INDEX.sub(r"[\1]", name)
+    path = indexed(name)
     topic, _, field = path.rpartition("." if "." in path else "/")
     return re.sub(r"[_\[#]0\]?$", "", re.split(r"[./]", topic)[-1]), field
+
+
+def indexed(name: str) -> str:
+    """Return a column's name with its number in brackets: ``q[0]`` of ``q.00``."""
+    return _INDEX.sub(r"[\1]", name)
 
 
 def documented(name: str) -> Any:

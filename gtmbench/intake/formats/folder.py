@@ -34,6 +34,7 @@ _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "I
 _PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
+_MAV, _DATA = "mav0", "data"  # ASL's folder, and what a table is called whose folder has the sensor's name
 MOST_TABLES, _MOST_INSTANCES = 300, 6
 _TURNING = {topic for (topic, _), meaning in ALL.items() if meaning.channel in (*GYROS, *ATTITUDE)} | {"IMU2", "IMU3"}
 _MESSAGE = re.compile(r"[A-Z][A-Z0-9_]*(\[\d+\])?")  # as ArduPilot and MAVLink call theirs
@@ -44,10 +45,10 @@ _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
 def read_folder(path: Path) -> RawLog:
     """Read a folder's tables; an autopilot's topics are known by their files' names, ``log_vehicle_attitude_0``."""
-    tables = _tables(path)
+    tables = tables_in(path)
     if sum(table.stat().st_size for table in tables) > LARGEST_FILE_BYTES:
         raise InputError(f"{path}: its tables have more than {LARGEST_FILE_BYTES} bytes; at most so many are read")
-    topics = {table: _topic(table.stem) for table in tables}
+    topics = {table: _topic(_name(table)) for table in tables}
     known = _of_autopilot(tables)
     series: list[RawSeries] = []
     left_out = []
@@ -67,7 +68,8 @@ def read_folder(path: Path) -> RawLog:
     if left_out:
         notes.append(f"not read: {', '.join(left_out[:12])}")
     if not known:
-        return RawLog(kind=TABLES, series=tuple(series), notes=tuple(notes))
+        is_mav = _MAV in (tables[0].parents[1].name, path.name)  # one flight's by its layout
+        return RawLog(kind="folder of an ASL data set" if is_mav else TABLES, series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
         series=tuple(map(_with_px4_time, documented_first(series, ALL))),
@@ -154,8 +156,17 @@ def _of(topic: str) -> str:
     return topic.partition("#")[0]
 
 
-def _tables(path: Path) -> list[Path]:
-    return sorted(table for table in path.glob("*.csv") if table.is_file() and not table.name.startswith("."))
+def tables_in(path: Path) -> list[Path]:
+    """Return a folder's tables: its CSVs, or texts where it has none, or a ``data.csv`` a sensor as ASL has them."""
+    root = path / _MAV if (path / _MAV).is_dir() else path
+    found: list[Path] = []
+    for pattern in ("*.csv", "*.txt", f"*/{_DATA}.csv"):
+        found = found or [table for table in root.glob(pattern) if table.is_file() and not table.name.startswith(".")]
+    return sorted(found)
+
+
+def _name(table: Path) -> str:
+    return table.parent.name if table.stem == _DATA else table.stem
 
 
 def is_folder_of_tables(path: Path) -> bool:
@@ -163,13 +174,13 @@ def is_folder_of_tables(path: Path) -> bool:
 
     Of tables that are called by sensors, their contents tell more: `gtmbench.intake.one_flight`.
     """
-    tables = _tables(path)[: MOST_TABLES + 1]
+    tables = tables_in(path)[: MOST_TABLES + 1]
     if not 2 <= len(tables) <= MOST_TABLES:
         return False
     known = _of_autopilot(tables)
     if known:
         return _is_one_export(known) and not any(_is_foreign(table, known) for table in tables if table not in known)
-    bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
+    bare = [re.sub(r"\d", "", _name(table).lower()) for table in tables]
     return len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare))
 
 

@@ -13,9 +13,10 @@ from gtmbench.intake.formats.raw import RawSeries
 IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
 NOTE = "sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down"
 ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
+Load = Callable[[], NDArray[np.float64]]
 
 
-def topic_series(topic: str, columns: Mapping[str, Callable[[], NDArray[np.float64]]], *, is_imu: bool) -> list[RawSeries]:
+def topic_series(topic: str, columns: Mapping[str, Load], *, is_imu: bool) -> list[RawSeries]:
     """Return a topic's columns; of an Imu's with what they mean, and the angles of its orientation."""
     series = [
         RawSeries(name=f"{topic}.{field}", load=load, clock=topic)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -32,7 +32,8 @@ _MARKERS = {
     0xFD: (10, 7),
 }  # bytes of the header, and where the message's number is
 _SIGNED, _SIGNATURE_BYTES = 0x01, 13
-_RECEIVED = "received"
+RECEIVED = "received"
+"""Of a message's columns: when it was received, in s."""
 _CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}
 _ARDUPILOT = 3  # MAV_AUTOPILOT
 SYSTEM_TIME = "SYSTEM_TIME"
@@ -48,8 +49,8 @@ _OTHERS = (
     "RC_CHANNELS",
     "SCALED_PRESSURE",
 )
-_USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}  # of the hundreds of messages: what tells of motion
-
+USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}
+"""Of the hundreds of messages: what tells of motion."""
 
 _TURNS = ("ATTITUDE", "HIGHRES_IMU", "RAW_IMU", "SCALED_IMU")  # what a system sends that flies
 _PACKET = re.compile(rb"[\xfe\xfd]")
@@ -63,8 +64,14 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
     mavlink = library("pymavlink.dialects.v20.ardupilotmega", path, _KIND)
     with reading(path, _KIND), quiet():
         systems, broken = _decoded(path.read_bytes(), mavlink)
-        number = _system(systems, part)
-    topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][_RECEIVED])))  # the fastest first
+        number = system_of(systems, part)
+    notes = [f"{broken} packets are broken and were passed over"] if broken else []
+    return log_of_messages(_KIND, systems, number, notes)
+
+
+def log_of_messages(kind: str, systems: dict[int, Messages], number: int, notes: Sequence[str]) -> RawLog:
+    """Return the log of what one of several systems sent."""
+    topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][RECEIVED])))  # the fastest first
     autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
     unplaced = _on_one_clock(topics)
     clocks = _clocks(topics)
@@ -78,23 +85,18 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
         )
         for name, columns in topics.items()
         for field, column in columns.items()
-        if field != _RECEIVED and field not in _CLOCKS
+        if field != RECEIVED and field not in _CLOCKS
     ]
     others = ", ".join(str(each) for each in systems if each != number)
+    if others:
+        notes = [f"system {number}; not read: system {others}", *notes]
+    if unplaced:
+        notes = [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted", *notes]
     return RawLog(
-        kind=_KIND,
+        kind=kind,
         series=documented_first(series, [key for name in topics for key in MAVLINK if key[0] == name]),
         clocks=clocks,
-        notes=(
-            "units and axes are those of MAVLink's messages; times: the sender's, since it was switched on",
-            *([f"system {number}; not read: system {others}"] if others else []),
-            *(
-                [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted"]
-                if unplaced
-                else []
-            ),
-            *([f"{broken} packets are broken and were passed over"] if broken else []),
-        ),
+        notes=("units and axes are those of MAVLink's messages; times: the sender's, since it was switched on", *notes),
         by_name=False,
         attitude_from_gyros=True,
         is_received=True,
@@ -137,12 +139,12 @@ def _clocks(topics: Messages) -> dict[str, FloatArray]:
         for field, per_second in _CLOCKS.items()
         if field in columns
     }
-    late = [float(np.median(np.asarray(topics[name][_RECEIVED]) - time_s)) for name, time_s in clocks.items()]
+    late = [float(np.median(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
     after_s = float(np.median(late)) if late else 0.0
-    return {name: clocks.get(name, np.asarray(columns[_RECEIVED]) - after_s) for name, columns in topics.items()}
+    return {name: clocks.get(name, np.asarray(columns[RECEIVED]) - after_s) for name, columns in topics.items()}
 
 
-def _system(systems: dict[int, Messages], part: str) -> int:
+def system_of(systems: dict[int, Messages], part: str) -> int:
     """Return the number of the system that is meant."""
     flying = [number for number, messages in systems.items() if set(_TURNS) & set(messages)]
     if part:
@@ -182,7 +184,7 @@ def packet_at(content: bytes, begin: int) -> PacketHeader | None:
 def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], int]:
     """Return what each system sent, and how many packets are broken."""
     decoder = mavlink.MAVLink(None)
-    kinds = {kind.id: kind for kind in mavlink.mavlink_map.values() if kind.msgname in _USED}
+    kinds = {kind.id: kind for kind in mavlink.mavlink_map.values() if kind.msgname in USED}
     getters = {number: _numbers(kind) for number, kind in kinds.items()}
     systems: dict[int, Messages] = {}
     place, whole, broken = 0, 0, 0
@@ -209,7 +211,7 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
         of = systems.setdefault(message.get_srcSystem(), {})
         columns = of.get(kinds[number].msgname)
         if columns is None:
-            columns = of[kinds[number].msgname] = {field: array("d") for field in (_RECEIVED, *fields)}
+            columns = of[kinds[number].msgname] = {field: array("d") for field in (RECEIVED, *fields)}
         received_us = int.from_bytes(content[begin - _STAMP_BYTES : begin], "big")
         for column, value in zip(columns.values(), (received_us / 1e6, *values_of(message)), strict=False):
             column.append(value)
