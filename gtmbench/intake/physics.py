@@ -241,6 +241,16 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     if motion is None:
         return
     units, shown = _angle_units(angles, motion.angles, angle_unit)
+    fits = list(_fits_in(raw, gyros, angles, motion, units, shown))
+    if not fits and units == ["deg"] and not (angles.stated or angle_unit):  # of small angles in fine units, too
+        fits = list(_fits_in(raw, gyros, angles, motion, _FINE_UNITS, ""))
+    yield from fits
+
+
+def _fits_in(
+    raw: RawLog, gyros: Triple, angles: Triple, motion: _Motion, units: Sequence[str], shown: str
+) -> Iterator[_Fit]:
+    """Give those with the angles in some units; `shown` says what leaves one of them only."""
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
     axes = len(angles.series)
     felt = None if gyros.is_reordered else _axes_felt(raw, gyros)
