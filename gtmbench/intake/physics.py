@@ -272,7 +272,8 @@ def _fits_in(
         if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
-        flips = sum(sign < 0 for sign in (*own, *signs)) if felt is None else 2 * sum(map(operator.ne, own, felt))
+        turned_signs = sum(sign < 0 for sign in (*own, *signs))
+        flips = turned_signs if felt is None else 2 * sum(map(operator.ne, own, felt)) + 0.5 * turned_signs
         flips += len(GYROS) * (gyros.is_reordered and math.prod(own) != gyros.handed)
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
         yield _Fit(
