@@ -259,6 +259,8 @@ def _fits_in(
         turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
         rates = _smoothed(_body_rates(turned, motion.time_s), motion.time_s)
         told = _gains(motion.rates[:, :axes], rates[:, :axes])
+        if told is None and gyros.is_exact and angles.is_exact and min(signs) > 0.0 and len(signs) == len(GYROS):
+            told = _gain_as_named(motion.rates, rates)
         if told is None:
             continue
         gains, correlations = told
@@ -388,6 +390,24 @@ def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray]
     if correlations.min() < _CORRELATED or np.sort(correlations)[1] < _MOSTLY:
         return None
     return cross / (powers * correlations), correlations  # by the deviations: noise makes neither side smaller
+
+
+def _gain_as_named(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the same of gyros that are named as such, in motion that tells little of some axis: one gain for all.
+
+    A steady turn is about axes that hardly change; its mean rates show the unit. Nothing else may be in the readings, a
+    gyro's offset neither: nine tenths of them have to be the attitude's.
+    """
+    there = np.isfinite(rates).all(axis=1) & np.isfinite(told).all(axis=1)
+    if np.count_nonzero(there) < _FEWEST:
+        return None
+    y, u = rates[there], told[there]
+    power, cross = float(np.mean(np.square(u).sum(axis=1))), float(np.mean((y * u).sum(axis=1)))
+    if power < _LEAST_DEG_S**2 or cross <= 0.0:
+        return None
+    gain = cross / power
+    left = float(np.mean(np.square(y - gain * u).sum(axis=1)) / np.mean(np.square(y).sum(axis=1)))
+    return (np.full(3, gain), np.full(3, math.sqrt(1.0 - left))) if left < 1.0 - _LEAST_OF_OTHER_ORDER else None
 
 
 def _rate_unit(gyros: Triple, gains: FloatArray) -> str | None:

@@ -115,7 +115,12 @@ def uzh_fpv(t):
     truth = {"# timestamp": imu["timestamp"], "tx": 0.0, "ty": 0.0, "tz": 0.0, "qx": x, "qy": y, "qz": z, "qw": w}
     images = {"# id": [0, 1, 2], "timestamp": [0.0, 0.1, 0.2], "image_name": ["img/0.png", "img/1.png", "img/2.png"]}
     tables = {"imu": imu, "groundtruth": truth, "left_images": images}
-    return {f"{name}.txt": pd.DataFrame(table).to_csv(sep=" ", index=False, float_format="%.12f", quoting=3, escapechar="~").replace("~", "") for name, table in tables.items()}
+    return {
+        f"{name}.txt": pd.DataFrame(table)
+        .to_csv(sep=" ", index=False, float_format="%.12f", quoting=3, escapechar="~")
+        .replace("~", "")
+        for name, table in tables.items()
+    }
 
 
 @sample
@@ -149,7 +154,10 @@ def phyphox(t):
 @sample
 def plotjuggler(t):
     """PlotJuggler's CSV of a ULog: /topic/field.00."""
-    columns = {"__time": 50 + t.time_s, **scaled(t, RATES, [f"/vehicle_angular_velocity/xyz.0{k}" for k in range(3)], RAD)}
+    columns = {
+        "__time": 50 + t.time_s,
+        **scaled(t, RATES, [f"/vehicle_angular_velocity/xyz.0{k}" for k in range(3)], RAD),
+    }
     return {"p.csv": csv(columns | turned_by(t, [f"/vehicle_attitude/q.0{k}" for k in range(4)]))}
 
 
@@ -163,7 +171,9 @@ def mission_planner(t):
         values = (RAD * getattr(row, name) for name in (*ANGLES, *RATES))
         told = ",".join(f"{name},{value:.9g}" for name, value in zip(names, values, strict=True))
         rows.append(f"{stamp},1E,mavlink_attitude_t,time_boot_ms,{490_309 + round(1e3 * row.time_s)},{told},,Len,36")
-        rows.append(f"{stamp},4A,mavlink_vfr_hud_t,airspeed,0,groundspeed,0.005,alt,{30 + row.time_s:.3f},climb,0,heading,19,throttle,0,,Len,28")
+        rows.append(
+            f"{stamp},4A,mavlink_vfr_hud_t,airspeed,0,groundspeed,0.005,alt,{30 + row.time_s:.3f},climb,0,heading,19,throttle,0,,Len,28"
+        )
     return {"flight.csv": "\n".join(rows) + "\n"}
 
 
@@ -186,7 +196,10 @@ def sbg(t):
     imu |= scaled(t, RATES, ("gyroX", "gyroY", "gyroZ")) | {"temperature": 30.1}
     euler = {"timestamp": us(t), "status": 127, **scaled(t, ANGLES, ("roll", "pitch", "yaw"))}
     euler |= dict.fromkeys(("rollStd", "pitchStd", "yawStd", "magHeading", "magDecl", "magIncl"), 0.1)
-    units = {"imuData": "(us) (na)" + 3 * " (m.s^-2)" + 3 * " (deg.s^-1)" + " (degC)", "euler": "(us) (na)" + 9 * " (deg)"}
+    units = {
+        "imuData": "(us) (na)" + 3 * " (m.s^-2)" + 3 * " (deg.s^-1)" + " (degC)",
+        "euler": "(us) (na)" + 9 * " (deg)",
+    }
     files = {}
     for name, table in {"imuData": imu, "euler": euler}.items():
         header, _, rows = csv(table, sep="\t").partition("\n")
@@ -243,5 +256,7 @@ def inav(t):
     """blackbox_decode of INAV and Betaflight: whole deg/s, tenths of degrees, 2048 counts a g."""
     columns = {"loopIteration": np.arange(len(t)) * 20, "time (us)": us(t)}
     columns |= {f"gyroADC[{k}]": t[c].round().astype(int) for k, c in enumerate(RATES)}
-    columns |= {f"accSmooth[{k}]": np.round(2048 * s * t[c]) for k, (c, s) in enumerate(zip(FORCES, (1, 1, 1), strict=True))}
+    columns |= {
+        f"accSmooth[{k}]": np.round(2048 * s * t[c]) for k, (c, s) in enumerate(zip(FORCES, (1, 1, 1), strict=True))
+    }
     return {"LOG.csv": csv(columns | {f"attitude[{k}]": (10 * t[c]).round().astype(int) for k, c in enumerate(ANGLES)})}

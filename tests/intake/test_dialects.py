@@ -29,7 +29,13 @@ def written(files, folder):
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
-    return folder / next(iter(files)) if len(files) == 1 else folder / next(iter({name.split("/")[0] for name in files})) if all("/" in name for name in files) else folder
+    return (
+        folder / next(iter(files))
+        if len(files) == 1
+        else folder / next(iter({name.split("/")[0] for name in files}))
+        if all("/" in name for name in files)
+        else folder
+    )
 
 
 def check(log, truth, channels=(*GYROS, *ATTITUDE)):

@@ -205,7 +205,7 @@ def message_of(name: str) -> tuple[str, str]:
     """
     path = indexed(name)
     topic, _, field = path.rpartition("." if "." in path else "/")
-    return re.sub(r"[_\[#]0\]?$", "", re.split(r"[./]", topic)[-1]), field
+    return re.sub(r"([_\[#]0\]?|_v\d)$", "", re.split(r"[./]", topic)[-1]), field
 
 
 def indexed(name: str) -> str:

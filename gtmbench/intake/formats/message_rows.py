@@ -75,7 +75,9 @@ def _rows_of_planner(path: Path) -> Rows:
 def _rows_of_paparazzi(path: Path, topics: set[str]) -> Rows:
     for cells in _split(path, None):
         if len(cells) > 3 and cells[2] in topics:
-            numbers = {str(place): value for place, text in enumerate(cells[3:], 1) if (value := _number(text)) is not None}
+            numbers = {
+                str(place): value for place, text in enumerate(cells[3:], 1) if (value := _number(text)) is not None
+            }
             yield int(cells[1]), cells[2], float(cells[0]), numbers
 
 
