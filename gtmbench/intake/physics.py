@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import operator
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, permutations, product
 
@@ -87,6 +87,14 @@ class _Fit:
             for series, channel, sign in zip(triple.series, channels, signs, strict=False)
         }
 
+    def agrees_with(self, known: Iterable[tuple[RawSeries, Meaning]]) -> bool:
+        """Tell whether it reads the columns that are known as they are."""
+        told = ((self.meanings.get(series.name), meaning) for series, meaning in known)
+        return all(
+            own is None or (own.channel, own.unit, own.sign) == (meaning.channel, meaning.unit, meaning.sign)
+            for own, meaning in told
+        )
+
 
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
     """Return what open gyros and angles of a log must be.
@@ -105,14 +113,19 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
     gyros = _candidates(named, "rate", GYROS, known) or unnamed_rates(raw.series)
     angles = _candidates(named, "angle", ATTITUDE, known)
-    fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
+    fits = [
+        fit
+        for one, other in product(gyros, angles)
+        for fit in _fits(raw, one, other, angle_unit)
+        if fit.agrees_with(known.values())
+    ]
     if not fits:  # names may stand at the wrong axes
         fits = [
             fit
             for one, other in product(gyros, angles)
             for turned in _other_orders(one)
             for fit in _fits(raw, turned, other, angle_unit)
-            if fit.share > _LEAST_OF_OTHER_ORDER
+            if fit.share > _LEAST_OF_OTHER_ORDER and fit.agrees_with(known.values())
         ]
     if gyros and not angles:
         return _alone(gyros, known, angle_unit)
@@ -253,13 +266,14 @@ def _fits_in(
     """Give those with the angles in some units; `shown` says what leaves one of them only."""
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
     axes = len(angles.series)
+    is_named = gyros.is_exact and angles.is_exact and axes == len(GYROS) and len(units) == 1
     felt = None if gyros.is_reordered else _axes_felt(raw, gyros)
     for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=axes))):
         known = unit(named)
         turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
         rates = _smoothed(_body_rates(turned, motion.time_s), motion.time_s)
         told = _gains(motion.rates[:, :axes], rates[:, :axes])
-        if told is None and gyros.is_exact and angles.is_exact and min(signs) > 0.0 and len(signs) == len(GYROS):
+        if told is None and is_named and min(signs) > 0.0:
             told = _gain_as_named(motion.rates, rates)
         if told is None:
             continue
