@@ -15,6 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
+from gtmbench.intake.frames import in_frame
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
@@ -180,6 +181,8 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
         for name, meaning in _tried(raw, sure, units).meanings.items()
     }
     settled = _in_units(raw, units) | tried | sure
+    if raw.by_name and not {*GYROS, *ATTITUDE} & set(mapped):
+        settled |= _turned(raw, settled)
     return {name: choice for name, choice in settled.items() if mapped.get(name) != NONE}
 
 
@@ -236,6 +239,31 @@ def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
     before = _TRIED.setdefault(raw.series[0], {})
     if key not in before:
         before[key] = found(raw, known, units)
+    return before[key]
+
+
+_FRAMES: WeakKeyDictionary[RawSeries, dict[object, dict[str, Chosen]]] = WeakKeyDictionary()
+
+
+def _turned(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """Return the channels whose axes point otherwise than they are named; once, however often it is asked.
+
+    A column that is named as this package names it says which way it points.
+    """
+    known = {
+        name: (choice.series, choice.meaning)
+        for name, choice in settled.items()
+        if choice.meaning is not None and not is_table_header(choice.series.name)
+    }
+    if not known:
+        return {}
+    key = (raw.time, tuple((name, series.name, meaning) for name, (series, meaning) in known.items()))
+    before = _FRAMES.setdefault(next(iter(known.values()))[0], {})
+    if key not in before:
+        before[key] = {
+            name: _as_told(series, meaning, f", turned by {meaning.guessed}")
+            for name, (series, meaning) in in_frame(raw, known).items()
+        }
     return before[key]
 
 

@@ -164,6 +164,26 @@ def tells_of_one_motion(raw: RawLog) -> bool:
     return any(fit.signs[0] == gyros.signs for fit in _fits(raw, gyros, angles, ""))
 
 
+def rates_told(
+    raw: RawLog, gyros: Sequence[RawSeries], angles: Sequence[RawSeries], factors: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its clocks known.
+    gyros, angles : sequence of RawSeries
+    factors : FloatArray
+        What brings the angles to deg.
+    """
+    told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
+    motion = _motion(raw, *told)
+    if motion is None:
+        return None
+    return motion.rates, _smoothed(_body_rates(motion.angles * factors, motion.time_s), motion.time_s)
+
+
 def _by_scale(fits: Sequence[_Fit]) -> Iterator[_Fit]:
     """Give those of some fits whose units the size of what gyros and angles read allows, with what shows it."""
     pairs = {fit.units for fit in fits}
