@@ -34,7 +34,7 @@ class _Rotation:
 
     @property
     def matrix(self) -> FloatArray:
-        return np.eye(3)[list(self.places)] * np.array(self.signs)[:, np.newaxis]
+        return np.asarray(np.eye(3)[list(self.places)] * np.array(self.signs)[:, np.newaxis])
 
     @property
     def is_named(self) -> bool:

@@ -280,10 +280,10 @@ def _recognised(raw: RawLog) -> dict[str, Chosen]:
         if told.meaning is not None and told.channel in CHANNELS:
             candidates.setdefault(told.channel, []).append(series)
     for channel, sure in candidates.items():
-        told = [series for series in sure if series.meaning is not None]
-        best = told or [series for series in sure if is_table_header(series.name)] or sure
-        if told and (not raw.by_name or len({series.clock for series in told}) == 1):
-            best = told[:1]
+        stated = [series for series in sure if series.meaning is not None]
+        best = stated or [series for series in sure if is_table_header(series.name)] or sure
+        if stated and (not raw.by_name or len({series.clock for series in stated}) == 1):
+            best = stated[:1]
         if len(best) == 1:
             others = [f"'{series.name}'" for series in sure if series is not best[0]]
             recognised[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")

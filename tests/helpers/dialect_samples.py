@@ -247,7 +247,7 @@ def ngimu(t):
 def vectornav(t):
     """VectorNav's ASCII messages VNYMR at a stated rate have no time: here the common table of their fields."""
     columns = {"TimeStartup": 1e9 * t.time_s, "Yaw": t.psi, "Pitch": t.theta, "Roll": t.phi}
-    columns |= scaled(t, RATES, [f"GyroX GyroY GyroZ".split()[k] for k in range(3)], RAD)
+    columns |= scaled(t, RATES, [["GyroX", "GyroY", "GyroZ"][k] for k in range(3)], RAD)
     return {"vn.csv": csv(columns | forces(t, ("AccelX", "AccelY", "AccelZ"), G))}
 
 

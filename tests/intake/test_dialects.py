@@ -1,15 +1,12 @@
 """Each known source is read as its documentation says, without an option; a table like one of none is asked about."""
 
-import zipfile
-
 import numpy as np
-import pandas as pd
 import pytest
 
 import gtmbench as gb
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
-from tests.helpers.log_makers import flight
 from tests.helpers.dialect_samples import SAMPLES
+from tests.helpers.log_makers import flight
 
 HEADING_UNKNOWN = ("xsens_csv", "xsens_text")
 

@@ -7,7 +7,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
-from tests.helpers.dialect_samples import G, RAD
+from tests.helpers.dialect_samples import RAD, G
 from tests.helpers.log_makers import flight
 
 
