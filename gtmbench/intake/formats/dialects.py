@@ -138,7 +138,7 @@ def meant(series: Sequence[RawSeries], lines: Iterable[Line]) -> tuple[RawSeries
     made: list[RawSeries] = []
     for line in lines:
         found = [_find(column, series) for column in line.columns]
-        if line.meanings[0].unit == _QUATERNION:
+        if line.meanings[0].unit.endswith(_QUATERNION):
             parts = [each for one in found for each in one[:1]]
             made += _angles(parts, line) if len(parts) == len(line.columns) else []
             continue
@@ -182,7 +182,7 @@ def _angles(parts: Sequence[RawSeries], line: Line) -> list[RawSeries]:
     return [
         RawSeries(
             name=f"{stem}({angle})",
-            load=partial(_turned, parts, angle, 90.0 * (line.from_east and angle == "yaw")),
+            load=partial(_turned, parts, line.meanings[0].unit, angle, 90.0 * (line.from_east and angle == "yaw")),
             clock=parts[0].clock,
             meaning=replace(meaning, unit="deg"),
             made_of=tuple(part.name for part in parts),
@@ -191,8 +191,9 @@ def _angles(parts: Sequence[RawSeries], line: Line) -> list[RawSeries]:
     ]
 
 
-def _turned(parts: Sequence[RawSeries], angle: str, less_deg: float) -> FloatArray:
-    return euler_deg([part.values() for part in parts], angle) - less_deg
+def _turned(parts: Sequence[RawSeries], unit: str, angle: str, less_deg: float) -> FloatArray:
+    w, *vector = (part.values() for part in parts)
+    return euler_deg([w, *(vector if unit == _QUATERNION else [-each for each in vector])], angle) - less_deg
 
 
 def message_of(name: str) -> tuple[str, str]:
