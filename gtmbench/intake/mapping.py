@@ -16,10 +16,11 @@ from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.frames import in_frame
+from gtmbench.intake.gravity import forces_told
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
-from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS, limit_of
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 
@@ -181,8 +182,8 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
         for name, meaning in _tried(raw, sure, units).meanings.items()
     }
     settled = _in_units(raw, units) | tried | sure
-    if raw.by_name and not {*GYROS, *ATTITUDE} & set(mapped):
-        settled |= _turned(raw, settled)
+    if raw.by_name and not {*GYROS, *ATTITUDE, *ACCELEROMETERS} & set(mapped):
+        settled |= _by_motion(raw, settled)
     return {name: choice for name, choice in settled.items() if mapped.get(name) != NONE}
 
 
@@ -242,11 +243,11 @@ def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
     return before[key]
 
 
-_FRAMES: WeakKeyDictionary[RawSeries, dict[object, dict[str, Chosen]]] = WeakKeyDictionary()
+_SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, Chosen]]] = WeakKeyDictionary()
 
 
-def _turned(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
-    """Return the channels whose axes point otherwise than they are named; once, however often it is asked.
+def _by_motion(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked.
 
     A column that is named as this package names it says which way it points.
     """
@@ -258,11 +259,13 @@ def _turned(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
     if not known:
         return {}
     key = (raw.time, tuple((name, series.name, meaning) for name, (series, meaning) in known.items()))
-    before = _FRAMES.setdefault(next(iter(known.values()))[0], {})
+    before = _SHOWN.setdefault(next(iter(known.values()))[0], {})
     if key not in before:
+        turned = in_frame(raw, known)
+        told = turned | forces_told(raw, known | turned)
         before[key] = {
-            name: _as_told(series, meaning, f", turned by {meaning.guessed}")
-            for name, (series, meaning) in in_frame(raw, known).items()
+            name: _as_told(series, meaning, f", guessed by {meaning.guessed}")
+            for name, (series, meaning) in told.items()
         }
     return before[key]
 

@@ -91,3 +91,21 @@ def test_our_own_headers_say_which_way_they_point(tmp_path, truth):
     columns = {"time_s": truth.time_s, **{f"{name}_deg_s": truth[name] * (-1 if name != "p" else 1) for name in GYROS}}
     pd.DataFrame(columns | {f"{name}_deg": truth[name] for name in ATTITUDE}).to_csv(tmp_path / "log.csv", index=False)
     assert not any(source.guessed for source in gb.open_log(tmp_path / "log.csv").sources)
+
+
+@pytest.mark.parametrize(
+    ("counts", "unit"), [(1.0, "g"), (G, "m/s2"), (2048.0, "0.00048828125 g"), (16384.0, None), (1000.0, "")]
+)
+@pytest.mark.parametrize("mounted", ["left and up", "as named"])
+def test_accelerometers_without_a_unit_feel_one_g(tmp_path, truth, counts, unit, mounted):
+    """Milligrams can't be told from 1,024 counts a g, and are asked for."""
+    path = logged(truth, tmp_path / "log.csv", MOUNTED.get(mounted, np.eye(3)))
+    table = pd.read_csv(path)
+    table = table.rename(columns={f"acc_{a} [m/s2]": f"acc_{a}" for a in "xyz"})
+    table[[f"acc_{a}" for a in "xyz"]] *= counts / G
+    table.to_csv(path, index=False)
+    log = gb.open_log(path)
+    check(log, truth)
+    told = {source.channel: source.unit for source in log.sources if source.channel in ACCELEROMETERS}
+    assert bool(told) == (unit != "")
+    assert not unit or set(told.values()) == {unit}
