@@ -171,9 +171,8 @@ def mission_planner(t):
         values = (RAD * getattr(row, name) for name in (*ANGLES, *RATES))
         told = ",".join(f"{name},{value:.9g}" for name, value in zip(names, values, strict=True))
         rows.append(f"{stamp},1E,mavlink_attitude_t,time_boot_ms,{490_309 + round(1e3 * row.time_s)},{told},,Len,36")
-        rows.append(
-            f"{stamp},4A,mavlink_vfr_hud_t,airspeed,0,groundspeed,0.005,alt,{30 + row.time_s:.3f},climb,0,heading,19,throttle,0,,Len,28"
-        )
+        hud = f"airspeed,0,groundspeed,0.005,alt,{30 + row.time_s:.3f},climb,0,heading,19,throttle,0"
+        rows.append(f"{stamp},4A,mavlink_vfr_hud_t,{hud},,Len,28")
     return {"flight.csv": "\n".join(rows) + "\n"}
 
 

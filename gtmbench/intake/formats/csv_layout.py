@@ -129,8 +129,9 @@ def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
     width = len(_cells(lines[place].lstrip("#%/ \t"), separator))
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + 2 * _ROWS] if line.strip()][: _ROWS + 1]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
-    return not rows or (
-        all(len(row) == width for row in rows) and any(_NUMBER.match(cell) for row in rows for cell in row)
+    return width > 1 and (
+        not rows
+        or (all(len(row) == width for row in rows) and any(_NUMBER.match(cell) for row in rows for cell in row))
     )
 
 
