@@ -22,6 +22,7 @@ Known = Mapping[str, tuple[RawSeries, Meaning]]
 _AGREES = 0.8  # correlation of every axis with the one that it is; chosen, from 0.6 to 0.95 the tests come out alike
 _WITHIN = 0.3  # of a gain, as a logarithm: a rotation changes none, and another unit is no rotation
 _BETTER = 0.5  # by which the mean correlation exceeds that of the axes as they are named; two turned signs make 1.3
+_MOST_ROWS = 5_000_000  # half a day at 100 Hz: of more, six columns at once would cost more than the log's reading does
 _UP = (1.0, -1.0, -1.0)
 
 
@@ -52,6 +53,8 @@ def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
         Channels that are settled: a column and what it is.
     """
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
+        return {}
+    if max(len(raw.clocks[known[name][0].clock]) for name in ("p", "phi")) > _MOST_ROWS:
         return {}
     rotation = _rotation(raw, known)
     if rotation is None:
