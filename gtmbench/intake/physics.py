@@ -27,13 +27,16 @@ _DEG = math.degrees(1.0)
 _FINE_UNITS = ("cdeg", "ddeg", "mdeg")  # of angles that are beyond what deg allows
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
+# whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
+_COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
 _MOST_TRIPLES = 6
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
 _SMOOTHED_S, _SLOW_S = 0.4, 4.0
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
-_WITHIN = 0.3  # of a unit's factor, as a logarithm
+_WITHIN, _FINELY = 0.3, 0.1  # of a unit's factor, as a logarithm; of one that has others within half of it
+_APART = 0.04  # logarithms, by which any other unit has to be further off
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
 _ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
 _TURN_WITHIN = 0.05  # of a turn
@@ -445,14 +448,20 @@ def _gain_as_named(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _rate_unit(gyros: Triple, gains: FloatArray) -> str | None:
-    """Return the unit in which gyros read what the attitude tells, the stated one where one is; None of no unit."""
-    off = {
-        name: float(np.abs(np.log(np.abs(gains) * factor)).max())
-        for name, factor in _RATE_UNITS.items()
-        if not gyros.stated or unit(gyros.stated) == unit(name)
-    }
-    best = min(off, key=lambda name: off[name], default=None)
-    return (gyros.stated or best) if best is not None and off[best] < _WITHIN else None
+    """Return the unit in which gyros read what the attitude tells, the stated one where one is; None of no one unit."""
+    stated = unit(gyros.stated)
+    units = {gyros.stated: stated.factor} if stated else _RATE_UNITS | (_COUNTS if _is_counted(gyros) else {})
+    off = {name: float(np.abs(np.log(np.abs(gains) * factor)).max()) for name, factor in units.items()}
+    best, *others = sorted(off, key=off.__getitem__)[:2]
+    if off[best] > (_WITHIN if stated or best in ("deg/s", "rad/s") else _FINELY):
+        return None
+    return None if others and off[others[0]] - off[best] < _APART else best
+
+
+def _is_counted(gyros: Triple) -> bool:
+    """Tell whether gyros read whole numbers, as the counts of a sensor are."""
+    read = (series.values()[:_MOST_ROWS] for series in gyros.series)
+    return all(bool(np.all(values[np.isfinite(values)] % 1.0 == 0.0)) for values in read)
 
 
 def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[FloatArray, str]]:

@@ -109,3 +109,21 @@ def test_accelerometers_without_a_unit_feel_one_g(tmp_path, truth, counts, unit,
     told = {source.channel: source.unit for source in log.sources if source.channel in ACCELEROMETERS}
     assert bool(told) == (unit != "")
     assert not unit or set(told.values()) == {unit}
+
+
+@pytest.mark.parametrize("counts", [131.0, 65.5, 32.8, 16.4, 57.14])
+def test_counts_of_a_usual_sensor_are_known_beside_an_attitude(tmp_path, truth, counts):
+    """131 a deg/s were once read as hundredths: a scale that is wrong by a third."""
+    table = {"t [s]": truth.time_s, **{f"g{a}": np.round(counts * truth[n]) for a, n in zip("xyz", GYROS, strict=True)}}
+    table |= {name: truth[own] for name, own in zip(("roll", "pitch", "yaw"), ATTITUDE, strict=True)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    check(gb.open_log(tmp_path / "log.csv", needs=(*GYROS, *ATTITUDE)), truth)
+
+
+@pytest.mark.parametrize("scale", [75.0, 30.0, 200.0, 3.0])
+def test_counts_of_no_sensor_that_is_known_are_asked_for(tmp_path, truth, scale):
+    table = {"t [s]": truth.time_s, **{f"g{a}": scale * truth[n] for a, n in zip("xyz", GYROS, strict=True)}}
+    table |= {name: truth[own] for name, own in zip(("roll", "pitch", "yaw"), ATTITUDE, strict=True)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(gb.InputError):
+        gb.open_log(tmp_path / "log.csv", needs=GYROS)

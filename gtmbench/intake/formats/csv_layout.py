@@ -24,6 +24,7 @@ _RATE = re.compile(
 )
 _COMMA = re.compile(r"[-+]?(\d{1,3}(\.\d{3})*|\d*),\d+")
 _POINT = re.compile(r"[-+]?((\d+|\d{1,3}(,\d{3})*)\.(\d{1,2}|\d{4,})|0\.\d+)")
+_LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
 _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, descriptions
 
@@ -127,7 +128,7 @@ def _separator(lines: Sequence[str], place: int) -> str:
 def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
     """Tell whether rows with as many cells as a line has follow it, numbers among them."""
     width = len(_cells(lines[place].lstrip("#%/ \t"), separator))
-    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + 2 * _ROWS] if line.strip()][: _ROWS + 1]
+    rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + _LOOKED_AT] if line.strip()]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     return width > 1 and (
         not rows
