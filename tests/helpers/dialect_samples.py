@@ -244,7 +244,7 @@ def ngimu(t):
 
 @sample
 def vectornav(t):
-    """VectorNav's ASCII messages VNYMR at a stated rate have no time: here the common table of their fields."""
+    """A table of VectorNav's fields: no export of theirs is documented, so it is known by its names and by physics."""
     columns = {"TimeStartup": 1e9 * t.time_s, "Yaw": t.psi, "Pitch": t.theta, "Roll": t.phi}
     columns |= scaled(t, RATES, [["GyroX", "GyroY", "GyroZ"][k] for k in range(3)], RAD)
     return {"vn.csv": csv(columns | forces(t, ("AccelX", "AccelY", "AccelZ"), G))}
@@ -259,3 +259,14 @@ def inav(t):
         f"accSmooth[{k}]": np.round(2048 * s * t[c]) for k, (c, s) in enumerate(zip(FORCES, (1, 1, 1), strict=True))
     }
     return {"LOG.csv": csv(columns | {f"attitude[{k}]": (10 * t[c]).round().astype(int) for k, c in enumerate(ANGLES)})}
+
+
+@sample
+def gyroflow(t):
+    """GCSV: facts above, among them what a count is; gyros and accelerometers alone."""
+    above = "GYROFLOW IMU LOG\nversion,1.3\nid,custom_logger\norientation,XYZ\ntimestamp,1644159993\nvendor,none\n"
+    above += "tscale,0.001\ngscale,0.00122173047\nascale,0.00048828125\n"
+    columns = {"t": np.round(1e3 * t.time_s).astype(int)}
+    columns |= {f"g{a}": np.round(RAD * t[c] / 0.00122173047) for a, c in zip("xyz", RATES, strict=True)}
+    columns |= {f"a{a}": np.round(2048 * s * t[c]) for a, c, s in zip("xyz", FORCES, (1, 1, -1), strict=True)}
+    return {"video.gcsv": csv(columns, above=above)}

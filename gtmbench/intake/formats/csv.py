@@ -78,6 +78,7 @@ def read_csv(path: Path) -> RawLog:
         notes=tuple(notes),
         is_nameless=layout.is_nameless,
         rate_hz=layout.rate_hz,
+        facts=layout.facts,
     )
 
 

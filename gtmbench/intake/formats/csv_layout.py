@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gtmbench.errors import InputError
@@ -24,6 +24,9 @@ _RATE = re.compile(
 )
 _COMMA = re.compile(r"[-+]?(\d{1,3}(\.\d{3})*|\d*),\d+")
 _POINT = re.compile(r"[-+]?((\d+|\d{1,3}(,\d{3})*)\.(\d{1,2}|\d{4,})|0\.\d+)")
+_FACT = re.compile(
+    r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
+)
 _LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
 _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, descriptions
@@ -44,6 +47,8 @@ class Layout:
         Whether it has no header.
     rate_hz : float
         Samples a second, as a line above the table states it; 0 where none does.
+    facts : mapping of str
+        What other lines there say: a name and a number.
     """
 
     names: tuple[str, ...]
@@ -54,6 +59,7 @@ class Layout:
     skipped: int
     is_nameless: bool = False
     rate_hz: float = 0.0
+    facts: Mapping[str, str] = field(default_factory=dict)
 
 
 def layout_of(path: Path) -> Layout:
@@ -99,6 +105,7 @@ def layout_of(path: Path) -> Layout:
         decimal="," if rows and separator != "," and _has_decimal_commas(rows[0]) else ".",
         skipped=skipped,
         is_nameless=is_nameless,
+        facts={pair[1]: pair[2] for line in lines[:skipped] if (pair := _FACT.fullmatch(line))},
         rate_hz=float(rate["rate"]) * (1e3 if rate["kilo"] else 1.0) if rate else 0.0,
     )
 

@@ -17,6 +17,7 @@ _QUATERNION = "quaternion"
 _EAST = "90-"  # before a heading that is counted from east
 _QUARTER = {"deg": 90.0, "rad": 1.5707963267948966}
 _BRACES = re.compile(r"(?P<before>.*?)\{(?P<words>.*)\}(?P<after>.*)")
+_FACT = re.compile(r"\$(\w+)")
 _INDEX = re.compile(r"\.0*(\d+)$")  # as PlotJuggler numbers an array's fields
 _TABLE = tomllib.loads((files("gtmbench.intake.formats") / "dialects.toml").read_text(encoding="utf-8"))
 NAMES: Mapping[str, str] = _TABLE["names"]
@@ -52,6 +53,15 @@ class Line:
             from_east=_EAST in channels,
         )
 
+    def scaled_by(self, facts: Mapping[str, str]) -> Line:
+        """Return a line with the numbers that its unit refers to by name."""
+        named = _FACT.match(self.meanings[0].unit)
+        if named is None or named[1] not in facts:
+            return self
+        units = (each.unit.replace(named[0], facts[named[1]]) for each in self.meanings)
+        meanings = tuple(replace(each, unit=unit) for each, unit in zip(self.meanings, units, strict=True))
+        return replace(self, meanings=meanings)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
@@ -80,11 +90,12 @@ class Dialect:
         """Tell whether a log's columns show that it is of this source."""
         if self.cells:
             return raw.is_nameless and len(raw.series) + len(raw.ignored) == self.cells
-        return not raw.is_nameless and all(_find(tell, raw.series) for tell in self.tells)
+        facts = {f"${name}" for name in raw.facts}
+        return not raw.is_nameless and all(tell in facts or _find(tell, raw.series) for tell in self.tells)
 
     def told_of(self, raw: RawLog) -> RawLog:
         """Return a log whose columns are known for what they are."""
-        series = meant(raw.series, self.lines)
+        series = meant(raw.series, [line.scaled_by(raw.facts) for line in self.lines])
         rate_hz = raw.rate_hz or self.rate_hz
         return replace(raw, series=series, rate_hz=rate_hz, notes=(*raw.notes, f"columns, units and axes: {self.name}"))
 

@@ -110,6 +110,8 @@ class RawLog:
         Whether it is a table without a header, whose columns are called by their numbers.
     rate_hz : float
         Samples a second, as stated beside the columns; 0 where that isn't.
+    facts : mapping of str
+        What stands above a table, by name.
     time_guessed : str
         What shows the time's column or unit, where nothing states it; of several tables, with their columns.
     attitude_from_gyros : bool
@@ -133,6 +135,7 @@ class RawLog:
     time: tuple[str, str] | None = None
     is_nameless: bool = False
     rate_hz: float = 0.0
+    facts: Mapping[str, str] = field(default_factory=dict, repr=False)
     time_guessed: str = ""
     attitude_from_gyros: bool = False
     is_received: bool = False
