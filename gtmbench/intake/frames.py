@@ -54,6 +54,8 @@ def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     """
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return {}
+    if any(len({known[name][0].clock for name in channels}) > 1 for channels in (GYROS, ATTITUDE)):
+        return {}
     if max(len(raw.clocks[known[name][0].clock]) for name in ("p", "phi")) > _MOST_ROWS:
         return {}
     rotation = _rotation(raw, known)

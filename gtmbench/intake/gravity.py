@@ -32,9 +32,10 @@ def forces_told(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning
     known : mapping
         Channels that are settled: a column and what it is.
     """
-    if not set(GYROS) <= set(known) or set(ACCELEROMETERS) & set(known):
+    clocks = {known[name][0].clock for name in GYROS if name in known}
+    if not set(GYROS) <= set(known) or set(ACCELEROMETERS) & set(known) or len(clocks) > 1:
         return {}
-    clock = known["p"][0].clock
+    (clock,) = clocks
     settled = {id(series) for series, _ in known.values()}
     beside = [each for each in triples(raw.series) if each.kind == "acceleration" and each.clock == clock]
     own = [each for each in beside if not each.stated and not each.meanings and not settled & set(map(id, each.series))]

@@ -22,8 +22,8 @@ _RATE = re.compile(
     r"(?i)\b(?:sampl\w*|update|output|data|log\w*)[ _]*(?:rate|freq\w*)\W{0,6}(?P<rate>\d+(?:\.\d+)?)"
     r"\s*(?P<kilo>k?)(?:hz)?\b"
 )
-_COMMA = re.compile(r"[-+]?(\d{1,3}(\.\d{3})*|\d*),\d+")
-_POINT = re.compile(r"[-+]?((\d+|\d{1,3}(,\d{3})*)\.(\d{1,2}|\d{4,})|0\.\d+)")
+_COMMA = re.compile(r"[-+]?(\d*,(\d{1,2}|\d{4,})|0*,\d+|\d{1,3}(\.\d{3})+,\d+)(e[-+]?\d+)?", re.IGNORECASE)
+_THOUSANDS, _POINT = re.compile(r"[-+]?\d{1,3}(,\d{3})+"), re.compile(r"[-+]?[\d,]*\.\d+")
 _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
@@ -188,8 +188,10 @@ def _is_row(names: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _has_decimal_commas(cells: Sequence[str]) -> bool:
-    """Tell whether commas stand before decimals: where points do, they stand between thousands."""
-    return any(map(_COMMA.fullmatch, cells)) and not any(map(_POINT.fullmatch, cells))
+    """Tell whether commas stand before decimals: three figures behind one may be thousands, where points are decimal."""
+    if any(map(_COMMA.fullmatch, cells)):
+        return True
+    return any(map(_THOUSANDS.fullmatch, cells)) and not any(map(_POINT.fullmatch, cells))
 
 
 def _encoding(head: bytes) -> str:
