@@ -188,7 +188,7 @@ def _is_row(names: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _has_decimal_commas(cells: Sequence[str]) -> bool:
-    """Tell whether commas stand before decimals: three figures behind one may be thousands, where points are decimal."""
+    """Tell whether commas stand before decimals; where points do, three figures behind a comma are thousands."""
     if any(map(_COMMA.fullmatch, cells)):
         return True
     return any(map(_THOUSANDS.fullmatch, cells)) and not any(map(_POINT.fullmatch, cells))
