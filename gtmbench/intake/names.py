@@ -36,7 +36,7 @@ _OPEN |= {
     for angle, channel in (("roll", "phi"), ("pitch", "theta"), ("yaw", "psi"))
 }
 _NOT_MEASURED = re.compile(
-    r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias|pid|[nx]k[a-z]\d)"
+    r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias|b_[agw]_|pid|[nx]k[a-z]\d)"
 )
 _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[A-Za-z%°µμ][^\[\](){}<>]*)[\])}>]\s*$")
 

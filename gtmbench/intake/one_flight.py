@@ -19,7 +19,7 @@ import numpy as np
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.intake.formats import registry
-from gtmbench.intake.formats.folder import TABLES, is_folder_of_tables
+from gtmbench.intake.formats.folder import TABLES, is_folder_of_tables, tables_in
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.mapping import judged
 from gtmbench.intake.names import stated_unit, triples
@@ -81,7 +81,7 @@ def why_several_in(path: Path) -> str:
     try:
         if not is_folder_of_tables(path):
             return ""
-        files = [(each.name, each.stat().st_size, each.stat().st_mtime_ns) for each in path.glob("*.csv")]
+        files = [(str(each), each.stat().st_size, each.stat().st_mtime_ns) for each in tables_in(path)]
     except OSError:
         return ""
     return _why_several_of(path, tuple(sorted(files)))

@@ -134,6 +134,19 @@ def test_a_zip_of_tables_and_facts_is_one_log(tmp_path, truth):
     check(gb.open_log(packed(deeper, tmp_path / "deeper.zip")), truth)
 
 
+def test_a_zip_of_a_data_set_is_one_log(tmp_path, truth):
+    """EuRoC's own zips hold mav0 in a folder or without, and pictures, which are no tables."""
+    files = SAMPLES["euroc"](truth.assign(nx=0.0, ny=0.0, nz=1.0)) | {"mav0/cam0/data/1.png": "no picture"}
+    check(gb.open_log(packed(files, tmp_path / "one.zip")), truth)
+    check(gb.open_log(packed({f"MH_01/{name}": text for name, text in files.items()}, tmp_path / "two.zip")), truth)
+
+
+@pytest.mark.parametrize("line", ["sampl" + "_" * 500_000, "x" + "\t" * 500_000, '"' * 500_000, "1," * 250_000])
+def test_a_line_without_end_above_a_table_costs_no_time(tmp_path, truth, line):
+    with contextlib.suppress(gb.InputError):
+        opened(tmp_path, line + "\n" + csv(columns(truth)))
+
+
 def test_a_zip_never_writes_outside_of_its_folder(tmp_path):
     path = packed({"imu.csv": "time_s,p_deg_s\n0,1\n", "../../att.csv": "time_s,roll_deg\n0,1\n"}, tmp_path / "z.zip")
     with pytest.raises(gb.InputError):

@@ -27,6 +27,7 @@ _THOUSANDS, _POINT = re.compile(r"[-+]?\d{1,3}(,\d{3})+"), re.compile(r"[-+]?[\d
 _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
+_LONGEST_FACT = 200  # characters of a line that states a fact
 _LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
 _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, descriptions
@@ -96,7 +97,8 @@ def layout_of(path: Path) -> Layout:
         names.append("")  # rows that end in a separator
     if rows and len(rows[0]) > len(names):
         raise InputError(more_cells(names, separator))
-    rate = _RATE.search("\n".join(lines[:skipped]))
+    above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
+    rate = _RATE.search("\n".join(above))
     return Layout(
         names=tuple(names),
         units=tuple((units + [""] * len(names))[: len(names)]),
@@ -105,7 +107,7 @@ def layout_of(path: Path) -> Layout:
         decimal="," if rows and separator != "," and _has_decimal_commas(rows[0]) else ".",
         skipped=skipped,
         is_nameless=is_nameless,
-        facts={pair[1]: pair[2] for line in lines[:skipped] if (pair := _FACT.fullmatch(line))},
+        facts={pair[1]: pair[2] for line in above if (pair := _FACT.fullmatch(line))},
         rate_hz=float(rate["rate"]) * (1e3 if rate["kilo"] else 1.0) if rate else 0.0,
     )
 

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from importlib.resources import files
-from typing import Any
 
 from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
 from gtmbench.values.clock import FloatArray
@@ -100,16 +99,18 @@ class Dialect:
         return replace(raw, series=series, rate_hz=rate_hz, notes=(*raw.notes, f"columns, units and axes: {self.name}"))
 
 
-def _lines(texts: Iterable[str]) -> tuple[Line, ...]:
-    return tuple(map(Line.of, texts))
+@cache
+def lines_of(source: str) -> tuple[Line, ...]:
+    """Return what a source's messages mean, line by line, the preferred ones first."""
+    return tuple(map(Line.of, _TABLE["topics"][source]))
 
 
 def topics_of(source: str) -> Mapping[tuple[str, str], Meaning]:
-    """Return what a source's messages mean: by topic and field, the preferred ones first."""
+    """Return the same by topic and field."""
     return {
         (topic, field): meaning
-        for line in _lines(_TABLE["topics"][source])
-        for column, meaning in zip(line.columns, line.meanings, strict=False)
+        for line in lines_of(source)
+        for column, meaning in zip(line.columns, line.meanings, strict=True)
         for topic, _, field in [column.partition(".")]
     }
 
@@ -123,18 +124,10 @@ ALL = {**PX4, **ARDUPILOT, **MAVLINK}
 def dialects() -> tuple[Dialect, ...]:
     """Return the known sources of tables."""
     found = []
-    for entry in _TABLE["dialect"]:
-        lines = _lines(entry["columns"])
-        tells = tuple(entry.get("tells", lines[0].columns))
-        about = {key: entry[key] for key in ("cells", "rate_hz") if key in entry}
-        found.append(Dialect(name=entry["name"], tells=tells, lines=lines, **about))
+    for entry in map(dict, _TABLE["dialect"]):
+        lines = tuple(map(Line.of, entry.pop("columns")))
+        found.append(Dialect(**({"tells": lines[0].columns} | entry), lines=lines))
     return tuple(found)
-
-
-@cache
-def lines_of(source: str) -> tuple[Line, ...]:
-    """Return what a source's messages mean, line by line: of ``ROS`` or ``Paparazzi``."""
-    return _lines(_TABLE["topics"][source])
 
 
 def with_dialect(raw: RawLog) -> RawLog:
@@ -155,16 +148,13 @@ def meant(series: Sequence[RawSeries], lines: Iterable[Line]) -> tuple[RawSeries
             continue
         for columns, meaning in zip(found, line.meanings, strict=True):
             for each in columns:
-                if each not in known and each.meaning is None:
-                    east = line.from_east and meaning.channel == "psi"
-                    known[each] = _from_north(each, meaning) if east else replace(each, meaning=meaning)
-    own = [each for each in known.values() if each.made_of]
-    rest = [each for each in series if each not in known or each in [_column_of(one, series) for one in own]]
-    return (*known.values(), *made, *rest)
-
-
-def _column_of(made: RawSeries, series: Sequence[RawSeries]) -> RawSeries | None:
-    return next((each for each in series if (each.name,) == made.made_of), None)
+                if each in known or each.meaning is not None:
+                    continue
+                if line.from_east and meaning.channel == "psi":
+                    made.append(_from_north(each, meaning))
+                else:
+                    known[each] = replace(each, meaning=meaning)
+    return (*known.values(), *made, *(each for each in series if each not in known))
 
 
 def _find(column: str, series: Iterable[RawSeries]) -> list[RawSeries]:
@@ -225,6 +215,6 @@ def indexed(name: str) -> str:
     return _INDEX.sub(r"[\1]", name)
 
 
-def documented(name: str) -> Any:
+def documented(name: str) -> Meaning | None:
     """Return what a column is that is named as an autopilot's message and field; None of others."""
     return ALL.get(message_of(name))

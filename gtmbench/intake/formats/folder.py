@@ -36,6 +36,7 @@ _PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
 _MAV, _DATA = "mav0", "data"  # ASL's folder, and what a table is called whose folder has the sensor's name
+_ASL = "_RS_"  # in its columns: from the reference to the sensor
 MOST_TABLES, _MOST_INSTANCES = 300, 6
 _TURNING = {topic for (topic, _), meaning in ALL.items() if meaning.channel in (*GYROS, *ATTITUDE)} | {"IMU2", "IMU3"}
 _MESSAGE = re.compile(r"[A-Z][A-Z0-9_]*(\[\d+\])?")  # as ArduPilot and MAVLink call theirs
@@ -69,8 +70,8 @@ def read_folder(path: Path) -> RawLog:
     if left_out:
         notes.append(f"not read: {', '.join(left_out[:12])}")
     if not known:
-        is_mav = _MAV in (tables[0].parents[1].name, path.name)  # one flight's by its layout
-        return RawLog(kind="folder of an ASL data set" if is_mav else TABLES, series=tuple(series), notes=tuple(notes))
+        is_asl = tables[0].stem == _DATA and any(_ASL in each.name for each in series)  # one flight's by its layout
+        return RawLog(kind="folder of an ASL data set" if is_asl else TABLES, series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
         series=tuple(map(_with_px4_time, documented_first(series, ALL))),
