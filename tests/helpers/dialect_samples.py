@@ -270,3 +270,13 @@ def gyroflow(t):
     columns |= {f"g{a}": np.round(RAD * t[c] / 0.00122173047) for a, c in zip("xyz", RATES, strict=True)}
     columns |= {f"a{a}": np.round(2048 * s * t[c]) for a, c, s in zip("xyz", FORCES, (1, 1, -1), strict=True)}
     return {"video.gcsv": csv(columns, above=above)}
+
+
+@sample
+def rostopic(t):
+    """An Imu by rostopic echo -p: every field by its path, in the axes of REP 103."""
+    stamp = 1_600_000_000_000_000_000 + np.round(1e9 * t.time_s).astype(np.int64)
+    columns = {"%time": stamp + 5_000_000, "field.header.seq": np.arange(len(t)), "field.header.stamp": stamp}
+    columns |= turned_by(t, [f"field.orientation.{a}" for a in "wxyz"], "ENU") | {"field.orientation_covariance0": 0.0}
+    columns |= scaled(t, RATES, xyz("field.angular_velocity.{}"), RAD, FLU)
+    return {"imu.csv": csv(columns | forces(t, xyz("field.linear_acceleration.{}"), G, up=True))}

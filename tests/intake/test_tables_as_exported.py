@@ -225,7 +225,7 @@ def test_two_aircraft_in_a_log_of_paparazzi_are_asked_for(tmp_path, truth):
     (text,) = SAMPLES["paparazzi"](truth).values()
     path = tmp_path / "flight.data"
     path.write_text(text + text.replace(" 2 ", " 3 "))
-    with pytest.raises(gb.InputError, match="aircraft 2, 3 are in it; say which is meant"):
+    with pytest.raises(gb.InputError, match="systems 2 and 3 sent; say which is meant: --system 2"):
         gb.open_log(path)
     (record,) = gb.open_log(f"{path}:3").segments
     assert record["p"] == pytest.approx(truth.p.to_numpy(), abs=0.02)

@@ -21,6 +21,7 @@ _INDEX = re.compile(r"\.0*(\d+)$")  # as PlotJuggler numbers an array's fields
 _TABLE = tomllib.loads((files("gtmbench.intake.formats") / "dialects.toml").read_text(encoding="utf-8"))
 NAMES: Mapping[str, str] = _TABLE["names"]
 """The words by which anybody calls a channel."""
+Documented = Mapping[tuple[str, str], Meaning]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +106,7 @@ def lines_of(source: str) -> tuple[Line, ...]:
     return tuple(map(Line.of, _TABLE["topics"][source]))
 
 
-def topics_of(source: str) -> Mapping[tuple[str, str], Meaning]:
+def topics_of(source: str) -> Documented:
     """Return the same by topic and field."""
     return {
         (topic, field): meaning

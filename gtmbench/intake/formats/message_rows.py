@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.dialects import topics_of
 from gtmbench.intake.formats.limits import MOST_MESSAGES, reading
-from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first
+from gtmbench.intake.formats.raw import Format, RawLog
 from gtmbench.intake.formats.tlog import RECEIVED, USED, Messages, log_of_messages, system_of
 
 _PLANNER = "Mission Planner's CSV of a telemetry log"
@@ -34,32 +33,9 @@ def read_paparazzi(path: Path, part: str = "") -> RawLog:
     """Read lines of a time, an aircraft's number, a message's name, and its values by their places."""
     documented = topics_of("Paparazzi")
     with reading(path, _PAPARAZZI):
-        systems = _systems(_rows_of_paparazzi(path, {topic for topic, _ in documented}))
-        if not systems:
-            raise InputError("no message of it tells how anything turns")
-        if part not in ("", *map(str, systems)) or (not part and len(systems) > 1):
-            raise InputError(f"aircraft {', '.join(map(str, systems))} are in it; say which is meant: {path}:NUMBER")
-        topics = systems[int(part) if part else next(iter(systems))]
-    series = [
-        RawSeries(
-            name=f"{topic}.{field}",
-            load=partial(np.asarray, column),
-            clock=topic,
-            meaning=documented.get((topic, field)),
-        )
-        for topic, columns in topics.items()
-        for field, column in columns.items()
-        if field != RECEIVED
-    ]
-    return RawLog(
-        kind=_PAPARAZZI,
-        series=documented_first(series, documented),
-        clocks={topic: np.asarray(columns[RECEIVED]) for topic, columns in topics.items()},
-        notes=("units and axes are those of Paparazzi's messages; times: when messages were logged",),
-        by_name=False,
-        attitude_from_gyros=True,
-        is_received=True,
-    )
+        topics = list(dict.fromkeys(topic for topic, _ in documented))
+        systems = _systems(_rows_of_paparazzi(path, topics))
+        return log_of_messages(_PAPARAZZI, systems, system_of(systems, part, topics), (), documented)
 
 
 def _rows_of_planner(path: Path) -> Rows:
@@ -72,7 +48,7 @@ def _rows_of_planner(path: Path) -> Rows:
             yield int(cells[4]), topic, received_s, {name: each for name, each in numbers.items() if name != "Len"}
 
 
-def _rows_of_paparazzi(path: Path, topics: set[str]) -> Rows:
+def _rows_of_paparazzi(path: Path, topics: Sequence[str]) -> Rows:
     for cells in _split(path, None):
         if len(cells) > 3 and cells[2] in topics:
             numbers = {

@@ -61,8 +61,8 @@ _NEVER_NOTES = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT, tlog
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _HEAD_BYTES = 600
 _READ = (
-    "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, ROS bags, MCAP, MATLAB, HDF5, NumPy, "
-    "Excel and folders of tables"
+    "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, Paparazzi, ROS bags, MCAP, MATLAB, "
+    "HDF5, NumPy, Excel and folders of tables"
 )
 
 

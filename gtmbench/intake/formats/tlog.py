@@ -20,7 +20,7 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.dialects import MAVLINK
+from gtmbench.intake.formats.dialects import MAVLINK, Documented
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first
 from gtmbench.values.clock import FloatArray
@@ -69,7 +69,9 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
     return log_of_messages(_KIND, systems, number, notes)
 
 
-def log_of_messages(kind: str, systems: dict[int, Messages], number: int, notes: Sequence[str]) -> RawLog:
+def log_of_messages(
+    kind: str, systems: dict[int, Messages], number: int, notes: Sequence[str], documented: Documented = MAVLINK
+) -> RawLog:
     """Return the log of what one of several systems sent."""
     topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][RECEIVED])))  # the fastest first
     autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
@@ -81,7 +83,7 @@ def log_of_messages(kind: str, systems: dict[int, Messages], number: int, notes:
             name=f"{name}.{field}",
             load=partial(np.asarray, column),
             clock=name,
-            meaning=MAVLINK.get((name, field)) if scaled or name != "RAW_IMU" else None,
+            meaning=documented.get((name, field)) if scaled or name != "RAW_IMU" else None,
         )
         for name, columns in topics.items()
         for field, column in columns.items()
@@ -94,9 +96,9 @@ def log_of_messages(kind: str, systems: dict[int, Messages], number: int, notes:
         notes = [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted", *notes]
     return RawLog(
         kind=kind,
-        series=documented_first(series, [key for name in topics for key in MAVLINK if key[0] == name]),
+        series=documented_first(series, [key for name in topics for key in documented if key[0] == name]),
         clocks=clocks,
-        notes=("units and axes are those of MAVLink's messages; times: the sender's, since it was switched on", *notes),
+        notes=("units and axes are documented; times: the sender's, since it was switched on, where it tells", *notes),
         by_name=False,
         attitude_from_gyros=True,
         is_received=True,
@@ -144,9 +146,9 @@ def _clocks(topics: Messages) -> dict[str, FloatArray]:
     return {name: clocks.get(name, np.asarray(columns[RECEIVED]) - after_s) for name, columns in topics.items()}
 
 
-def system_of(systems: dict[int, Messages], part: str) -> int:
+def system_of(systems: dict[int, Messages], part: str, turns: Sequence[str] = _TURNS) -> int:
     """Return the number of the system that is meant."""
-    flying = [number for number, messages in systems.items() if set(_TURNS) & set(messages)]
+    flying = [number for number, messages in systems.items() if set(turns) & set(messages)]
     if part:
         if part.isdigit() and int(part) in systems:
             return int(part)
@@ -154,7 +156,7 @@ def system_of(systems: dict[int, Messages], part: str) -> int:
     if len(flying) == 1:
         return flying[0]
     if not flying:
-        raise InputError(f"no message of it tells how anything turns ({listed(_TURNS, 'or')})")
+        raise InputError(f"no message of it tells how anything turns ({listed(turns, 'or')})")
     raise InputError(f"systems {listed(map(str, sorted(flying)))} sent; say which is meant: --system {min(flying)}")
 
 
