@@ -16,6 +16,7 @@ _QUATERNION = "quaternion"
 _EAST = "90-"  # before a heading that is counted from east
 _QUARTER = {"deg": 90.0, "rad": 1.5707963267948966}
 _BRACES = re.compile(r"(?P<before>.*?)\{(?P<words>.*)\}(?P<after>.*)")
+_PART = re.compile(r"(?i)[\W_]*[w0][\W_]*$")  # what tells a quaternion's first part
 _FACT = re.compile(r"\$(\w+)")
 _INDEX = re.compile(r"\.0*(\d+)$")  # as PlotJuggler numbers an array's fields
 _TABLE = tomllib.loads((files("gtmbench.intake.formats") / "dialects.toml").read_text(encoding="utf-8"))
@@ -145,7 +146,9 @@ def meant(series: Sequence[RawSeries], lines: Iterable[Line]) -> tuple[RawSeries
         found = [_find(column, series) for column in line.columns]
         if line.meanings[0].unit.endswith(_QUATERNION):
             parts = [each for one in found for each in one[:1]]
-            made += _angles(parts, line) if len(parts) == len(line.columns) else []
+            if len(parts) == len(line.columns):
+                stem = _PART.sub("", parts[0].name)
+                made += angles_of(parts, stem, line.meanings, line.meanings[0].unit, from_east=line.from_east)
             continue
         for columns, meaning in zip(found, line.meanings, strict=True):
             for each in columns:
@@ -178,18 +181,37 @@ def _from_north(column: RawSeries, meaning: Meaning) -> RawSeries:
     return replace(column, name=f"{column.name} from north", load=load, meaning=meaning, made_of=(column.name,))
 
 
-def _angles(parts: Sequence[RawSeries], line: Line) -> list[RawSeries]:
-    """Return roll, pitch and yaw of a quaternion w, x, y, z, in deg."""
-    stem = re.sub(r"[\W_]*[w0][\W_]*$", "", parts[0].name, flags=re.IGNORECASE)
+def angles_of(
+    parts: Sequence[RawSeries],
+    stem: str,
+    meanings: Sequence[Meaning | None],
+    unit: str = _QUATERNION,
+    *,
+    from_east: bool = False,
+) -> list[RawSeries]:
+    """Return roll, pitch and yaw of a quaternion w, x, y, z, in deg, as columns ``STEM(roll)`` and so on.
+
+    Parameters
+    ----------
+    parts : sequence of RawSeries
+    stem : str
+    meanings : sequence of Meaning or None
+        Of the three.
+    unit : str
+        ``quaternion``, from the body to the world, or ``inverse quaternion``.
+    from_east : bool
+        Whether yaw is counted from east and is wanted from north.
+    """
     return [
         RawSeries(
             name=f"{stem}({angle})",
-            load=partial(_turned, parts, line.meanings[0].unit, angle, 90.0 * (line.from_east and angle == "yaw")),
+            load=partial(_turned, parts, unit, angle, 90.0 * (from_east and angle == "yaw")),
             clock=parts[0].clock,
-            meaning=replace(meaning, unit="deg"),
+            unit="" if meaning else "deg",
+            meaning=meaning and replace(meaning, unit="deg"),
             made_of=tuple(part.name for part in parts),
         )
-        for angle, meaning in zip(ANGLES, line.meanings, strict=True)
+        for angle, meaning in zip(ANGLES, meanings, strict=True)
     ]
 
 

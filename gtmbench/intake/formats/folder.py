@@ -17,9 +17,9 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_layout import layout_of
-from gtmbench.intake.formats.dialects import ALL, PX4
+from gtmbench.intake.formats.dialects import ALL, PX4, angles_of
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
-from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first
 from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
 from gtmbench.values.channels import ATTITUDE, GYROS
 
@@ -35,6 +35,7 @@ _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "I
 _PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
+_QUATERNION = tuple(f"q[{part}]" for part in range(4))
 _MAV, _DATA = "mav0", "data"  # ASL's folder, and what a table is called whose folder has the sensor's name
 _ASL = "_RS_"  # in its columns: from the reference to the sensor
 MOST_TABLES, _MOST_INSTANCES = 300, 6
@@ -61,9 +62,11 @@ def read_folder(path: Path) -> RawLog:
             left_out.append(table.name)
             continue
         for topic, own in _by_instance(topics[table], {each.name: each for each in read.series}):
-            series += [_column(topic, each) for each in own.values()]
-            if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
-                series += [_angle(topic, own, angle) for angle in ANGLES]
+            columns = {name: _column(topic, each) for name, each in own.items()}
+            series += columns.values()
+            parts = [columns[name] for name in _QUATERNION if name in columns]
+            if len(parts) == len(_QUATERNION) and topic in {name for name, _ in PX4}:
+                series += angles_of(parts, f"{topic}.q", [ALL.get((topic, f"q({angle})")) for angle in ANGLES])
     if not series:
         raise InputError(f"{path}: none of its tables can be read")
     notes = [f"tables: {', '.join(sorted({each.clock for each in series})[:20])}"]
@@ -118,17 +121,6 @@ def _column(topic: str, column: RawSeries) -> RawSeries:
 def _with_px4_time(column: RawSeries) -> RawSeries:
     is_time = _of(column.clock) in _PX4_TOPICS and column.name == f"{column.clock}.timestamp"
     return replace(column, meaning=_PX4_TIME) if is_time else column
-
-
-def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:
-    parts = [f"q[{part}]" for part in range(4)]
-
-    def load() -> np.ndarray:
-        return euler_deg([own[part].values() for part in parts], angle)
-
-    name = f"q({angle})"
-    made_of = tuple(f"{topic}.{part}" for part in parts)
-    return RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=ALL.get((topic, name)), made_of=made_of)
 
 
 def _topic(stem: str) -> str:
