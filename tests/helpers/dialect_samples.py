@@ -1,6 +1,6 @@
 """One flight as each known source writes it: rows made from the source's public documentation, never anybody's file.
 
-They were written before the readers. Each returns what lies in a folder: texts (or tables) by file name. The truth is
+Most were written before the readers. Each returns what lies in a folder: texts (or tables) by file name. The truth is
 the same everywhere: p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g.
 """
 
@@ -236,7 +236,6 @@ def ngimu(t):
     angles = scaled(t, ANGLES, ("Roll (deg)", "Pitch (deg)", "Yaw (deg)"), 1.0, FLU)
     return {
         "sensors.csv": csv(inertial),
-        "quaternion.csv": csv({"Time (s)": t.time_s, **turned_by(t, "WXYZ", "NWU")}),
         "euler.csv": csv({"Time (s)": t.time_s, **angles}),
         "battery.csv": csv({"Time (s)": t.time_s[::50], "Percentage (%)": 90.0}),
     }
@@ -280,3 +279,29 @@ def rostopic(t):
     columns |= turned_by(t, [f"field.orientation.{a}" for a in "wxyz"], "ENU") | {"field.orientation_covariance0": 0.0}
     columns |= scaled(t, RATES, xyz("field.angular_velocity.{}"), RAD, FLU)
     return {"imu.csv": csv(columns | forces(t, xyz("field.linear_acceleration.{}"), G, up=True))}
+
+
+def dot(t, attitude):
+    columns = {"PacketCounter": np.arange(len(t)), "SampleTimeFine": us(t), **attitude}
+    columns |= forces(t, [f"Acc_{a}" for a in "XYZ"], G, up=True)
+    return {"DOT.csv": csv(columns | scaled(t, RATES, [f"Gyr_{a}" for a in "XYZ"], 1.0, FLU), above="sep=,\n")}
+
+
+@sample
+def dot_euler(t):
+    """Movella DOT's export: microseconds, deg/s, angles in east, north, up."""
+    return dot(t, {"Euler_X": t.phi, "Euler_Y": -t.theta, "Euler_Z": 90.0 - t.psi})
+
+
+@sample
+def dot_quaternion(t):
+    """The same with a quaternion."""
+    return dot(t, turned_by(t, [f"Quat_{a}" for a in "WXYZ"], "ENU"))
+
+
+@sample
+def ngimu_quaternion(t):
+    """NGIMU's folder without angles: its quaternion is of the world beside the sensor."""
+    w, x, y, z = quaternion(t, "NWU")
+    turned = {"Time (s)": t.time_s, "W": w, "X": -x, "Y": -y, "Z": -z}
+    return {name: text for name, text in ngimu(t).items() if name != "euler.csv"} | {"quaternion.csv": csv(turned)}

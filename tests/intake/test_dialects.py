@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.intake.formats.dialects import dialects
+from gtmbench.intake.read import read_log
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from tests.helpers.dialect_samples import SAMPLES
 from tests.helpers.log_makers import flight
@@ -22,17 +24,12 @@ def truth():
 
 
 def written(files, folder):
-    """Write a sample; return the only file, or the folder."""
+    """Write a sample; return the only file or folder of it, or where it lies."""
     for name, text in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
-    return (
-        folder / next(iter(files))
-        if len(files) == 1
-        else folder / next(iter({name.split("/")[0] for name in files}))
-        if all("/" in name for name in files)
-        else folder
-    )
+    tops = {name.partition("/")[0] for name in files}
+    return folder / tops.pop() if len(tops) == 1 else folder
 
 
 def check(log, truth, channels=(*GYROS, *ATTITUDE)):
@@ -45,6 +42,14 @@ def check(log, truth, channels=(*GYROS, *ATTITUDE)):
         read = record[name] - (360.0 * np.round(np.mean(record[name] - expected) / 360.0) if name == "psi" else 0.0)
         assert np.nanstd(read - expected) < 0.06 * np.std(expected) + 0.01, name
         assert abs(np.nanmean(read - expected)) < 0.1 * np.std(expected) + 0.05, name
+
+
+def test_every_source_that_is_known_has_a_sample(tmp_path, truth):
+    told = set()
+    for name, sample in SAMPLES.items():
+        (tmp_path / name).mkdir()
+        told |= {note for note in read_log(written(sample(truth), tmp_path / name)).raw.notes if "axes: " in note}
+    assert {note.partition("axes: ")[2] for note in told} == {dialect.name for dialect in dialects()}
 
 
 @pytest.mark.parametrize("name", SAMPLES)
