@@ -219,6 +219,8 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     named = {series.name for series, _ in sure}
     in_seconds_now = Meaning(channel="time", unit="s")
     sure += [(series, in_seconds_now) for series in raw.series if series.was_clock and series.name not in named]
+    if raw.is_nameless:  # a date without a header, the same in every row, is a fact about the log
+        sure = [each for each in sure if np.ptp(np.nan_to_num(each[0].values())) > 0]
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
     names = _by_lower_name(raw)
     pairs = [(series, in_seconds_now) for series in raw.series if _beyond_seconds(series, names)]

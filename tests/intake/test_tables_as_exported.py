@@ -101,6 +101,14 @@ def test_without_a_header_columns_go_by_their_numbers(tmp_path, truth):
     check(opened(tmp_path, text, mapping=["time=1:s", *mapping], needs=SIX), truth)
 
 
+def test_a_date_that_never_changes_is_no_time_where_nothing_names_it(tmp_path, truth):
+    text = csv(
+        {"day": "2024-05-05T10:00:00", "ms": np.round(1e3 * truth.time_s).astype(int), **columns(truth)}, header=False
+    )
+    with pytest.raises(gb.InputError, match="no header"):
+        opened(tmp_path, text, needs=SIX)
+
+
 def kitti(truth):
     samples = [
         text for name, text in SAMPLES["kitti_oxts"](truth.assign(nx=0.0, ny=0.0, nz=1.0)).items() if "data" in name
