@@ -37,6 +37,7 @@ _COUNTS = re.compile(
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
 _MOST_SAID = 4  # tables
+_SECONDS = Meaning(channel="time", unit="s")
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
     **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
@@ -215,15 +216,10 @@ def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _
 
 def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
-    sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
-    named = {series.name for series, _ in sure}
-    in_seconds_now = Meaning(channel="time", unit="s")
-    sure += [(series, in_seconds_now) for series in raw.series if series.was_clock and series.name not in named]
-    if raw.is_nameless:  # a date without a header, the same in every row, is a fact about the log
-        sure = [each for each in sure if np.ptp(np.nan_to_num(each[0].values())) > 0]
+    sure = _sure(raw, looks)
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
     names = _by_lower_name(raw)
-    pairs = [(series, in_seconds_now) for series in raw.series if _beyond_seconds(series, names)]
+    pairs = [(series, _SECONDS) for series in raw.series if _beyond_seconds(series, names)]
     for certain in (exact, pairs, sure):
         if len(certain) == 1 and not (certain[0][0].was_clock and stands_mostly(certain[0][0])):
             return certain[0]
@@ -250,6 +246,16 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     perhaps = measured_time(raw) or [series.name for series, _ in rising]
     said = f" (perhaps {', '.join(map(repr, perhaps[:3]))})" if perhaps else ""
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{said}; {there(raw)}")
+
+
+def _sure(raw: RawLog, looks: Sequence[tuple[RawSeries, Guess]]) -> list[tuple[RawSeries, Meaning]]:
+    """Return the columns that tell the time by their names and units, or by what stands in them."""
+    named = [(series, told.meaning) for series, told in looks if told.meaning is not None]
+    known = {series.name for series, _ in named}
+    sure = [*named, *((each, _SECONDS) for each in raw.series if each.was_clock and each.name not in known)]
+    if raw.is_nameless:  # a date without a header, the same in every row, is a fact about the log
+        sure = [each for each in sure if np.ptp(np.nan_to_num(each[0].values())) > 0]
+    return sure
 
 
 def _counted_rows(raw: RawLog) -> tuple[RawSeries, Meaning]:
