@@ -19,7 +19,7 @@ from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
 Known = Mapping[str, tuple[RawSeries, Meaning]]
-_AGREES = 0.8  # correlation of every axis with the one that it is; chosen, from 0.6 to 0.95 the tests come out alike
+_AGREES = 0.8  # correlation of every axis with the one that it is
 _WITHIN = 0.3  # of a gain, as a logarithm: a rotation changes none, and another unit is no rotation
 _BETTER = 0.5  # by which the mean correlation exceeds that of the axes as they are named; two turned signs make 1.3
 _MOST_ROWS = 5_000_000  # half a day at 100 Hz: of more, six columns at once would cost more than the log's reading does
