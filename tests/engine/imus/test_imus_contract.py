@@ -67,6 +67,27 @@ def test_of_two_the_liar_is_named_or_suspected_whoever_drives_the_estimator(chan
     assert suspected <= {name_of(channel, 0), name_of(channel, 1), "psi", *ATTITUDE}
 
 
+@pytest.mark.parametrize(
+    ("liar", "fault"),
+    [
+        (1, gb.SignFlip(channel="p", onset_s=ONSET_S)),  # bends the attitude, which shows about the other axes
+        (1, gb.ScaleFactor(channel="q", onset_s=ONSET_S, factor=0.4)),  # bends it hardly, as gains do
+        (0, gb.Bias(channel="p", onset_s=ONSET_S, size=-20.0)),  # turns it round and round: it agrees with its gyro
+    ],
+    ids=str,
+)
+def test_an_attitude_that_the_broken_one_of_two_bends_is_no_witness_of_the_healthy_one(liar, fault):
+    failed, suspected = accused(said((liar, fault), driver=liar, step=FAST, seed=2))
+    own = name_of(fault.channel, liar)
+    assert failed <= {own}
+    assert own in failed | suspected
+
+
+def test_an_attitude_that_the_healthy_one_of_two_drives_names_the_other():
+    fault = gb.SignFlip(channel="p", onset_s=ONSET_S)
+    assert accused(said((0, fault), driver=1, step=FAST)) == ({"p"}, set())
+
+
 FAULTS = {
     "bias": lambda channel: gb.Bias(channel=channel, onset_s=ONSET_S, size=1.0),
     "drift": lambda channel: gb.Drift(channel=channel, onset_s=ONSET_S, slope=0.1),
