@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,20 +21,26 @@ from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
+from gtmbench.detectors.isolation.standing import standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.faults.replacing import Jam, Stale
 from gtmbench.values.channels import GYROS, axis_of
-from gtmbench.values.record import BoolArray, FloatArray, runs
+from gtmbench.values.record import FloatArray
 
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
-_OFTEN, _OFTENER = 10.0, 4.0  # rows that repeat in several channels at once, beyond so many times as before
-_TOGETHER = 0.8  # of the rows that any channel repeats, that all do
 _IN_TUNE = 1.05  # times the frequency of another tone
+_FITTING = 0.5  # of what a residual has beyond chance, that a fault explains
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
+
+
+class _Part(NamedTuple):
+    """What is said of one residual by itself, and by how much of BIC that explains it."""
+
+    judged: Judgement
+    gain: float
 
 
 def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()) -> Judgement:
@@ -49,17 +56,14 @@ def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, wit
     without : iterable of str
         Families of hypotheses that aren't tried.
     """
-    standing = _standing(case)
-    if standing is not None:
-        return standing
+    standing = standing_still(case)
+    if standing:
+        return _together(case, standing)
     hit = _hit(case, ranking, first)
-    if hit is None:
+    parts = {} if hit is None else _parts(case, hit, first, tuple(without))
+    if hit is None or (len(parts) < len(hit) and set(parts) <= set(axis_of(ranking[0].channel))):
         return judge(case, ranking, first)
-    parts, gains = _parts(case, hit, first, tuple(without))
-    with_angle = _with_own_angle(case, hit, parts, gains)
-    if with_angle is not None:
-        return with_angle
-    return _merged(case, parts)
+    return _with_own_angle(case, parts) or _merged(case, _of_their_own(case, parts))
 
 
 def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> list[str] | None:
@@ -87,6 +91,11 @@ def _is_loud(white: FloatArray) -> bool:
     return energy(white) - count > max(_PLAIN, _LOUDER * count)
 
 
+def _excess(case: Case, output: str) -> float:
+    """Return by how much a residual holds more than chance, of -2 log likelihood."""
+    return case.energies[output] - float(np.isfinite(case.white[output][case.judged]).sum())
+
+
 def _explains_all(angle: Suspect, hit: Sequence[str]) -> bool:
     """Tell whether nearly nothing is wrong any more with what is hit once an angle reads what it should.
 
@@ -112,51 +121,55 @@ def _left_by(suspect: Suspect, outputs: Sequence[str]) -> Iterator[FloatArray]:
             yield suspect.case.white[output][suspect.case.judged]
 
 
-def _parts(
-    case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]
-) -> tuple[dict[str, Judgement], dict[str, float]]:
-    """Return what is said of each residual by itself, but of those that an angle heals which is named of another."""
-    parts: dict[str, Judgement] = {}
-    gains: dict[str, float] = {}
+def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, _Part]:
+    """Return what is said of each residual by itself; of one that is only loud, where a fault explains that.
+
+    Noise that is a little louder than what was learnt is no fault of any sensor.
+    """
+    parts = {}
     for output in outputs:
         alone = _alone(case, output)
         ranking = ranked_hypotheses(alone, alone.suspects, without)
-        signature = replace(first, candidates=alone.suspects)
-        gains[output] = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
-        parts[output] = judge(alone, ranking, signature)
-    for output, judged in tuple(parts.items()):
-        if judged.sensor in ANGLES and output in parts:
-            (angle,) = suspects_in(case, [str(judged.sensor)])
-            for other in [name for name in parts if name != output and would_heal(angle, name)]:
-                if parts[other].sensor not in ANGLES:
-                    del parts[other]
-    return parts, gains
+        gain = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
+        if output == case.source or case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output):
+            parts[output] = _Part(judge(alone, ranking, replace(first, candidates=alone.suspects)), gain)
+    return parts
 
 
-def _with_own_angle(
-    case: Case, hit: Sequence[str], parts: Mapping[str, Judgement], gains: Mapping[str, float]
-) -> Judgement | None:
+def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement]:
+    """Return what is said of all parts, but of those that an angle heals which is named of another."""
+    told = {output: part.judged for output, part in parts.items()}
+    for output, part in parts.items():
+        if part.judged.sensor in ANGLES and output in told:
+            (angle,) = suspects_in(case, [str(part.judged.sensor)])
+            for other in [name for name in told if name != output and told[name].sensor not in ANGLES]:
+                if would_heal(angle, other):
+                    del told[other]
+    return told
+
+
+def _with_own_angle(case: Case, parts: Mapping[str, _Part]) -> Judgement | None:
     """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
 
     What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
     change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading heals them,
     it is the angle that they tell of.
     """
-    alarmed = {*hit, *case.together, *case.others}
+    alarmed = {*parts, *case.together, *case.others}
     for angle in suspects_in(case, ANGLES):
         axis = axis_of(angle.channel)
-        others = [output for output in hit if output not in axis]
+        others = [output for output in parts if output not in axis]
         if not others or not alarmed & set(axis):
             continue
-        judged = next((parts[output] for output in axis if output in parts), None)
-        explained = sum(gains[output] for output in others)
+        judged = next((parts[output].judged for output in axis if output in parts), None)
+        explained = sum(parts[output].gain for output in others)
         is_named = judged is not None and judged.sensor == angle.channel
         gain = _gain(angle, others, is_named=is_named or judged is None)
         if gain < (_PARTLY if is_named else _NEARLY) * explained:
             continue
         if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
-            names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.candidates)])
-            told = judged or parts[case.source]
+            names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.judged.candidates)])
+            told = judged or parts[case.source].judged
             return replace(told, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
         gyro = next(name for name in axis if name != angle.channel)
         other = angle.channel if judged.sensor == gyro else gyro
@@ -254,50 +267,6 @@ def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
         judged if judged in sure else replace(judged, sensor=gyro, candidates=(str(gyro),), reason="", doubt="")
         for judged, gyro in zip(parts, gyros, strict=True)
     ]
-
-
-def _standing(case: Case) -> Judgement | None:
-    """Return that all channels, or all gyros, repeat the same rows, as of a logger or a box; None where they don't.
-
-    Noise never repeats in several sensors at once. Counts do where nothing moves, so that other sensors have to.
-    """
-    channels = [name for name in case.monitor.bank.suspects if name in case.habits]
-    gyros = [name for name in channels if name in GYROS]
-    since = slice(case.sure, case.judged.stop)
-    for group in (channels, gyros):
-        others = [name for name in channels if name not in group]
-        is_counted = any(case.habits[name].is_counted for name in group)
-        if len(group) < len(GYROS) or (is_counted and not (others and all(map(case.moves, others)))):
-            continue
-        readings = [case.record[name][since] for name in group]
-        repeated = _repeats(readings)
-        before = _repeats([case.habits[name].before for name in group])
-        if repeated.sum() < _OFTEN + _OFTENER * before.mean() * len(repeated):
-            continue
-        if all(repeated.sum() >= _TOGETHER * _repeats([values]).sum() for values in readings):
-            return _together(case, [_stands(case, name, repeated) for name in group])
-    return None
-
-
-def _stands(case: Case, channel: str, repeated: BoolArray) -> Judgement:
-    """Return that a sensor stands still, or that it is read every so often."""
-    starts, ends = runs(repeated)
-    longest = float((ends - starts).max())
-    if longest > 0.5 * float(repeated.sum()):
-        value = float(case.record[channel][case.sure + int(starts[np.argmax(ends - starts)])])
-        return Judgement(
-            time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Jam.kind, parameters={"value": value}
-        )
-    hold_s = case.period_s * len(repeated) / max(float(np.count_nonzero(~repeated)), 1.0)
-    return Judgement(
-        time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Stale.kind, parameters={"hold_s": hold_s}
-    )
-
-
-def _repeats(readings: Sequence[FloatArray]) -> BoolArray:
-    """Tell which rows are the same as the one before, in every channel."""
-    rows = min(len(values) for values in readings)
-    return np.asarray(np.all([np.diff(values[-rows:]) == 0.0 for values in readings], axis=0))
 
 
 def _is_definite(judged: Judgement) -> bool:
