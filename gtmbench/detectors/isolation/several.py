@@ -73,7 +73,12 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     best = ranking[0] if ranking else None
     if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
         return None
-    hit = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
+    is_angle = best.channel in ANGLES  # which explains a little of what isn't sick, too; a gyro enters its own alone
+    hit = [
+        output
+        for output, far in case.sickness.items()
+        if output == case.source or far > 1.0 or (is_angle and _is_loud(case.white[output][case.judged]))
+    ]
     if set(hit) <= set(axis_of(best.channel)):
         return None
     if any(_explains_all(suspect, hit) for suspect in suspects_in(case, ANGLES)):
@@ -81,12 +86,8 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     return [output for output in hit if output == case.source or output not in case.others]
 
 
-def _is_hit(case: Case, output: str) -> bool:
-    """Tell whether a residual is sick, or holds much more than chance, though no window of it is beyond a threshold."""
-    return case.sickness[output] > 1.0 or _is_loud(case.white[output][case.judged])
-
-
 def _is_loud(white: FloatArray) -> bool:
+    """Tell whether a residual holds much more than chance, though no window of it is beyond a threshold."""
     count = int(np.isfinite(white).sum())
     return energy(white) - count > max(_PLAIN, _LOUDER * count)
 
@@ -122,17 +123,21 @@ def _left_by(suspect: Suspect, outputs: Sequence[str]) -> Iterator[FloatArray]:
 
 
 def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, _Part]:
-    """Return what is said of each residual by itself; of one that is only loud, where a fault explains that.
+    """Return what is said of each residual by itself, its own first; of others only where that is a fault.
 
-    Noise that is a little louder than what was learnt is no fault of any sensor.
+    Noise that wanders, or is a little louder than what was learnt, is none; but it may be the same noise as its own.
     """
-    parts = {}
-    for output in outputs:
+    parts: dict[str, _Part] = {}
+    for output in sorted(outputs, key=lambda output: output != case.source):
         alone = _alone(case, output)
         ranking = ranked_hypotheses(alone, alone.suspects, without)
+        judged = judge(alone, ranking, replace(first, candidates=alone.suspects))
         gain = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
-        if output == case.source or case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output):
-            parts[output] = _Part(judge(alone, ranking, replace(first, candidates=alone.suspects)), gain)
+        own_kind = parts[case.source].judged.kind if parts else None
+        is_fitting = case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output)
+        is_same = judged.doubt == NOISE_CHANGED and judged.kind == own_kind
+        if output == case.source or (is_fitting and (is_same or not judged.doubt)):
+            parts[output] = _Part(judged, gain)
     return parts
 
 
@@ -237,12 +242,13 @@ def _merged(case: Case, parts: Mapping[str, Judgement]) -> Judgement:
     if all(judged.sensor is not None and not judged.doubt for judged in named):
         return _together(case, named)
     told = [judged for judged in telling if judged.candidates] or telling[:1]
-    kinds = {judged.kind for judged in told}
-    return Judgement(
+    likeliest = told[0] if len({judged.kind for judged in told}) == 1 else replace(told[0], kind=None, parameters={})
+    return replace(
+        likeliest,
         time_s=case.end_s,
         sensor=None,
+        partner=None,
         candidates=tuple(dict.fromkeys(name for judged in told for name in judged.candidates)),
-        kind=kinds.pop() if len(kinds) == 1 else None,
         reason=SEVERAL,
         doubt=told[0].doubt if all(judged.doubt for judged in told) else "",
     )
