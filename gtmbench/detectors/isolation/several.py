@@ -8,7 +8,7 @@ own readings alone: what another axis shows is another fault's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -62,8 +62,14 @@ def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, wit
     hit = _hit(case, ranking, first)
     parts = {} if hit is None else _parts(case, hit, first, tuple(without))
     if hit is None or (len(parts) < len(hit) and set(parts) <= set(axis_of(ranking[0].channel))):
-        return judge(case, ranking, first)
-    return _with_own_angle(case, parts) or _merged(case, _of_their_own(case, parts))
+        told = judge(case, ranking, first)
+        gone = {*case.together, *case.others} - {*case.residuals.raw}
+        if not gone or told.sensor is None:
+            return told
+        own = {case.source: _Part(told, case.deviance - ranking[0].bic)}
+        return _with_own_angle(case, own, gone) or told
+    alarmed = {*parts, *case.together, *case.others}
+    return _with_own_angle(case, parts, alarmed) or _merged(case, _of_their_own(case, parts))
 
 
 def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> list[str] | None:
@@ -73,11 +79,10 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     best = ranking[0] if ranking else None
     if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
         return None
-    is_angle = best.channel in ANGLES  # which explains a little of what isn't sick, too; a gyro enters its own alone
     hit = [
         output
         for output, far in case.sickness.items()
-        if output == case.source or far > 1.0 or (is_angle and _is_loud(case.white[output][case.judged]))
+        if output == case.source or far > 1.0 or _is_loud(case.white[output][case.judged])
     ]
     if set(hit) <= set(axis_of(best.channel)):
         return None
@@ -153,14 +158,14 @@ def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement
     return told
 
 
-def _with_own_angle(case: Case, parts: Mapping[str, _Part]) -> Judgement | None:
+def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -> Judgement | None:
     """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
 
     What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
-    change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading heals them,
-    it is the angle that they tell of.
+    change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading explains
+    them as well as faults of theirs do, it may be the angle that they tell of. `alarmed` are the residuals of axes of
+    which that may be.
     """
-    alarmed = {*parts, *case.together, *case.others}
     for angle in suspects_in(case, ANGLES):
         axis = axis_of(angle.channel)
         others = [output for output in parts if output not in axis]
