@@ -162,9 +162,8 @@ def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -
     """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
 
     What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
-    change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading explains
-    them as well as faults of theirs do, it may be the angle that they tell of. `alarmed` are the residuals of axes of
-    which that may be.
+    change times their motion: where a smooth change of it explains them as well as faults of theirs do, it may be the
+    angle that they tell of. `alarmed` are the residuals of axes of which that may be.
     """
     for angle in suspects_in(case, ANGLES):
         axis = axis_of(angle.channel)
@@ -191,7 +190,8 @@ def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -
 def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
     """Return by how much of BIC some smooth change of an angle explains other axes' residuals; -inf if it can't.
 
-    It is a constant, a ramp, a share of its own reading, and of one that is named what it reads beside its gyro's.
+    It is a constant, a ramp, a share of its own reading or of how that turns, and of one that is named what it reads
+    beside its gyro's.
     """
     off = angle.off
     angle = Suspect.as_read(angle.case, angle.channel)
@@ -200,7 +200,8 @@ def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
         return -np.inf
     since_s = np.where(angle.begun, angle.time_s - angle.time_s[angle.onset], 0.0)
     reading = np.where(angle.begun, np.nan_to_num(angle.measured), 0.0)
-    changes = [1.0 * angle.begun, since_s, reading, *([off] if is_named else [])]
+    rate = np.where(angle.begun, np.gradient(np.nan_to_num(angle.measured)), 0.0)
+    changes = [1.0 * angle.begun, since_s, reading, rate, *([off] if is_named else [])]
     shapes = angle.shown(np.array(changes))[:, rows]
     white = angle.white[rows]
     there = np.isfinite(white)
