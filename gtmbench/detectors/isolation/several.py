@@ -21,7 +21,7 @@ from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
-from gtmbench.detectors.isolation.standing import standing_still
+from gtmbench.detectors.isolation.standing import rounded, standing_beside, standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.values.channels import GYROS, axis_of
@@ -56,11 +56,24 @@ def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, wit
     without : iterable of str
         Families of hypotheses that aren't tried.
     """
-    standing = standing_still(case)
-    if standing:
-        return _together(case, standing)
+    together = standing_still(case) or rounded(case)
+    if together:
+        return _together(case, together)
+    told = _weighed(case, ranking, first, tuple(without))
+    others = standing_beside(case, told)
+    if not others:
+        return told
+    # an angle that stands still enters the other axes: what they show is its own
+    axes = {name for each in others if each.sensor in ANGLES for name in axis_of(str(each.sensor))}
+    named = [each for each in told.together or (told,) if not axes or each.sensor in axes]
+    both = [*named, *others]
+    return _together(case, both) if len(both) > 1 else both[0]
+
+
+def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: tuple[str, ...]) -> Judgement:
+    """Return what the residuals say of a case."""
     hit = _hit(case, ranking, first)
-    parts = {} if hit is None else _parts(case, hit, first, tuple(without))
+    parts = {} if hit is None else _parts(case, hit, first, without)
     if hit is None or (len(parts) < len(hit) and set(parts) <= set(axis_of(ranking[0].channel))):
         told = judge(case, ranking, first)
         gone = {*case.together, *case.others} - {*case.residuals.raw}
@@ -141,6 +154,8 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
         own_kind = parts[case.source].judged.kind if parts else None
         is_fitting = case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output)
         is_same = judged.doubt == NOISE_CHANGED and judged.kind == own_kind
+        if output == case.source and gain < DECISIVE:  # a moment, which any angle's step may have been
+            judged = replace(first, time_s=case.end_s, reason=SEVERAL)
         if output == case.source or (is_fitting and (is_same or not judged.doubt)):
             parts[output] = _Part(judged, gain)
     return parts
