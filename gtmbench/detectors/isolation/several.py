@@ -74,7 +74,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement, with
     """Return what the residuals say of a case."""
     hit = _hit(case, ranking, first)
     parts = {} if hit is None else _parts(case, hit, first, without)
-    if hit is None or (len(parts) < len(hit) and set(parts) <= set(axis_of(ranking[0].channel))):
+    if hit is None or not _is_beyond(case, parts, ranking[0]):
         told = judge(case, ranking, first)
         gone = {*case.together, *case.others} - {*case.residuals.raw}
         if not gone or told.sensor is None:
@@ -102,6 +102,12 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     if any(_explains_all(suspect, hit) for suspect in suspects_in(case, ANGLES)):
         return None
     return [output for output in hit if output == case.source or output not in case.others]
+
+
+def _is_beyond(case: Case, parts: Iterable[str], best: FittedHypothesis) -> bool:
+    """Tell whether another axis than the best one's is sick, or has a fault of its own."""
+    sick = (output for output, far in case.sickness.items() if far > 1.0)
+    return not {*parts, *sick} <= set(axis_of(best.channel))
 
 
 def _is_loud(white: FloatArray) -> bool:
