@@ -65,7 +65,7 @@ def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, wit
         return told
     # an angle that stands still enters the other axes: what they show is its own
     axes = {name for each in others if each.sensor in ANGLES for name in axis_of(str(each.sensor))}
-    named = [each for each in told.together or (told,) if not axes or each.sensor in axes]
+    named = [each for each in told.together or (told,) if each.failed and (not axes or each.sensor in axes)]
     both = [*named, *others]
     return _together(case, both) if len(both) > 1 else both[0]
 
@@ -152,8 +152,9 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
     Noise that wanders, or is a little louder than what was learnt, is none; but it may be the same noise as its own.
     """
     parts: dict[str, _Part] = {}
+    healthy = [name for name, far in case.sickness.items() if far <= 1.0 and name not in outputs]
     for output in sorted(outputs, key=lambda output: output != case.source):
-        alone = _alone(case, output)
+        alone = _alone(case, output, healthy)
         ranking = ranked_hypotheses(alone, alone.suspects, without)
         judged = judge(alone, ranking, replace(first, candidates=alone.suspects))
         gain = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
@@ -246,17 +247,20 @@ def _together(case: Case, named: Sequence[Judgement]) -> Judgement:
     )
 
 
-def _alone(case: Case, output: str) -> Case:
-    """Return a case of one residual, with the gyro and the angle of its axis as suspects."""
-    raw = {output: case.residuals.raw[output]}
+def _alone(case: Case, output: str, healthy: Sequence[str]) -> Case:
+    """Return a case of one residual and of those that are healthy, with the gyro and the angle of its axis as suspects.
+
+    Healthy ones speak against the angle, which would enter them.
+    """
+    residuals = replace(case.residuals, raw={name: case.residuals.raw[name] for name in (output, *healthy)})
     suspects = tuple(name for name in case.monitor.bank.suspects if name in axis_of(output))
     return replace(
         case,
-        residuals=replace(case.residuals, raw=raw),
+        residuals=residuals,
         suspects=suspects,
         source=output,
         others=frozenset(),
-        together=frozenset(raw),
+        together=frozenset([output]),
     )
 
 
@@ -293,12 +297,12 @@ def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
     tones = [judged.parameters["frequency_hz"] for judged in parts if "frequency_hz" in judged.parameters]
     if tones and max(tones) > _IN_TUNE * min(tones):
         return []
-    gyros = [next((name for name in judged.candidates if name in GYROS), None) for judged in parts]
-    if None in gyros or any(judged.sensor in ANGLES for judged in parts):
+    likeliest = [next(iter(judged.candidates), "") for judged in parts]
+    if not {*likeliest} <= {*GYROS}:
         return []
     return [
-        judged if judged in sure else replace(judged, sensor=gyro, candidates=(str(gyro),), reason="", doubt="")
-        for judged, gyro in zip(parts, gyros, strict=True)
+        judged if judged in sure else replace(judged, sensor=gyro, candidates=(gyro,), reason="", doubt="")
+        for judged, gyro in zip(parts, likeliest, strict=True)
     ]
 
 

@@ -47,16 +47,17 @@ def standing_still(case: Case) -> list[Judgement]:
 
 
 def standing_beside(case: Case, told: Judgement) -> list[Judgement]:
-    """Return what is said of sensors that stand still beside those that are named: their own readings show it."""
-    if not told.failed or told.doubt:
-        return []
+    """Return what is said of sensors that stand still, beside those that are named: their own readings show it.
+
+    Where nobody is named, one that stands still is what has been weighed already; two are two.
+    """
     since = slice(case.sure, case.judged.stop)
     found = []
     for name, surprise in case.surprises.items():
         repeated = _repeats([case.record[name][since]])
         if name not in told.failed and surprise > _PLAIN and repeated[-int(_OFTEN) :].all():
             found.append(_stands(case, name, repeated))
-    return found
+    return found if told.failed or len(found) > 1 else []
 
 
 def rounded(case: Case) -> list[Judgement]:
