@@ -11,11 +11,15 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.relations import gps_altitude
-from gtmbench.engine.course.relations.registry import relations_of
+from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
+from gtmbench.engine.curves import Curve, curves_of
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.judged import Judged
+from gtmbench.engine.model import Model
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.sums import blocks_of_cells
@@ -47,20 +51,29 @@ class CourseJudged:
     course : Course
     stands : tuple of (channel, span, reading)
         Which channels read one value.
+    model : Model or None
+        The course's equations, with everything that was found taken away; None where no relation holds.
     """
 
     found: tuple[Finding, ...]
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
+    model: Model | None = field(default=None, repr=False)
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
+        return () if self.model is None else curves_of(self.model, self.found, self.course.unit_of)
 
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
         return (*self.standing, *self.accused, *self.unjudged)
 
-    def explains(self, span: Span) -> bool:
-        """Tell whether somebody is accused of something that goes on in a span."""
-        return any(each.meets(*span) for _, each in (*self.standing, *self.accused))
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The sensors that some relation holds."""
+        return tuple(dict.fromkeys(sensor for each in compared(self.course.read) for sensor in each))
 
     @property
     def standing(self) -> tuple[Claim, ...]:
@@ -136,9 +149,28 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     relations = relations_of(course)
-    found = found_by(flight, relations, explanations_of(course)).found if relations else ()
-    doubted = (_in_units(course, each) for each in _doubted(flight, found))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands)
+    if not relations:
+        return CourseJudged(found=(), course=course, stands=stands)
+    findings = found_by(flight, relations, explanations_of(course))
+    doubted = (_in_units(course, each) for each in _doubted(flight, findings.found))
+    return CourseJudged(found=tuple(doubted), course=course, stands=stands, model=findings.model)
+
+
+def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
+    """Return which of a flight's other sensors failed, where no gyro and no angle did, as `course_judged` does.
+
+    Parameters
+    ----------
+    whole : Judged
+        What is said of the flight's gyros and attitude.
+    sensors : mapping of channel to Samples
+    """
+    broken = [
+        (span.start_s, span.end_s)
+        for sensor, span in whole.accused
+        if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
+    ]
+    return course_judged(whole.flight.without(broken), sensors)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:

@@ -23,7 +23,7 @@ from gtmbench.report.words.findings import finding_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
-from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
+from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
@@ -57,7 +57,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *_monitor_lines(watched),
         "",
         *_alarms_lines(watched),
-        *finding_lines(watched.judged),
+        *finding_lines(watched.judged, watched.course),
         *imu_lines(watched),
         *autopilot_lines(watched),
         *injection_lines(watched),
@@ -67,6 +67,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
         *sensor_lines(watched.sensors),
+        *gps_lines(watched.gps),
         *estimator_lines(watched.estimator),
         *_worth_lines(watched),
     ]

@@ -19,7 +19,7 @@ from gtmbench.intake.spans import union
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.other_sensors import sensor_why
+from gtmbench.report.words.other_sensors import gps_why
 from gtmbench.report.words.timeline import (
     SensorRow,
     factors_text,
@@ -318,7 +318,7 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = f": {why}" if why else ""
         named = "" if alarm.isolated_s is None else f", named at {time_text(alarm.isolated_s, 2)}"
         lines.append(f"Alarm at {time_text(alarm.time_s, 2)} by the {source}{named}{reason}.")
-    lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
+    lines += [gps_why(alarm) for alarm in watched.failed_gps[:_MOST]]
     return lines + [
         f"Alarm at {time_text(alarm.time_s, 2)} by {whole_text(alarm)}."
         for alarm in watched.whole_alarms[: _MOST - len(lines)]
