@@ -99,7 +99,10 @@ class CrossCheck:
     ) -> CrossCheckMonitor:
         """Return the monitor of some figures."""
         if "learnt" in figures:
-            raise InputError("it holds bounds that a cross-check once learnt; this one learns none: calibrate it anew")
+            raise InputError(
+                "it holds bounds that a cross-check once learnt, and this one learns none: type --detector cross-check "
+                "instead, or run `gtmbench calibrate` anew"
+            )
         table = keys("figures", figures, ("sample_period_s", "channels"))
         channels = tuple(table["channels"])
         if not compared(channels):

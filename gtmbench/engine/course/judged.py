@@ -230,8 +230,8 @@ def _livelier(flight: Flight, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen."""
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
     there, rest = inside & flight.flown, ~inside & flight.flown
-    if not there.any() or not rest.any():
-        return ["nothing is known beside it"]
+    if not there.any() or np.count_nonzero(rest) * flight.blocks.period_s < _SHORTEST_S:
+        return ["too little is known beside it"]
     most, elsewhere = (float(np.quantile(flight.lively[rows], _MOST_LIVELY)) for rows in (there, rest))
     return ["it moves more there than anywhere else"] if most > _OF_REST * elsewhere else []
 

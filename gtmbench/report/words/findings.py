@@ -18,12 +18,12 @@ _SENSORS = frozenset((*SENSORS, *OF_OWN_RATE))
 _SURE = 0.995  # above, whole percents say 100, which nothing is
 
 
-def finding_rows(judged: Judged | None, course: CourseJudged | None) -> list[tuple[str, ...]]:
+def finding_rows(judged: Judged | None, course: CourseJudged | None = None) -> list[tuple[str, ...]]:
     """Return a row of `COLUMNS` for each finding: of gyros and attitude in order of time, then of other sensors."""
     return [*_rows(judged), *_rows(course), *_standing(course)]
 
 
-def finding_lines(judged: Judged | None, course: CourseJudged | None) -> list[str]:
+def finding_lines(judged: Judged | None, course: CourseJudged | None = None) -> list[str]:
     """Return the same as lines; none where nothing was found."""
     return [
         *_lines("gyros and attitude", _rows(judged)),
@@ -58,7 +58,7 @@ def _rows(judged: Judged | CourseJudged | None) -> list[tuple[str, ...]]:
     ]
 
 
-def _standing(course: CourseJudged | None) -> list[tuple[str, ...]]:
+def _standing(course: CourseJudged | None = None) -> list[tuple[str, ...]]:
     """Return a row for each sensor that reads one value while the aircraft flies."""
     stands = () if course is None else course.stands
     return [

@@ -174,3 +174,10 @@ def test_what_reads_one_value_on_the_ground_is_no_fault():
     for name, values in (six | {"tas": np.where(landed, record["tas"][row], record["tas"])}).items():
         record = record.replace(name, values)
     assert said_of(record).standing == ()
+
+
+@pytest.mark.parametrize(("onset_s", "is_named"), [(12.0, False), (25.0, True)])
+def test_an_error_of_nearly_all_of_a_flight_names_nobody(onset_s, is_named):
+    """Its beginning is too short to know what is usual: a bias of the rest is a constant as well."""
+    found = said_of(gb.inject(flown(), gb.Bias(channel="nz", onset_s=onset_s, size=SIZES["nz"])))
+    assert bool(found.accused) == is_named

@@ -148,6 +148,14 @@ def test_of_a_healthy_log_it_cannot_tell_and_a_saved_one_says_the_same(logs, mon
         gb.watch_log(logs / "healthy.csv", "cross-check", healthy=[(0.0, 60.0)])
 
 
+def test_nothing_is_learnt_of_a_log(logs, cli, tmp_path):
+    code, _, told = cli(
+        "calibrate", str(logs / "healthy.csv"), "--detector", "cross-check", "--save", str(tmp_path / "m")
+    )
+    assert code == 2
+    assert "learns nothing of logs; type gtmbench monitor" in told
+
+
 def test_judge_all_asks_for_every_sensor_that_anything_compares(logs):
     usual, whole = (gb.watch_log(logs / "healthy.csv", "auto", judge=judge) for judge in (None, "all"))
     assert usual.outcome is gb.Outcome.HEALTHY
