@@ -30,7 +30,7 @@ from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import taught_records
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
-from gtmbench.values.record import Record, Span
+from gtmbench.values.record import Record
 from gtmbench.verdict.timeline import Claim
 
 _SIX = (*GYROS, *ATTITUDE)
@@ -217,38 +217,31 @@ class CrossCheckStream:
 
     def _look(self, past: Record) -> None:
         now_s = past.end_s
-        for suspects, span, claim in _accused(past):
-            names = suspects or (claim[0],)
-            is_new = all(span[0] > self._accused_s.get(name, -np.inf) for name in names)
+        for sensor, span in _accused(past):
+            names, judgement = span.suspects or (sensor,), span.judgement
+            is_new = all(span.start_s > self._accused_s.get(name, -np.inf) for name in names)
             self._accused_s |= dict.fromkeys(names, now_s)
-            judgement = claim[1].judgement
             if is_new and judgement is not None:
-                self._alarms += (
-                    Alarm(
-                        number=len(self._alarms),
-                        time_s=now_s,
-                        onset_s=min(span[0], now_s),
-                        source=self._monitor.name,
-                        judgements=(replace(judgement, time_s=now_s),),
-                    ),
+                alarm = Alarm(
+                    number=len(self._alarms),
+                    time_s=now_s,
+                    onset_s=span.start_s,
+                    source=self._monitor.name,
+                    judgements=(replace(judgement, time_s=now_s),),
                 )
+                self._alarms += (alarm,)
 
 
-def _accused(past: Record) -> Iterator[tuple[tuple[str, ...], Span, Claim]]:
-    """Give whom the engine accuses in a record, a claim a finding; nobody where a gyro or an angle may be it."""
+def _accused(past: Record) -> Iterator[Claim]:
+    """Give whom the engine accuses in a record, where no gyro and no angle failed."""
     samples = dict(_samples(past))
-    if not {*_SIX} <= samples.keys():
-        return
-    flight = flight_of(samples, is_driven=True, is_assumed=True)
-    others = {name: each for name, each in samples.items() if name not in _SIX}
-    found = course_judged(flight, others)
-    if found.accused or found.standing:  # only then is it worth the time to ask for gyros and attitude
-        found = course_beside(judged(flight), others)
-    told: set[int] = set()
-    for sensor, span in (*found.standing, *found.accused):
-        if id(span.judgement) not in told:
-            told.add(id(span.judgement))
-            yield span.suspects, (span.start_s, span.end_s), (sensor, span)
+    if {*_SIX} <= samples.keys():
+        flight = flight_of(samples, is_driven=True, is_assumed=True)
+        others = {name: each for name, each in samples.items() if name not in _SIX}
+        found = course_judged(flight, others)
+        if found.accused or found.standing:  # only then is it worth the time to ask for gyros and attitude
+            found = course_beside(judged(flight), others)
+        yield from (*found.standing, *found.accused)
 
 
 def _samples(past: Record) -> Iterator[tuple[str, Samples]]:

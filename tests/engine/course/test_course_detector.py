@@ -149,9 +149,8 @@ def test_of_a_healthy_log_it_cannot_tell_and_a_saved_one_says_the_same(logs, mon
 
 
 def test_nothing_is_learnt_of_a_log(logs, cli, tmp_path):
-    code, _, told = cli(
-        "calibrate", str(logs / "healthy.csv"), "--detector", "cross-check", "--save", str(tmp_path / "m")
-    )
+    given = "calibrate", str(logs / "healthy.csv"), "--detector", "cross-check", "--out", str(tmp_path / "mine.json")
+    code, _, told = cli(*given)
     assert code == 2
     assert "learns nothing of logs; type gtmbench monitor" in told
 
