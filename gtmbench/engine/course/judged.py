@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.relations import gps_altitude
@@ -20,6 +20,7 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.model import Model
+from gtmbench.engine.named import WHOLE as WHOLE_LOG
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.sums import blocks_of_cells
@@ -96,6 +97,25 @@ class CourseJudged:
     def accused(self) -> tuple[Claim, ...]:
         """Whom findings accuse: the one sensor that is left, or each of two."""
         return tuple(claim for each in self.found if each.accuses for claim in self._of(each))
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The same as alarms: one each failure, or suspicion, in time."""
+        told = {id(span.judgement): (sensor, span, span.judgement) for sensor, span in (*self.standing, *self.accused)}
+        in_time = sorted(told.values(), key=lambda each: each[1].start_s)
+        return tuple(
+            Alarm(
+                number=number,
+                time_s=max(judgement.time_s, span.start_s),
+                onset_s=span.start_s,
+                source=sensor,
+                test=WHOLE_LOG,
+                judgements=(judgement,),
+                ended_s=span.end_s,
+            )
+            for number, (sensor, span, judgement) in enumerate(in_time)
+            if judgement is not None
+        )
 
     @property
     def unjudged(self) -> tuple[Claim, ...]:

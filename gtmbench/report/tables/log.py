@@ -232,7 +232,8 @@ def _watch_of(alarm: Alarm, watched: WatchedLog) -> Watch | None:
 
 
 def _findings(watched: WatchedLog) -> list[Mapping[str, Any]]:
-    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in watched.alarms]
+    alarms = (*watched.alarms, *watched.of_others)
+    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in alarms]
 
 
 def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
@@ -257,7 +258,7 @@ def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
 
 def _judgement(judged: Judgement) -> Mapping[str, Any]:
     """Return a judgement; `unit` is the likeliest sensor's, `parameter_units` has that of every parameter."""
-    unit = unit_of(judged.candidates[0]) if judged.candidates else ""
+    unit = unit_of(judged.axis or judged.candidates[0]) if judged.candidates else ""
     units = parameter_units(judged.kind, judged.parameters, unit) if judged.kind else {}
     return vars(judged) | {"unit": unit, "parameter_units": units}
 

@@ -11,6 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
@@ -165,6 +166,8 @@ def _spans(spans: Sequence[Span]) -> str:
 def _monitor_lines(watched: WatchedLog) -> list[str]:
     monitor, on = watched.monitor, watched.identified_s
     known = facts(monitor)
+    if basis_of(monitor).is_whole:
+        return [f"{title_text(monitor)}: other sensors are judged over the whole log, and nothing is learnt"]
     if not is_ready(monitor):
         return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"

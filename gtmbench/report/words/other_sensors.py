@@ -97,7 +97,7 @@ def _against_text(kind: str, relations: Sequence[Sequence[str]]) -> str:
         return "with nothing that the log has"
     said = f"with {listed([NAMES[other] for other in _against(kind, own)], 'and')}"
     if kind == _MAG:
-        return f"{said}; it is never named, for iron and currents do the same"
+        return f"{said}; only one value names it, for iron and currents do all else"
     return said if len(own) >= _WITNESSES else f"{said}; by one comparison, which names nobody alone"
 
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
@@ -356,7 +357,8 @@ def _learnt(watched: WatchedLog) -> list[str]:
     monitor, spans = watched.monitor, watched.identified_s
     title = title_text(monitor)
     if not is_ready(monitor):
-        return [f"Nothing: {title} was not calibrated."]
+        why = "looks at the whole log" if basis_of(monitor).is_whole else "was not calibrated"
+        return [f"Nothing: {title} {why}."]
     if spans:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
         failed = {name for name, each in watched.verdict.failed for span in spans if each.meets(*span)}

@@ -179,6 +179,11 @@ class WatchedLog:
         return tuple(alarm for alarm in self.alarms if alarm.test == WHOLE)
 
     @property
+    def of_others(self) -> tuple[Alarm, ...]:
+        """The alarms of sensors that no gyro enters: the engine's, and what a GPS shows by itself."""
+        return (*(() if self.course is None else self.course.alarms), *self.failed_gps)
+
+    @property
     def curves(self) -> tuple[Curve, ...]:
         """What shows the engine's findings: relations as they are, and as findings predict them."""
         return tuple(curve for each in (self.judged, self.course) if each is not None for curve in each.curves)

@@ -170,6 +170,7 @@ def test_findings_of_other_sensors_stand_in_details_page_and_json(logs, cli, tmp
     code, out, _ = cli("monitor", str(logs / "nz.csv"), "--json", "--report", str(tmp_path / "page.html"))
     found = json.loads(out)
     assert code == 1
+    assert [(each["text"], each["kind"]) for each in found["findings"]] == [("accelerometers (nz) failed", "bias")]
     (told,) = (each for each in found["explained"] if each["names"] == "nz")
     assert told["kind"] == "bias"
     assert {each["relation"] for each in told["shown_by"]} >= {"gps and force"}
