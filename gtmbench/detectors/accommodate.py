@@ -386,7 +386,7 @@ def doubted(stream: Stream, gyros: Sequence[str], *, is_settled: bool = False) -
         if alarm.ended_s is None and first.ended_s is None and not first.has_passed:
             risen |= _about(alarm.source, gyros)
             said = first.last
-            named |= {None} if said is None else {said.sensor, said.partner if said.swapped else said.sensor}
+            named |= {None} if said is None else {*(said.failed or (None,))}
     axes = risen | {_GYRO_OF.get(name, name) for name in named if name is not None}
     if named - set(gyros) and not is_settled:
         axes |= {gyro for score, armed in stream.armed.items() if not armed for gyro in _about(score, gyros)}

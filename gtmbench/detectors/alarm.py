@@ -42,6 +42,8 @@ class Judgement:
         The IMU of `sensor`, if a log has several.
     axis : str
         The channel of `sensor` that is wrong, of a sensor of several, where one alone is; empty otherwise.
+    together : tuple of Judgement
+        Of each sensor, where several have failed at once; `sensor` is None then, and all are `candidates`.
 
     Examples
     --------
@@ -64,6 +66,7 @@ class Judgement:
     doubt: str = ""
     imu: str = ""
     axis: str = ""
+    together: tuple[Judgement, ...] = ()
 
     @property
     def swapped(self) -> bool:
@@ -71,10 +74,19 @@ class Judgement:
         return self.kind == "swap" and None not in (self.sensor, self.partner)
 
     @property
+    def failed(self) -> tuple[str, ...]:
+        """The sensors that have failed: two that are swapped, or all that failed at once; none while undecided."""
+        if self.together:
+            return self.candidates
+        return tuple(name for name in (self.sensor, self.partner if self.swapped else None) if name is not None)
+
+    @property
     def verdict(self) -> str:
-        """In words: ``p failed``, ``p and q have changed places``, ``undecided: p or phi``, ``can't tell``."""
+        """In words: ``p failed``, ``p and q have changed places``, ``p, q and r failed``, ``undecided: p or phi``."""
         if self.swapped:
             return f"{self.sensor} and {self.partner} have changed places"
+        if self.together:
+            return f"{', '.join(self.candidates[:-1])} and {self.candidates[-1]} failed"
         if self.sensor is not None:
             named = f"{self.sensor} ({self.axis})" if self.axis else self.sensor
             return f"{named} of {self.imu} failed" if self.imu else f"{named} failed"
@@ -156,7 +168,7 @@ class Alarm:
     @property
     def last(self) -> Judgement | None:
         """The final judgement; for a fault that ended, the one made while it lasted. None without any."""
-        decided = [judged for judged in self.judgements if judged.sensor is not None]
+        decided = [judged for judged in self.judgements if judged.failed]
         if decided and self.ended_s is not None:
             lasting = [judged for judged in decided if judged.time_s <= self.ended_s]
             return (lasting or decided)[-1]
@@ -188,13 +200,18 @@ class Alarm:
         return not (self.doubt or self.has_passed)
 
     @property
+    def is_of_several(self) -> bool:
+        """Whether several sensors failed at once: all of `candidates`, not one of them."""
+        return self.last is not None and bool(self.last.together)
+
+    @property
     def isolated_s(self) -> float | None:
         """When the final decision on the sensor first became possible; None while undecided."""
-        if self.last is None or self.last.sensor is None:
+        if self.last is None or not self.last.failed:
             return None
         time_s = self.last.time_s
         for judgement in reversed([judged for judged in self.judgements if judged.time_s <= time_s]):
-            if judgement.sensor != self.last.sensor:
+            if {*judgement.failed} != {*self.last.failed}:
                 break
             time_s = judgement.time_s
         return time_s
@@ -211,6 +228,8 @@ class Alarm:
         if self.last is None:
             return "alarm"
         names = self.last.candidates if self.last.sensor is None else (self.last.sensor,)
+        if self.last.together:
+            return self.last.verdict
         if not names:
             return f"passed: {self.last.verdict}"
         if set(names) <= set(ANGLES) and not self.last.swapped and not self.last.doubt:

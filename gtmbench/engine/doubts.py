@@ -35,7 +35,7 @@ _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; th
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
-# times the usual: of 90 attitudes that follow a healthy gyro none was above 1.3, of 8 that follow a sign none below 1.7
+# times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,12 +13,14 @@ import numpy as np
 from gtmbench.checks import listed, meant
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
-from gtmbench.intake.formats.documented import ALL
+from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
+from gtmbench.intake.frames import in_frame
+from gtmbench.intake.gravity import forces_told
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
-from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS, limit_of
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
 
@@ -28,8 +29,8 @@ NONE = "none"  # for a column: the log counts as without the channel
 UNITS = "units"  # beside the channels of a mapping: of all columns that state none
 _MOST_NAMED = 40  # columns in a message
 _LATEST_S = 60.0
+_NAMELESS = "no header: columns are called by their numbers, as in --map time=1:s --map p=2:rad/s"
 _HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
-_FIRST = re.compile(r"[_\[#]0\]?$")  # of several sensors, as converters number their messages: IMU_0, IMU[0]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -181,6 +182,8 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
         for name, meaning in _tried(raw, sure, units).meanings.items()
     }
     settled = _in_units(raw, units) | tried | sure
+    if raw.by_name and not {*GYROS, *ATTITUDE, *ACCELEROMETERS} & set(mapped):
+        settled |= _by_motion(raw, settled)
     return {name: choice for name, choice in settled.items() if mapped.get(name) != NONE}
 
 
@@ -240,11 +243,38 @@ def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
     return before[key]
 
 
+_SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, Chosen]]] = WeakKeyDictionary()
+
+
+def _by_motion(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
+    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked.
+
+    A column that is named as this package names it says which way it points.
+    """
+    known = {
+        name: (choice.series, choice.meaning)
+        for name, choice in settled.items()
+        if choice.meaning is not None and not is_table_header(choice.series.name)
+    }
+    if not known:
+        return {}
+    key = (raw.time, tuple((name, series.name, meaning) for name, (series, meaning) in known.items()))
+    before = _SHOWN.setdefault(next(iter(known.values()))[0], {})
+    if key not in before:
+        turned = in_frame(raw, known)
+        told = turned | forces_told(raw, known | turned)
+        before[key] = {
+            name: _as_told(series, meaning, f", guessed by {meaning.guessed}")
+            for name, (series, meaning) in told.items()
+        }
+    return before[key]
+
+
 def _recognised(raw: RawLog) -> dict[str, Chosen]:
     """Return the channels that documentation or names tell without doubt.
 
-    A documented format has an order in which its topics are preferred; of two columns of a table neither is taken,
-    unless one is named as this package names it.
+    A documented format has an order in which its topics are preferred, and a known source one of its columns; else of
+    two columns of a table neither is taken, unless one is named as this package names it.
     """
     recognised = {}
     candidates: dict[str, list[RawSeries]] = {}
@@ -253,7 +283,10 @@ def _recognised(raw: RawLog) -> dict[str, Chosen]:
         if told.meaning is not None and told.channel in CHANNELS:
             candidates.setdefault(told.channel, []).append(series)
     for channel, sure in candidates.items():
-        best = [series for series in sure if is_table_header(series.name)] or sure if raw.by_name else sure[:1]
+        stated = [series for series in sure if series.meaning is not None]
+        best = stated or [series for series in sure if is_table_header(series.name)] or sure
+        if stated and (not raw.by_name or len({series.clock for series in stated}) == 1):
+            best = stated[:1]
         if len(best) == 1:
             others = [f"'{series.name}'" for series in sure if series is not best[0]]
             recognised[channel] = _by_meaning(best[0], raw, f", rather than {', '.join(others[:4])}" if others else "")
@@ -356,11 +389,9 @@ def judged(series: RawSeries, raw: RawLog) -> Guess:
     """Return what a column is: by the format's documentation, else by its name where names may be believed."""
     if series.meaning is not None:
         return Guess(channel=series.meaning.channel, meaning=series.meaning)
-    topic, _, field = series.name.rpartition(".")
-    message = _FIRST.sub("", re.split(r"[./]", topic)[-1])
-    documented = ALL.get((message, field)) if raw.by_name else None
-    if documented is not None:  # an autopilot's, in anybody's table
-        return Guess(channel=documented.channel, meaning=documented)
+    meaning = documented(series.name) if raw.by_name else None
+    if meaning is not None:  # an autopilot's, in anybody's table
+        return Guess(channel=meaning.channel, meaning=meaning)
     return guess(series.name, series.unit) if raw.by_name else Guess()
 
 
@@ -381,8 +412,10 @@ def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str], why: s
     names = f"channel{'s' * (len(lacking) > 1)} {', '.join(map(repr, lacking))}"
     unlike = [channel for channel in lacking if _open(raw, channel) == ""]
     asks = list(dict.fromkeys(_open(raw, channel) for channel in lacking if channel not in unlike))
-    if unlike:
+    if unlike and not raw.is_nameless:
         asks.append(f"nothing looks like {listed(unlike, 'or')}: {asked(unlike[0], 'COLUMN')}")
+    if raw.is_nameless and not asks:
+        return f"no {names}; {there(raw)}"
     return (
         f"no {names}: {why or '; '.join(asks)}; channels that are there: {', '.join(channels) or 'none'}; {there(raw)}"
     )
@@ -418,6 +451,8 @@ def there(raw: RawLog) -> str:
     """Return which columns there are."""
     names = [series.name for series in raw.series]
     numbers = f"its columns: {_named(names)}" if names else "it has no columns of numbers"
+    if raw.is_nameless:
+        numbers = f"{_NAMELESS}; {numbers}"
     return f"{numbers}; no numbers are in {_named(raw.ignored)}" if raw.ignored else numbers
 
 

@@ -8,37 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+from gtmbench.intake.formats.dialects import NAMES
 from gtmbench.intake.formats.raw import Meaning, RawSeries
 from gtmbench.intake.units import dimension_of, hint, unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNEL_OF_HEADER, GYROS
 
-# lower case, letters and digits only; "-" turns the sign: a body's z axis points down
-_NAMES = {
-    "p": "p rollrate rollspeed bankrate gyrox gyrx gyroscopex gx wx omegax angularratex pbody",
-    "q": "q pitchrate pitchspeed gyroy gyry gyroscopey gy wy omegay angularratey qbody",
-    "r": "r yawrate yawspeed gyroz gyrz gyroscopez gz wz omegaz angularratez rbody",
-    "phi": "phi roll rollangle bank bankangle",
-    "theta": "theta the pitch pitchangle pitchattitude",
-    "psi": "psi yaw yawangle heading hdg trueheading headingtrue hding hdingtrue azimuth",
-    "alpha": "alpha aoa angleofattack",
-    "beta": "beta aos ssa sideslip sideslipangle angleofsideslip",
-    "nx": "nx ax accx accelx accelerationx accelerometerx xaccel axbody",
-    "ny": "ny ay accy accely accelerationy accelerometery yaccel aybody",
-    "nz": "nz loadfactor -az -accz -accelz -accelerationz -accelerometerz -zaccel -azbody",
-    "tas": "tas trueairspeed airspeedtrue vtrue vtas ktas",
-    "altitude": "altitude alt h altitudemsl altmsl altitudeamsl altamsl baroaltitude baroalt",
-    "north": "north",
-    "east": "east",
-    "elevator": "elevator",
-    "aileron": "aileron",
-    "rudder": "rudder",
-    "throttle": "throttle",
-    "time": "time t timestamp times datetime utc epoch seconds elapsed elapsedtime timeus timems timeboot unixtime "
-    "currenttime date",
-}
 _KNOWN = {
     name.lstrip("-"): (channel, -1.0 if name.startswith("-") else 1.0)
-    for channel, names in _NAMES.items()
+    for channel, names in NAMES.items()
     for name in names.split()
 }
 _STATED = {"ktas": "kt", "seconds": "s"}  # names that are units
@@ -59,7 +36,7 @@ _OPEN |= {
     for angle, channel in (("roll", "phi"), ("pitch", "theta"), ("yaw", "psi"))
 }
 _NOT_MEASURED = re.compile(
-    r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias|pid|[nx]k[a-z]\d)"
+    r"(?i)(^|[^a-z])(des|desired|sp|setpoint|cmd|command|target|ref|err|error|cov|std|var|bias|b_[agw]_|pid|[nx]k[a-z]\d)"
 )
 _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[A-Za-z%°µμ][^\[\](){}<>]*)[\])}>]\s*$")
 
@@ -99,9 +76,9 @@ def stated_unit(header: str, unit_beside: str = "") -> tuple[str, str]:
         return bracketed["base"], bracketed["unit"].strip()
     # TimeUS and RollDeg are written without a line between
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", header)
-    for place in (match.start() for match in re.finditer(r"[\s_,]+", spaced)):
-        if place and unit(spaced[place:].strip(" _,")):
-            return spaced[:place], spaced[place:].strip(" _,")
+    for place in (match.start() for match in re.finditer(r"[\s_,-]+", spaced)):
+        if place and unit(spaced[place:].strip(" _,-")):
+            return spaced[:place], spaced[place:].strip(" _,-")
     return header, ""
 
 

@@ -8,7 +8,6 @@ exporter gives them (`gtmbench.intake.formats.folder`): several of its topics ma
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,7 +19,7 @@ import numpy as np
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.intake.formats import registry
-from gtmbench.intake.formats.folder import TABLES, is_folder_of_tables
+from gtmbench.intake.formats.folder import TABLES, is_folder_of_tables, tables_in
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.mapping import judged
 from gtmbench.intake.names import stated_unit, triples
@@ -82,7 +81,7 @@ def why_several_in(path: Path) -> str:
     try:
         if not is_folder_of_tables(path):
             return ""
-        files = [(each.name, each.stat().st_size, each.stat().st_mtime_ns) for each in path.glob("*.csv")]
+        files = [(str(each), each.stat().st_size, each.stat().st_mtime_ns) for each in tables_in(path)]
     except OSError:
         return ""
     return _why_several_of(path, tuple(sorted(files)))
@@ -116,11 +115,12 @@ def _tables_of(raw: RawLog) -> list[_Table]:
     unknown = []
     for series in raw.series:
         channel = judged(series, raw).channel
-        channels[series.clock] |= {channel} & _measured_once(series.clock)
+        own = {channel} & _measured_once(series.clock)
+        channels[series.clock] |= {f"{each} (quaternion)" for each in own} if series.made_of else own
         unknown += [] if channel else [series]
         if channel != "time":
             columns[series.clock].add(stated_unit(series.name.removeprefix(f"{series.clock}."))[0].lower())
-    for triple in triples(unknown):
+    for triple in triples([series for series in unknown if not series.made_of]):
         channels[triple.clock] |= {*_AXES[triple.kind]} & _measured_once(triple.clock)
     return [
         _Table(
@@ -170,5 +170,4 @@ def _is_part(one: frozenset[str], other: frozenset[str]) -> bool:
 
 
 def _listed(channels: frozenset[str]) -> str:
-    in_order: Sequence[str] = [name for name in SENSORS if name in channels]
-    return ", ".join(in_order)
+    return ", ".join(sorted(channels, key=lambda name: SENSORS.index(name.split()[0])))

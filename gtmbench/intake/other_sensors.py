@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
@@ -24,11 +25,11 @@ from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mappin
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
-from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, GPS_VELOCITY, M_PER_FT, MAGNETOMETER, limit_of
+from gtmbench.intake.units import unit
+from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, limit_of
 from gtmbench.values.pieces import beside
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-_KT_PER_M_S, _FT_PER_M = 1.0 / (FT_S_PER_KT * M_PER_FT), 1.0 / M_PER_FT
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
 _FEWEST = 20  # readings
 _MOST = 3  # magnetometers
@@ -38,8 +39,6 @@ _STANDS = 1.5  # times the usual step: so long the same is read again
 _GAP = 5.0  # times the usual step: nothing is known in between
 _PX4_GPS = re.compile(r"(vehicle_gps_position|sensor_gps)(#0)?")
 _ARDUPILOT_GPS = re.compile(r"GPS([#_\[]0\]?)?")
-_AIRSPEEDS = (("airspeed", "true_airspeed_m_s"), ("airspeed_validated", "true_airspeed_m_s"), ("ARSP", "Airspeed"))
-_PRESSURE = (("vehicle_air_data", "baro_alt_meter"), ("sensor_combined", "baro_alt_meter"), ("BARO", "Alt"))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -204,11 +203,11 @@ def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
 
 def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | None:
     """Return the airspeed or the pressure altitude that an autopilot's sensor reads."""
-    layouts, factor = {"tas": (_AIRSPEEDS, _KT_PER_M_S), "altitude": (_PRESSURE, _FT_PER_M)}.get(channel, ((), 1.0))
-    for topic, name in layouts:
-        series = by_name.get(f"{topic}.{name}") or by_name.get(f"{topic}#0.{name}")
-        if series is not None:
-            return _Columns((channel,), (series.name,), series.clock, series.values()[:, np.newaxis] * factor)
+    for line in lines_of("sensors"):
+        (column,), (meaning,) = line.columns, line.meanings
+        series, known = by_name.get(column) or by_name.get(column.replace(".", "#0.", 1)), unit(meaning.unit)
+        if series is not None and known is not None and meaning.channel == channel:
+            return _Columns((channel,), (series.name,), series.clock, series.values()[:, np.newaxis] * known.factor)
     return None
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import operator
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice, permutations, product
 
@@ -27,13 +27,16 @@ _DEG = math.degrees(1.0)
 _FINE_UNITS = ("cdeg", "ddeg", "mdeg")  # of angles that are beyond what deg allows
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
+# whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
+_COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
 _MOST_TRIPLES = 6
 _MOST_ROWS, _FEWEST = 20_000, 60  # of an attitude that are looked at
 _SMOOTHED_S, _SLOW_S = 0.4, 4.0
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
-_WITHIN = 0.3  # of a unit's factor, as a logarithm
+_WITHIN, _FINELY = 0.3, 0.1  # of a unit's factor, as a logarithm; of one that has others within half of it
+_APART = 0.04  # logarithms, by which any other unit has to be further off
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
 _ROLL_RAD, _PITCH_RAD, _YAW_RAD = 3.3, 1.65, 6.6  # beyond, an angle is in deg
 _TURN_WITHIN = 0.05  # of a turn
@@ -87,6 +90,14 @@ class _Fit:
             for series, channel, sign in zip(triple.series, channels, signs, strict=False)
         }
 
+    def agrees_with(self, known: Iterable[tuple[RawSeries, Meaning]]) -> bool:
+        """Tell whether it reads the columns that are known as they are."""
+        told = ((self.meanings.get(series.name), meaning) for series, meaning in known)
+        return all(
+            own is None or (own.channel, own.unit, own.sign) == (meaning.channel, meaning.unit, meaning.sign)
+            for own, meaning in told
+        )
+
 
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
     """Return what open gyros and angles of a log must be.
@@ -105,14 +116,19 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
     named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
     gyros = _candidates(named, "rate", GYROS, known) or unnamed_rates(raw.series)
     angles = _candidates(named, "angle", ATTITUDE, known)
-    fits = [fit for one, other in product(gyros, angles) for fit in _fits(raw, one, other, angle_unit)]
+    fits = [
+        fit
+        for one, other in product(gyros, angles)
+        for fit in _fits(raw, one, other, angle_unit)
+        if fit.agrees_with(known.values())
+    ]
     if not fits:  # names may stand at the wrong axes
         fits = [
             fit
             for one, other in product(gyros, angles)
             for turned in _other_orders(one)
             for fit in _fits(raw, turned, other, angle_unit)
-            if fit.share > _LEAST_OF_OTHER_ORDER
+            if fit.share > _LEAST_OF_OTHER_ORDER and fit.agrees_with(known.values())
         ]
     if gyros and not angles:
         return _alone(gyros, known, angle_unit)
@@ -134,6 +150,41 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
         return Found(meanings={}, why_not=f"two readings fit alike: {typed(best.meanings)}, or {typed(other.meanings)}")
     settled = {series.name for series, _ in known.values()}
     return Found(meanings={name: meaning for name, meaning in best.meanings.items() if name not in settled})
+
+
+def tells_of_one_motion(raw: RawLog) -> bool:
+    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its clocks known.
+    """
+    told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
+    if not {*GYROS, *ATTITUDE} <= set(told):
+        return False
+    gyros, angles = _candidates((), "rate", GYROS, told)[0], _candidates((), "angle", ATTITUDE, told)[0]
+    return any(fit.signs[0] == gyros.signs for fit in _fits(raw, gyros, angles, ""))
+
+
+def rates_told(
+    raw: RawLog, gyros: Sequence[RawSeries], angles: Sequence[RawSeries], factors: FloatArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its clocks known.
+    gyros, angles : sequence of RawSeries
+    factors : FloatArray
+        What brings the angles to deg.
+    """
+    told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
+    motion = _motion(raw, *told)
+    if motion is None:
+        return None
+    return motion.rates, _smoothed(_body_rates(motion.angles * factors, motion.time_s), motion.time_s)
 
 
 def _by_scale(fits: Sequence[_Fit]) -> Iterator[_Fit]:
@@ -226,14 +277,27 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     if motion is None:
         return
     units, shown = _angle_units(angles, motion.angles, angle_unit)
+    fits = list(_fits_in(raw, gyros, angles, motion, units, shown))
+    if not fits and units == ["deg"] and not (angles.stated or angle_unit):  # of small angles in fine units, too
+        fits = list(_fits_in(raw, gyros, angles, motion, _FINE_UNITS, ""))
+    yield from fits
+
+
+def _fits_in(
+    raw: RawLog, gyros: Triple, angles: Triple, motion: _Motion, units: Sequence[str], shown: str
+) -> Iterator[_Fit]:
+    """Give those with the angles in some units; `shown` says what leaves one of them only."""
     witnesses = list(_witnesses(raw, motion.time_s, gyros.clock))
     axes = len(angles.series)
+    is_named = gyros.is_exact and angles.is_exact and axes == len(GYROS) and len(units) == 1
     felt = None if gyros.is_reordered else _axes_felt(raw, gyros)
     for named, signs in product(units, [angles.signs] if angles.signs else list(product((1.0, -1.0), repeat=axes))):
         known = unit(named)
         turned = motion.angles * (np.asarray(signs) * (known.factor if known else 1.0))
         rates = _smoothed(_body_rates(turned, motion.time_s), motion.time_s)
         told = _gains(motion.rates[:, :axes], rates[:, :axes])
+        if told is None and is_named and min(signs) > 0.0:
+            told = _gain_as_named(motion.rates, rates)
         if told is None:
             continue
         gains, correlations = told
@@ -247,7 +311,8 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
         if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
-        flips = sum(sign < 0 for sign in (*own, *signs)) if felt is None else 2 * sum(map(operator.ne, own, felt))
+        turned_signs = sum(sign < 0 for sign in (*own, *signs))
+        flips = turned_signs if felt is None else 2 * sum(map(operator.ne, own, felt)) + 0.5 * turned_signs
         flips += len(GYROS) * (gyros.is_reordered and math.prod(own) != gyros.handed)
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
         yield _Fit(
@@ -364,15 +429,39 @@ def _gains(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray]
     return cross / (powers * correlations), correlations  # by the deviations: noise makes neither side smaller
 
 
+def _gain_as_named(rates: FloatArray, told: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the same of gyros that are named as such, in motion that tells little of some axis: one gain for all.
+
+    A steady turn is about axes that hardly change; its mean rates show the unit. Nothing else may be in the readings, a
+    gyro's offset neither: nine tenths of them have to be the attitude's.
+    """
+    there = np.isfinite(rates).all(axis=1) & np.isfinite(told).all(axis=1)
+    if np.count_nonzero(there) < _FEWEST:
+        return None
+    y, u = rates[there], told[there]
+    power, cross = float(np.mean(np.square(u).sum(axis=1))), float(np.mean((y * u).sum(axis=1)))
+    if power < _LEAST_DEG_S**2 or cross <= 0.0:
+        return None
+    gain = cross / power
+    left = float(np.mean(np.square(y - gain * u).sum(axis=1)) / np.mean(np.square(y).sum(axis=1)))
+    return (np.full(3, gain), np.full(3, math.sqrt(1.0 - left))) if left < 1.0 - _LEAST_OF_OTHER_ORDER else None
+
+
 def _rate_unit(gyros: Triple, gains: FloatArray) -> str | None:
-    """Return the unit in which gyros read what the attitude tells, the stated one where one is; None of no unit."""
-    off = {
-        name: float(np.abs(np.log(np.abs(gains) * factor)).max())
-        for name, factor in _RATE_UNITS.items()
-        if not gyros.stated or unit(gyros.stated) == unit(name)
-    }
-    best = min(off, key=lambda name: off[name], default=None)
-    return (gyros.stated or best) if best is not None and off[best] < _WITHIN else None
+    """Return the unit in which gyros read what the attitude tells, the stated one where one is; None of no one unit."""
+    stated = unit(gyros.stated)
+    units = {gyros.stated: stated.factor} if stated else _RATE_UNITS | (_COUNTS if _is_counted(gyros) else {})
+    off = {name: float(np.abs(np.log(np.abs(gains) * factor)).max()) for name, factor in units.items()}
+    best, *others = sorted(off, key=off.__getitem__)[:2]
+    if off[best] > (_WITHIN if stated or best in ("deg/s", "rad/s") else _FINELY):
+        return None
+    return None if others and off[others[0]] - off[best] < _APART else best
+
+
+def _is_counted(gyros: Triple) -> bool:
+    """Tell whether gyros read whole numbers, as the counts of a sensor are."""
+    read = (series.values()[:_MOST_ROWS] for series in gyros.series)
+    return all(bool(np.all(values[np.isfinite(values)] % 1.0 == 0.0)) for values in read)
 
 
 def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[FloatArray, str]]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
-from gtmbench.intake.formats.raw import ANGLES, Meaning, RawLog, RawSeries, euler_deg
+from gtmbench.intake.formats.dialects import angles_of, indexed
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
 from gtmbench.intake.names import guess
 from gtmbench.values.channels import ATTITUDE
-from gtmbench.values.clock import FloatArray
 
 _NAMED = re.compile(
     r"(?i)(?P<stem>.{0,200}?(?:(?<![a-z])q|quat|quaternion|orientation|attitude)[_.]?)(?P<part>[wxyz0-3]|\[[0-3]\])"
 )
 _OF_ROS = re.compile(r"(?i)orientation|pose")  # where axes point forward, left and up
-_CHANNELS = dict(zip(ANGLES, ATTITUDE, strict=True))
 
 
 def with_quaternions(raw: RawLog) -> RawLog:
@@ -28,23 +26,24 @@ def with_quaternions(raw: RawLog) -> RawLog:
     """
     if not raw.by_name:
         return raw
-    told = {guess(series.name, series.unit).channel for series in raw.series}
+    told = {(series.meaning or guess(series.name, series.unit)).channel for series in raw.series}
     names = {series.name for series in raw.series}
     added, notes = [], []
     found = list(_quaternions(raw))
     only = len([stem for stem, _ in found if not _OF_ROS.search(stem)]) == 1  # of several none is preferred
     for stem, parts in found:
-        if _name(stem, "roll") in names:  # its format has made them already
+        if f"{stem.rstrip('_.')}(roll)" in names:  # its format has made them already
             continue
-        known = only and not _OF_ROS.search(stem) and not told & set(_CHANNELS.values())
-        made = [_angle(stem, parts, angle, is_channel=known) for angle in ANGLES]
+        known = only and not _OF_ROS.search(stem) and not told & set(ATTITUDE)
+        meanings = [Meaning(channel=channel, unit="deg") if known else None for channel in ATTITUDE]
+        made = angles_of(parts, stem.rstrip("_."), meanings)
         added += made
         if known:
             first, *_, last = made[0].made_of
             notes.append(
                 f"{first} ... {last}: taken as a quaternion from body (forward, right, down) to world, w first"
             )
-            told |= set(_CHANNELS.values())
+            told |= set(ATTITUDE)
     return replace(raw, series=(*raw.series, *added), notes=(*raw.notes, *notes)) if added else raw
 
 
@@ -52,7 +51,7 @@ def _quaternions(raw: RawLog) -> Iterator[tuple[str, list[RawSeries]]]:
     """Yield the quaternions of a log: what their columns' names begin with, and w, x, y, z."""
     by_stem: dict[tuple[str, str], dict[str, RawSeries]] = {}
     for series in raw.series:
-        named = _NAMED.fullmatch(series.name)
+        named = _NAMED.fullmatch(indexed(series.name))
         if named:
             by_stem.setdefault((named["stem"], series.clock), {})[named["part"].strip("[]").lower()] = series
     for (stem, _), parts in by_stem.items():
@@ -60,22 +59,3 @@ def _quaternions(raw: RawLog) -> Iterator[tuple[str, list[RawSeries]]]:
             if set(names) <= set(parts):
                 yield stem, [parts[name] for name in names]
                 break
-
-
-def _angle(stem: str, parts: list[RawSeries], angle: str, *, is_channel: bool) -> RawSeries:
-    return RawSeries(
-        name=_name(stem, angle),
-        load=partial(_turned, parts, angle),
-        clock=parts[0].clock,
-        unit="deg",
-        meaning=Meaning(channel=_CHANNELS[angle], unit="deg") if is_channel else None,
-        made_of=tuple(part.name for part in parts),
-    )
-
-
-def _name(stem: str, angle: str) -> str:
-    return f"{stem.rstrip('_.')}({angle})"
-
-
-def _turned(parts: list[RawSeries], angle: str) -> FloatArray:
-    return euler_deg([part.values() for part in parts], angle)

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.dialects import dialects
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.formats.registry import read_raw, split_part
 from gtmbench.intake.one_flight import why_several
+from gtmbench.intake.physics import tells_of_one_motion
 from gtmbench.intake.quaternions import with_quaternions
+from gtmbench.intake.times import with_time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,4 +57,15 @@ def read_log(log: str | Path | ReadLog) -> ReadLog:
     raw = read_raw(path, part)
     if why := why_several(raw):
         raise InputError(f"{path} holds the tables of several logs, for {why}; give its tables one by one")
-    return ReadLog(path=path, raw=with_quaternions(raw))
+    return ReadLog(path=path, raw=with_quaternions(_by_its_width(raw)))
+
+
+def _by_its_width(raw: RawLog) -> RawLog:
+    """Return a table without a header as a known source writes one as wide, where gyros and attitude agree."""
+    for dialect in dialects():
+        if raw.is_nameless and dialect.found_in(raw):
+            told = dialect.told_of(raw)
+            with suppress(InputError), np.errstate(all="ignore"):
+                if tells_of_one_motion(with_time(told, None)):
+                    return told
+    return raw

@@ -6,6 +6,7 @@ import re
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,7 @@ _COUNTS = re.compile(
 _FEWEST_STEPS, _UNEVEN = 50, 0.2  # of a column that is known by them; of the usual step
 _PLAIN = ("t", "time", "timestamp", "time_s", "stamp")
 _MOST_SAID = 4  # tables
+_SECONDS = Meaning(channel="time", unit="s")
 _BESIDE_S = 60.0  # a topic that begins when others have ended, a minute ago, may be of the same flight
 _FINE = {  # how a column of what is beyond whole seconds ends, and how many of its units are one
     **dict.fromkeys(("nsec", "nsecs", "nanosec", "nanosecs", "nanosecond", "nanoseconds"), 1e9),
@@ -60,7 +62,8 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
         return _table_by_table(raw, list(tables))
     told = _told_time(raw, mapped)
     clocks, since = in_seconds({told.clock: told.stamps}, told.per_second)
-    rest = tuple(other for other in raw.series if other not in told.columns)
+    taken = {column.name for column in told.columns}
+    rest = tuple(other for other in raw.series if other.name not in taken)
     timed = replace(raw, series=rest, time=(told.name, told.stated), time_guessed=told.guessed)
     since = since or ((since_text(told.since_s),) if told.since_s else ())
     return timed.with_clocks(clocks, told.note, *since)
@@ -213,13 +216,10 @@ def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _
 
 def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     looks = [(series, told) for series in raw.series if (told := judged(series, raw)).channel == "time"]
-    sure = [(series, told.meaning) for series, told in looks if told.meaning is not None]
-    named = {series.name for series, _ in sure}
-    in_seconds_now = Meaning(channel="time", unit="s")
-    sure += [(series, in_seconds_now) for series in raw.series if series.was_clock and series.name not in named]
+    sure = _sure(raw, looks)
     exact = [(series, meaning) for series, meaning in sure if is_table_header(series.name)]
     names = _by_lower_name(raw)
-    pairs = [(series, in_seconds_now) for series in raw.series if _beyond_seconds(series, names)]
+    pairs = [(series, _SECONDS) for series in raw.series if _beyond_seconds(series, names)]
     for certain in (exact, pairs, sure):
         if len(certain) == 1 and not (certain[0][0].was_clock and stands_mostly(certain[0][0])):
             return certain[0]
@@ -235,6 +235,8 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     found = stepped[0] if len(stepped) == 1 else finest_of_alike(stepped)
     if found is not None:
         return found
+    if raw.rate_hz:
+        return _counted_rows(raw)
     if looks:
         raise InputError("; ".join(_without_unit(series, told) for series, told in looks[:3]))
     rising = measured or [(each, meaning) for each in raw.series if (meaning := rises_evenly(each)) is not None]
@@ -244,6 +246,35 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     perhaps = measured_time(raw) or [series.name for series, _ in rising]
     said = f" (perhaps {', '.join(map(repr, perhaps[:3]))})" if perhaps else ""
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{said}; {there(raw)}")
+
+
+def _sure(raw: RawLog, looks: Sequence[tuple[RawSeries, Guess]]) -> list[tuple[RawSeries, Meaning]]:
+    """Return the columns that tell the time by their names and units, or by what stands in them."""
+    named = [(series, told.meaning) for series, told in looks if told.meaning is not None]
+    known = {series.name for series, _ in named}
+    sure = [*named, *((each, _SECONDS) for each in raw.series if each.was_clock and each.name not in known)]
+    if raw.is_nameless:  # a date without a header, the same in every row, is a fact about the log
+        sure = [each for each in sure if np.ptp(np.nan_to_num(each[0].values())) > 0]
+    return sure
+
+
+def _counted_rows(raw: RawLog) -> tuple[RawSeries, Meaning]:
+    """Return a counter of samples, or the row's number without one, at the rate that stands beside the columns."""
+    meaning = Meaning(channel="time", unit=f"{1.0 / raw.rate_hz:.12g} s", guessed=f"the stated {raw.rate_hz:g} Hz")
+    for series in raw.series:
+        turns = np.diff(series.values()) if _COUNTS.search(series.name) else np.zeros(0)
+        if len(turns) and np.median(turns) == 1.0:
+            return replace(series, load=partial(_run_on, series)), meaning
+    rows = len(raw.series[0].load())
+    return RawSeries(name="row", load=partial(np.arange, rows), clock=raw.series[0].clock), meaning
+
+
+def _run_on(counter: RawSeries) -> FloatArray:
+    """Return a counter of 8 or 16 bits as it would run on."""
+    values = counter.values()
+    most = float(np.nanmax(values, initial=0.0))
+    bits = [bits for bits in (8, 16) if most == 2.0**bits - 1.0]
+    return np.asarray(np.unwrap(values, period=2.0 ** bits[0])) if bits else values
 
 
 def _only(certain: Sequence[tuple[RawSeries, Meaning]]) -> tuple[RawSeries, Meaning]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gtmbench.values.channels import CHANNELS, G_M_S2, M_PER_FT
 
@@ -85,6 +85,8 @@ _WORDS = (
     (r"feet|foot", "ft"),
 )
 
+_COUNT = re.compile(r"(?=[\d.e-]*[1-9])(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s+(?=[^\d\s])")  # so many of a unit
+
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
@@ -99,8 +101,15 @@ def unit(text: str) -> Unit | None:
 
     >>> unit("rad_s").dimension, unit("m/s^2").dimension, unit("°/s").factor, unit("furlong")
     ('angular rate', 'acceleration', 1.0, None)
+    >>> unit("0.061 deg/s").factor, unit("100 us").factor  # of raw counts
+    (0.061, 10000.0)
     """
     plain = text.strip().lower()
+    count = _COUNT.match(plain)
+    if count:
+        of = unit(plain[count.end() :])
+        by = float(count[0])
+        return of and replace(of, factor=of.factor / by if of.dimension == "time" else of.factor * by)
     for pattern, word in _WORDS:
         plain = re.sub(pattern, word, plain)
     plain = re.sub(r"\*\*|[\^*·()\[\]]", "", plain)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.intake.formats.documented import MAVLINK
+from gtmbench.intake.formats.dialects import MAVLINK
 from gtmbench.intake.formats.raw import ANGLES, euler_deg
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS

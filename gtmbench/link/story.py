@@ -158,15 +158,12 @@ def _name(alarm: Alarm) -> object | None:
     if judged.doubt == BENT:
         return BENT  # once, whatever it would say of its own
     among = judged.sensor or tuple(sorted(judged.candidates))
-    return among, judged.kind if judged.sensor is not None else None, judged.partner, judged.doubt
+    return among, judged.kind if judged.failed else None, judged.partner, judged.doubt
 
 
 def _named(alarm: Alarm) -> Line:
     judged = alarm.last
     assert judged is not None  # it has a name
-    if judged.sensor is not None:
-        kind = LiveKind.NAMED
-    else:
-        kind = LiveKind.CANNOT_TELL if judged.candidates else LiveKind.ENDED
+    kind = LiveKind.NAMED if judged.failed else LiveKind.CANNOT_TELL if judged.candidates else LiveKind.ENDED
     text = judgement_text(judged)
     return kind, judged.time_s, text.removeprefix(UNSURE) if kind == LiveKind.CANNOT_TELL else text, alarm

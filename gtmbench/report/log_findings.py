@@ -66,7 +66,7 @@ def tints_of(watched: WatchedLog) -> dict[str, str]:
 
 def signals_of(watched: WatchedLog) -> list[str]:
     """Return the sensors worth looking at: those that are predicted, and those that failed; or else those used."""
-    failed = [alarm.sensor for alarm in watched.alarms if alarm.sensor is not None]
+    failed = [name for alarm in watched.alarms if alarm.last is not None for name in alarm.last.failed]
     predicted = [name for watch in watched.watches for name in watch.predictions]
     used = [name for name in watched.monitor.channels or watched.log.channels if name in watched.log.channels]
     return list(dict.fromkeys([*predicted, *failed] or used[:_MOST_SIGNALS]))

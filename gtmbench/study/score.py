@@ -396,7 +396,7 @@ def _isolation(watch: Watch, told: Alarm | None, truth: _Truth) -> dict[str, Any
     named_s = judged.isolated_s
     if named_s is not None:  # of a fault that an earlier alarm had told of: no sooner than this one
         named_s = max(named_s, told.time_s)
-    isolated = named_s is not None and judged.sensor in truth.failed(named_s)
+    isolated = named_s is not None and {*last.failed} <= truth.failed(named_s)
     last_s = max(last.time_s, told.time_s)
     on_axes = {name for channel in truth.failed(last_s) for name in axis_of(channel)}
     right = truth.judged_right(last, last_s)

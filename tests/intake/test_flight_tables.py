@@ -10,10 +10,10 @@ from scipy.io import savemat
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawSeries
-from gtmbench.intake.magnetometers import magnetometers_of
 from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import read_log
 from gtmbench.intake.times import by_steps
+from gtmbench.values.channels import MAGNETOMETER
 from tests.helpers.log_makers import flight, make
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
@@ -58,8 +58,8 @@ def test_sensors_beside_gyros_are_read_of_a_folder_too(tmp_path):
     pd.DataFrame({"timestamp": stamps, "fix_type": 3, **velocity}).to_csv(
         folder / "log_7_vehicle_gps_position_0.csv", index=False
     )
-    (readings,) = magnetometers_of(read_log(folder))
-    assert readings.field == pytest.approx(np.column_stack(list(field.values())))
+    (readings,) = (each for each in other_sensors_of(read_log(folder)) if each.channels == MAGNETOMETER)
+    assert readings.values == pytest.approx(np.column_stack(list(field.values())))
     gps = next(each for each in other_sensors_of(read_log(folder)) if each.channels[0] == "gps_north")
     assert gps.values == pytest.approx(np.column_stack(list(velocity.values())))
 

@@ -5,7 +5,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.intake.magnetometers import magnetometers_of
+from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import read_log
 from gtmbench.values.channels import MAGNETOMETER
 from gtmbench.values.record import Record
@@ -24,7 +24,7 @@ def record():
 def found(path, content=None, mapping=()):
     if content is not None:
         path.write_bytes(content)
-    return magnetometers_of(read_log(path), mapping)
+    return tuple(each for each in other_sensors_of(read_log(path), mapping) if each.channels == MAGNETOMETER)
 
 
 def table(path, header, columns=FIELD):
@@ -35,7 +35,7 @@ def table(path, header, columns=FIELD):
 
 def check(readings, field=FIELD):
     assert readings.time_s == pytest.approx(TIME_S, abs=1e-6)
-    assert readings.field == pytest.approx(field, rel=1e-6)
+    assert readings.values == pytest.approx(field, rel=1e-6)
 
 
 def rows_of(*values):

@@ -39,6 +39,8 @@ class Case:
     ----------
     record : Record
         From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
+    source : str
+        The residual whose alarm is judged.
     others : frozenset of str
         Residuals with an alarm of their own that began at another time.
     together : frozenset of str
@@ -67,6 +69,7 @@ class Case:
     suspects: tuple[str, ...]
     habits: Mapping[str, Habit]
     referees: Mapping[str, Referee] = field(default_factory=dict)
+    source: str = ""
     others: frozenset[str] = frozenset()
     together: frozenset[str] = frozenset()
 
@@ -160,9 +163,11 @@ class Case:
         if channel not in self.habits or not self.habits[channel].is_counted:
             return True
         others = [name for name in (ANGLES if channel in ANGLES else GYROS) if name != channel and name in self.habits]
-        return bool(others) and all(
-            steps(self.record[name][self._surely]) >= _AS_BEFORE * steps(self.habits[name].before) for name in others
-        )
+        return bool(others) and all(map(self.moves, others))
+
+    def moves(self, channel: str) -> bool:
+        """Tell whether a sensor's readings still move about as they did before."""
+        return steps(self.record[channel][self._surely]) >= _AS_BEFORE * steps(self.habits[channel].before)
 
     @property
     def _surely(self) -> slice:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -31,23 +30,16 @@ from gtmbench.detectors.isolation.excess import Excess, whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
-from gtmbench.detectors.isolation.readings import ALIKE, is_straighter
+from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
-from gtmbench.faults.replacing import Stuck
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
 _ALIKE = 200.0  # between faults that are physically the same
-_END = 20.0  # nats
-# kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
-_ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
-_CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the first seconds; and a row judged
 _RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
 _OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
@@ -224,7 +216,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
     healthy, worst = case.deviance, max(case.sickness.values())
     good = [fit for fit in ranking if fit.bic < healthy - DECISIVE and fit.channel in first.candidates]
     if first.sensor is None and worst <= 1.0:
-        step = _stepped(case, first)
+        step = None if _is_anothers(case, ranking, first) else _stepped(case, first)
         if step is not None:
             return step
         good = [fit for fit in good if good[0].bic < healthy - _PLAIN]
@@ -401,7 +393,7 @@ def _holder(
     name = excess.holder if excess is not None and excess.is_clear else None
     if strays:
         mates = suspects_in(case, [mate for mate in axis_of(best.channel) if mate in ANGLES and mate != best.channel])
-        healers = [mate.channel for mate in mates if all(_would_heal(mate, output) for output in strays)]
+        healers = [mate.channel for mate in mates if all(would_heal(mate, output) for output in strays)]
         name = next((healer for healer in healers if name in (None, healer)), None)
     least = _MOSTLY * (case.deviance - best.bic)
     return next((fit for fit in good if fit.channel == name and case.deviance - fit.bic >= least), None)
@@ -462,17 +454,17 @@ def _strays(case: Case, best: FittedHypothesis) -> list[str]:
     """
     sick = [output for output, far in case.sickness.items() if output not in best.left.outputs and far > 1.0]
     mates = suspects_in(case, [name for name in _axis(case, best.channel) if name != best.channel] if sick else [])
-    return [output for output in sick if any(_would_heal(mate, output) for mate in mates)]
+    return [output for output in sick if any(would_heal(mate, output) for mate in mates)]
 
 
-def _would_heal(suspect: Suspect, output: str) -> bool:
-    """Tell whether a residual is healthy, or much nearer to it, once a suspect reads what it should."""
+def would_heal(suspect: Suspect, output: str, share: float = 0.5) -> bool:
+    """Tell whether a residual is healthy, or a share as far from it at most, once a suspect reads what it should."""
     case = suspect.case
     if output not in suspect.outputs:
         return False
     row = suspect.outputs.index(output)
     left = suspect.white[row] - suspect.shown(suspect.off[np.newaxis])[0, row]
-    most = max(0.5 * case.sickness[output], 1.0)
+    most = max(share * case.sickness[output], 1.0)
     return greatest(case.monitor, output, left, enough=most) < most
 
 
@@ -487,6 +479,13 @@ def _reason(best: FittedHypothesis, order: Sequence[str], untestable: Sequence[s
     if len(order) > 1:
         return f"a fault of {order[1]} explains it nearly as well as one of {order[0]}"
     return f"nothing predicts {', '.join(untestable)}" if untestable else EARLY
+
+
+def _is_anothers(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> bool:
+    """Tell whether a sensor's own readings show a fault that isn't under suspicion: what it does is no step."""
+    if not ranking or not ranking[0].is_shown or ranking[0].channel in first.candidates:
+        return False
+    return ranking[0].bic < case.deviance - DECISIVE
 
 
 def _stepped(case: Case, first: Judgement) -> Judgement | None:
@@ -532,53 +531,6 @@ def _untestable(case: Case) -> list[str]:
     ]
 
 
-def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
-    """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
-
-    Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
-    explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
-    is `rival`: a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't
-    say for long.
-    """
-    fault = fault_of(best)
-    if fault is None or best.channel in ANGLES:
-        return None
-    suspect = suspect_through(case, best.channel, best.estimator)
-    if suspect is None:
-        return None
-    begun = suspect.time_s >= fault.onset_s
-    elapsed_s = suspect.time_s - fault.onset_s
-    virtual = suspect.expected
-    before = np.array([virtual[0]])
-    reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
-    added = np.where(begun, reads - virtual, 0.0)
-    shown = suspect.shown(added[np.newaxis])[0]
-    rows = case.judged.stop - case.judged.start
-    gain, over = np.zeros(rows), np.zeros(rows)  # of leaving the record as it is; what it has over what is tolerated
-    for i, output in enumerate(suspect.outputs):
-        if output in case.residuals.raw:
-            as_is = np.square(np.clip(suspect.white[i], -MOST, MOST))
-            undone = np.square(np.clip(suspect.white[i] - shown[i], -MOST, MOST))
-            gain += 0.5 * np.nan_to_num(undone - as_is)
-            over += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
-    ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
-    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in case.residuals.raw)
-    since = rows - clear  # whitening remembers the fault
-    if since * case.period_s < _CLEAR_S:
-        return None
-    # whitening smears the end: of the rows before, the one that explains most
-    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
-    trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
-    deviances = suspect.deviances(suspect.white - suspect.shown(trials))
-    ended = int(ends[np.argmin(deviances)])
-    lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
-    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
-    healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
-    if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
-        return None
-    return round(float(case.record.time_s[case.judged.start + ended]), 9)
-
-
 def is_bent_far(case: Case) -> bool:
     """Tell whether a gyro seems to have bent the attitude so far that its fit errs: what was said stands."""
     for suspect in likely_suspects_in(case, case.driving):
@@ -598,19 +550,3 @@ def only_doubts(case: Case, judged: Judgement, last: Judgement | None) -> bool:
     if last is None or last.sensor not in case.driving or judged.doubt != DOUBT or not judged.candidates:
         return False
     return set(judged.candidates) <= set(axis_of(last.sensor))
-
-
-def fault_of(fit: FittedHypothesis) -> Fault | None:
-    """Return the fault that a fit tells of, where that reads something definite."""
-    parameters = dict(fit.parameters)
-    onset_s = parameters.pop("onset_s", -1e9)
-    if fit.kind in ("jam", "hardover", "stuck"):
-        return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
-    cls = FAULTS.get(fit.kind)
-    if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):
-        return None
-    names = {each.name for each in cls.parameters()}
-    if fit.kind in _ENDLESS or not set(parameters) <= names:
-        return None
-    figures: dict[str, Any] = parameters
-    return cls(channel=fit.channel, onset_s=onset_s, **figures)

@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.columns import Columns
 from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.noise import Noise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
-from gtmbench.detectors.isolation.readings import is_straighter, straight_rows
+from gtmbench.detectors.isolation.readings import ALIKE, is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
@@ -26,6 +26,7 @@ _ABSORBING = (UNKNOWN, "random_walk", "noise")
 _HELD = ("jam", "stuck", "hardover", "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
+_LEAST_GAIN = 0.01  # of a sensor's own noise
 _MOST_GAIN = 0.5  # beside 1: where that is far off, nothing is near enough to matter
 _CONSTANT = 0.98  # of the rows judged: the same
 _AGAIN, _PILED = 10, 0.05  # rows, and of those judged, at the readings' ends
@@ -267,10 +268,17 @@ class Fitter:
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
-        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are.
+        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. A gyro that
+        drives the attitude is undone by a share of what it reads, and so is its own noise.
         """
         channel = self.suspect.channel
         gyro = axis_of(channel)[0]
+        if self.is_driven and "x" in names:
+            kept = 1.0 - float(self.weights(*names)[names.index("x")]) * self.suspect.case.smoothing
+            times = {channel: 1.0, own(channel): 1.0 / ALIKE}
+            known = zip(self.suspect.outputs, self.suspect.there, strict=True)
+            count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
+            return count * float(np.mean(np.log(np.maximum(np.square(kept), _LEAST_GAIN**2))))
         if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
             return 0.0
         weight = min(max(float(self.weights(*names)[names.index("x")]), -_MOST_GAIN), _MOST_GAIN)

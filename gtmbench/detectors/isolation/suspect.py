@@ -104,6 +104,12 @@ class Suspect:
         return cls._made(case, channel, virtual, partial(paths_of, case.monitor, case.record, channel, virtual))
 
     @classmethod
+    def as_read(cls, case: Case, channel: str) -> Suspect:
+        """Return a suspect about its own reading, where what it should have read isn't known."""
+        reading = case.record[channel]
+        return cls._made(case, channel, reading, partial(paths_of, case.monitor, case.record, channel, reading))
+
+    @classmethod
     def driving(cls, case: Case, channel: str, bend: Bend, away: FloatArray | None = None) -> Suspect:
         """Return a gyro that drives the attitude through an estimator: what it should have read, its references say."""
         near = None if away is None else case.with_record(bend.record)

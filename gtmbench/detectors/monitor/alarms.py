@@ -311,7 +311,7 @@ class AlarmLogic:
         others = self._open.values()
         leader = leader_of(fault, others)
         outcome = Outcome()
-        if leader is None and not ((fault.is_late or fault.is_decided) and fault.held is None):
+        if leader is None and (fault.is_undecided or fault.may_end):
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
         self._apply(outcome, fault, fault if leader is None else leader)
@@ -368,6 +368,7 @@ class AlarmLogic:
             suspects=tuple(name for name in suspects if name not in fault.ruled_out),
             habits=fault.habits,
             referees=fault.referees,
+            source=fault.crossing.output,
             others=frozenset(each.crossing.output for each in others if not fault.began_with(each.crossing)),
             together=frozenset(each.output for each in self._raised if fault.began_with(each)),
         )

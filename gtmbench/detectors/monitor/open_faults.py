@@ -71,6 +71,11 @@ class OpenFault:
         return self.is_diagnosed and self.alarm.is_first and not (self.is_decided or self.is_late)
 
     @property
+    def may_end(self) -> bool:
+        """Whether its end may be found: it is known what it reads, or which sensor it is of."""
+        return self.held is not None or self.alarm.sensor is not None
+
+    @property
     def enters(self) -> set[str]:
         """The residuals that a fault of any of its candidates enters."""
         return entered(self.monitor.bank, self.alarm.candidates)

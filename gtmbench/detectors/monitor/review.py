@@ -14,16 +14,15 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import (
     DECISIVE,
     by_signature,
-    ended_s,
-    fault_of,
     is_bent_far,
-    judge,
     looks_like_motion,
     only_doubts,
 )
+from gtmbench.detectors.isolation.ended import ended_s, fault_of, quiet_since_s
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
-from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, rows_of, trusted
+from gtmbench.detectors.isolation.several import SEVERAL, judge_all
+from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
 _LONG_S = 20.0  # after an alarm: what looks have said until then, twice, the next one says, too
@@ -97,7 +96,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     if end is not None:
         return Outcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
-    judged = judge(case, ranking, first)
+    judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
     judged = _in_motion(fault, case, _settling(fault, case, judged), first)
@@ -110,6 +109,23 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         closing=_closing(case, judged, row - fault.row),
         is_decided=_is_decided(fault, judged, row),
     )
+
+
+def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFault]) -> Judgement:
+    """Return a judgement without its name, where an earlier alarm that nobody can tell may be what it tells of.
+
+    What began with it and enters this residual isn't this sensor's.
+    """
+    if judged.sensor is None:
+        return judged
+    for each in earlier(fault, others):
+        alarm = each.alarm
+        is_open = each.is_judged and alarm.sensor is None and alarm.accuses and not alarm.is_of_several
+        is_beside = each.began_with(fault.crossing) and fault.crossing.output in each.enters
+        if is_open and is_beside and judged.sensor not in alarm.candidates:
+            names = tuple(dict.fromkeys([judged.sensor, *alarm.candidates]))
+            return replace(judged, sensor=None, partner=None, candidates=names, reason=SEVERAL)
+    return judged
 
 
 def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
@@ -130,11 +146,12 @@ def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
 
 
 def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:
-    """Return how a fault is closed that has ended, by what was decisive of it; None where it hasn't."""
-    if fault.held is None:
-        return None
-    lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
-    ended = ended_s(case, fault.held, lasting)
+    """Return how a fault is closed that has ended: by what was decisive of it, or once it is quiet; None if neither."""
+    if fault.held is not None:
+        lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
+        ended = ended_s(case, fault.held, lasting)
+    else:
+        ended = None if fault.alarm.sensor is None else quiet_since_s(case, fault.alarm.sensor)
     return None if ended is None else Closing(ended_s=ended, known_s=case.end_s)
 
 
@@ -180,8 +197,8 @@ def _decisive(ranking: Iterable[FittedHypothesis], judged: Judgement) -> FittedH
     """Return the hypothesis of a kind that is told decisively, where it reads something definite."""
     if judged.sensor is None or judged.kind_margin <= DECISIVE:
         return None
-    named = next(fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind))
-    return None if fault_of(named) is None else named
+    named = next((fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind)), None)
+    return None if named is None or fault_of(named) is None else named
 
 
 def _closing(case: Case, judged: Judgement, since: int) -> Closing | None:

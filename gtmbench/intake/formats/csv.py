@@ -1,12 +1,10 @@
-"""Anybody's CSV: encodings, separators, decimal commas, comment lines and a row of units are found out, and said."""
+"""Anybody's CSV: how it is written is found out (`csv_layout`), its columns are read, and what was odd is said."""
 
 from __future__ import annotations
 
-import csv
 import re
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,9 +16,9 @@ from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import count_lines
 from gtmbench.intake.formats.clock_texts import ClockTexts, Told, clock_of_dates, clock_texts
-from gtmbench.intake.formats.limits import LONGEST_LINE_BYTES, check_columns, check_values, reading
+from gtmbench.intake.formats.csv_layout import Layout, layout_of, more_cells
+from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.units import unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,20 +26,6 @@ if TYPE_CHECKING:
 _MOSTLY = 0.9  # of a column's cells are numbers (or dates), and it is a column of numbers whose others are missing
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d")
 _INDEX = "index"  # what a column without a name is that tells the time
-_ONLY_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|nan", re.IGNORECASE)
-_NUMBER = re.compile(r"\s*[-+]?(\d|[.,]\d|nan\s*$|inf)", re.IGNORECASE)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """How a table is written."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    encoding: str
-    separator: str
-    decimal: str
-    skipped: int  # lines before the first row of values
 
 
 def read_csv(path: Path) -> RawLog:
@@ -55,7 +39,7 @@ def read_csv(path: Path) -> RawLog:
         try:
             frame = _frame(path, layout)
         except ParserWarning as error:
-            raise InputError(_more_cells(layout.names, layout.separator)) from error
+            raise InputError(more_cells(layout.names, layout.separator)) from error
         if frame.empty:
             raise InputError("it names columns, and holds no row of values below them")
     frame, notes = _without_headers(frame, next(filter(None, layout.names)), layout.names)
@@ -80,94 +64,22 @@ def read_csv(path: Path) -> RawLog:
                 )
             )
             continue
-        values, note = _numbers(frame[place])
+        values, note = _numbers(_without_thousands(frame[place], "." if layout.decimal == "," else ","))
         if note:
             notes.append(f"column '{name}': {note}")
         if values is None:
             ignored.append(name)
             continue
         series.append(RawSeries(name=name, load=partial(np.asarray, values), unit=layout.units[place]))
-    return RawLog(kind="CSV", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes))
-
-
-def layout_of(path: Path) -> Layout:
-    """Find out how a table is written, from its first lines."""
-    with path.open("rb") as file:
-        head = file.read(LONGEST_LINE_BYTES)
-    encoding = _encoding(head)
-    lines = head.decode(encoding, errors="replace").splitlines()
-    if len(head) == LONGEST_LINE_BYTES:
-        lines = lines[:-1]  # cut in two
-        if not lines:
-            raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
-    place = next((number for number, line in enumerate(lines) if line.strip() and not _is_comment(line)), len(lines))
-    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
-        place -= 1  # the header itself is written as a comment
-    if place == len(lines):
-        raise InputError("it is empty")
-    header = lines[place].lstrip("#%/ \t")
-    separator, fields = _separated(header, lines[place + 1 : place + 3])
-    names = [name.strip() for name in _fields(header, separator)]
-    if all(map(_ONLY_NUMBER.fullmatch, filter(None, names))):
-        raise InputError(
-            "its first line holds numbers, no names; put a line above that names the columns and units, "
-            "such as time_s,p_deg_s,q_deg_s,r_deg_s,phi_deg,theta_deg,psi_deg"
-        )
-    units = [""] * len(names)
-    skipped = place + 1
-    if fields and not any(map(_NUMBER.match, fields[0])) and any(unit(text.strip(" ()[]")) for text in fields[0]):
-        units = [text.strip(" ()[]") for text in fields.pop(0)]
-        skipped += 1
-    if fields and len(fields[0]) == len(names) + 1 and not fields[0][-1].strip():
-        names.append("")  # rows that end in a separator
-    if fields and len(fields[0]) > len(names):
-        raise InputError(_more_cells(names, separator))
-    units = (units + [""] * len(names))[: len(names)]
-    comma = separator != "," and bool(fields) and any(re.fullmatch(r"\s*[-+]?\d*,\d+\s*", text) for text in fields[0])
-    return Layout(
-        names=tuple(names),
-        units=tuple(units),
-        encoding=encoding,
-        separator=separator,
-        decimal="," if comma else ".",
-        skipped=skipped,
+    return RawLog(
+        kind="CSV",
+        series=tuple(series),
+        ignored=tuple(ignored),
+        notes=tuple(notes),
+        is_nameless=layout.is_nameless,
+        rate_hz=layout.rate_hz,
+        facts=layout.facts,
     )
-
-
-def _separated(header: str, lines: Sequence[str]) -> tuple[str, list[list[str]]]:
-    """Return what separates a table's cells, and the cells of its first lines."""
-    separator = max(";\t|,", key=header.count)  # of as many, the one that no unit holds
-    if separator not in header:
-        separator = r"\s+"
-    fields = [_fields(line, separator) for line in lines]
-    if separator == r"\s+" and fields and max(map(len, fields)) == 1:  # one column, whose name has spaces
-        separator = ","
-    return separator, fields
-
-
-def _more_cells(names: Sequence[str], separator: str) -> str:
-    commas = " If decimals have commas, cells need semicolons between them." if separator == "," else ""
-    return f"rows have more cells than the {len(names)} that its first line names; is that the header?{commas}"
-
-
-def _encoding(head: bytes) -> str:
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    if b"\0" in head:
-        raise InputError("it holds zero bytes, so it is no table in text; export the log as CSV")
-    try:
-        head[: head.rfind(b"\n") + 1 or None].decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8-sig"
-
-
-def _is_comment(line: str) -> bool:
-    return line.lstrip().startswith(("#", "%", "//"))
-
-
-def _fields(line: str, separator: str) -> list[str]:
-    return line.split() if separator == r"\s+" else next(csv.reader([line], delimiter=separator), [])
 
 
 def _frame(path: Path, layout: Layout) -> pd.DataFrame:
@@ -213,6 +125,21 @@ def _clock(column: pd.Series[Any]) -> ClockTexts | None:
         if np.count_nonzero(~np.isnat(dates)) >= _MOSTLY * len(filled):
             return clock_of_dates(dates)
     return clock_texts(column.tolist())
+
+
+def _without_thousands(column: pd.Series[Any], between: str) -> pd.Series[Any]:
+    """Return a column whose numbers have nothing between their thousands."""
+    import pandas as pd
+
+    if pd.api.types.is_numeric_dtype(column.dtype):
+        return column
+    grouped = rf"[-+]?\d{{1,3}}([{between}' ]\d{{3}})+([.,]\d*)?"
+    texts = column.astype(str).str.strip()
+    odd = texts[pd.to_numeric(column, errors="coerce").isna() & column.notna()]
+    if not len(odd) or not odd.str.fullmatch(grouped).all():
+        return column
+    plain = texts.str.replace(rf"(?<=\d)[{between}' ](?=\d{{3}})", "", regex=True)
+    return plain.str.replace(",", ".") if between == "." else plain
 
 
 def _numbers(column: pd.Series[Any]) -> tuple[NDArray[Any] | None, str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.csv import Layout, layout_of
+from gtmbench.intake.formats.csv_layout import Layout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
 from gtmbench.values.clock import FloatArray

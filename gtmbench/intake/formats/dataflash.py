@@ -23,8 +23,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
 from gtmbench.intake.formats.dataflash_events import Told
-from gtmbench.intake.formats.dataflash_servos import TOPIC, servo_series
-from gtmbench.intake.formats.documented import ARDUPILOT
+from gtmbench.intake.formats.dialects import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.injections import Injection
@@ -84,10 +83,9 @@ def read_dataflash(path: Path) -> RawLog:
     series = [column for topic, columns in topics.items() if topic in clocks for column in columns.values()]
     if not series:
         raise InputError(f"{path}: no message of this {kind} has a time (TimeUS or TimeMS) and values")
-    servos = servo_series(_settings(tables), topics[TOPIC]) if TOPIC in topics else []
     return RawLog(
         kind=kind,
-        series=(*documented_first(series, ARDUPILOT), *servos),
+        series=documented_first(series, ARDUPILOT),
         clocks=clocks,
         notes=notes,
         by_name=False,
@@ -95,14 +93,6 @@ def read_dataflash(path: Path) -> RawLog:
         events=partial(_events, path, tables, clocks),
         injections=partial(_injections, path, tables, clocks),
     )
-
-
-def _settings(tables: dict[str, _Table]) -> dict[str, float]:
-    """Return the autopilot's parameters, as they were set last."""
-    if "PARM" not in tables or not {"Name", "Value"} <= set(tables["PARM"].layout.columns):
-        return {}
-    names, values = tables["PARM"].column("Name"), tables["PARM"].column("Value")
-    return dict(zip(map(_word, names), values.astype(float).tolist(), strict=True))
 
 
 def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.csv import layout_of, read_csv
-from gtmbench.intake.formats.documented import ALL, PX4
+from gtmbench.intake.formats.csv import read_csv
+from gtmbench.intake.formats.csv_layout import layout_of
+from gtmbench.intake.formats.dialects import ALL, PX4, angles_of
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
-from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first, euler_deg
+from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first
 from gtmbench.intake.formats.ulog_events import TOLD_BY, ulog_events
 from gtmbench.values.channels import ATTITUDE, GYROS
 
@@ -34,6 +35,9 @@ _TOPICS = {topic for topic, _ in ALL} | _PX4_TOPICS | {"MAG", "MAG2", "MAG3", "I
 _PX4_PER_SECOND = 1e6
 _PX4_TIME = Meaning(channel="time", unit="us")  # since boot: after ten minutes of it a table can't tell
 TABLES = "folder of tables"  # anybody's: their contents have to show that they are one flight's
+_QUATERNION = tuple(f"q[{part}]" for part in range(4))
+_MAV, _DATA = "mav0", "data"  # ASL's folder, and what a table is called whose folder has the sensor's name
+_ASL = "_RS_"  # in its columns: from the reference to the sensor
 MOST_TABLES, _MOST_INSTANCES = 300, 6
 _TURNING = {topic for (topic, _), meaning in ALL.items() if meaning.channel in (*GYROS, *ATTITUDE)} | {"IMU2", "IMU3"}
 _MESSAGE = re.compile(r"[A-Z][A-Z0-9_]*(\[\d+\])?")  # as ArduPilot and MAVLink call theirs
@@ -44,10 +48,10 @@ _NUMBERED = re.compile(r"(?P<topic>.*?)(?:_|\[)(?P<number>\d{1,2})\]?")
 
 def read_folder(path: Path) -> RawLog:
     """Read a folder's tables; an autopilot's topics are known by their files' names, ``log_vehicle_attitude_0``."""
-    tables = _tables(path)
+    tables = tables_in(path)
     if sum(table.stat().st_size for table in tables) > LARGEST_FILE_BYTES:
         raise InputError(f"{path}: its tables have more than {LARGEST_FILE_BYTES} bytes; at most so many are read")
-    topics = {table: _topic(table.stem) for table in tables}
+    topics = {table: _topic(_name(table)) for table in tables}
     known = _of_autopilot(tables)
     series: list[RawSeries] = []
     left_out = []
@@ -58,16 +62,19 @@ def read_folder(path: Path) -> RawLog:
             left_out.append(table.name)
             continue
         for topic, own in _by_instance(topics[table], {each.name: each for each in read.series}):
-            series += [_column(topic, each) for each in own.values()]
-            if all(f"q[{part}]" in own for part in range(4)) and topic in {name for name, _ in PX4}:
-                series += [_angle(topic, own, angle) for angle in ANGLES]
+            columns = {name: _column(topic, each) for name, each in own.items()}
+            series += columns.values()
+            parts = [columns[name] for name in _QUATERNION if name in columns]
+            if len(parts) == len(_QUATERNION) and topic in {name for name, _ in PX4}:
+                series += angles_of(parts, f"{topic}.q", [ALL.get((topic, f"q({angle})")) for angle in ANGLES])
     if not series:
         raise InputError(f"{path}: none of its tables can be read")
     notes = [f"tables: {', '.join(sorted({each.clock for each in series})[:20])}"]
     if left_out:
         notes.append(f"not read: {', '.join(left_out[:12])}")
     if not known:
-        return RawLog(kind=TABLES, series=tuple(series), notes=tuple(notes))
+        is_asl = tables[0].stem == _DATA and any(_ASL in each.name for each in series)  # one flight's by its layout
+        return RawLog(kind="folder of an ASL data set" if is_asl else TABLES, series=tuple(series), notes=tuple(notes))
     return RawLog(
         kind="folder of an autopilot's tables",
         series=tuple(map(_with_px4_time, documented_first(series, ALL))),
@@ -116,17 +123,6 @@ def _with_px4_time(column: RawSeries) -> RawSeries:
     return replace(column, meaning=_PX4_TIME) if is_time else column
 
 
-def _angle(topic: str, own: dict[str, RawSeries], angle: str) -> RawSeries:
-    parts = [f"q[{part}]" for part in range(4)]
-
-    def load() -> np.ndarray:
-        return euler_deg([own[part].values() for part in parts], angle)
-
-    name = f"q({angle})"
-    made_of = tuple(f"{topic}.{part}" for part in parts)
-    return RawSeries(name=f"{topic}.{name}", load=load, clock=topic, meaning=ALL.get((topic, name)), made_of=made_of)
-
-
 def _topic(stem: str) -> str:
     """Return what a table tells of: a topic that is known, a second instance as ``IMU#1``, else its own name.
 
@@ -154,8 +150,17 @@ def _of(topic: str) -> str:
     return topic.partition("#")[0]
 
 
-def _tables(path: Path) -> list[Path]:
-    return sorted(table for table in path.glob("*.csv") if table.is_file() and not table.name.startswith("."))
+def tables_in(path: Path) -> list[Path]:
+    """Return a folder's tables: its CSVs, or texts where it has none, or a ``data.csv`` a sensor as ASL has them."""
+    root = path / _MAV if (path / _MAV).is_dir() else path
+    found: list[Path] = []
+    for pattern in ("*.csv", "*.txt", f"*/{_DATA}.csv"):
+        found = found or [table for table in root.glob(pattern) if table.is_file() and not table.name.startswith(".")]
+    return sorted(found)
+
+
+def _name(table: Path) -> str:
+    return table.parent.name if table.stem == _DATA else table.stem
 
 
 def is_folder_of_tables(path: Path) -> bool:
@@ -163,13 +168,13 @@ def is_folder_of_tables(path: Path) -> bool:
 
     Of tables that are called by sensors, their contents tell more: `gtmbench.intake.one_flight`.
     """
-    tables = _tables(path)[: MOST_TABLES + 1]
+    tables = tables_in(path)[: MOST_TABLES + 1]
     if not 2 <= len(tables) <= MOST_TABLES:
         return False
     known = _of_autopilot(tables)
     if known:
         return _is_one_export(known) and not any(_is_foreign(table, known) for table in tables if table not in known)
-    bare = [re.sub(r"\d", "", table.stem.lower()) for table in tables]
+    bare = [re.sub(r"\d", "", _name(table).lower()) for table in tables]
     return len(set(bare)) == len(bare) and any(map(_SENSOR.search, bare))
 
 

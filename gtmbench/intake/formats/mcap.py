@@ -1,12 +1,16 @@
-"""MCAP: messages of JSON, and ROS 2's ``sensor_msgs/msg/Imu`` (CDR) in aircraft axes, unpacked under limits."""
+"""MCAP: messages of JSON and of ROS 2 (CDR), an Imu's in aircraft axes, unpacked under limits.
+
+An Imu is decoded here, nearly four times as fast as by rosbags, which decodes the others by the file's definitions.
+"""
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import mmap
 import struct
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -29,10 +33,13 @@ from gtmbench.intake.formats.limits import (
 )
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
 from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
+from gtmbench.intake.formats.rosbag import define, numbers_of
 
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns
 _NO_MESSAGE = (ValueError, struct.error, RecursionError)  # json's and Unicode's errors are ValueErrors
+
+Decode = Callable[[bytes], dict[str, float]]
 
 _ANGULAR = tuple(f"angular_velocity.{axis}" for axis in "xyz")
 _LINEAR = tuple(f"linear_acceleration.{axis}" for axis in "xyz")
@@ -79,7 +86,7 @@ def read_mcap(path: Path) -> RawLog:
         notes.append("left out: " + ", ".join(f"{count} messages ({what})" for what, count in left_out.items()))
     if not topics:
         why = notes[-1] if notes else "it has no messages"
-        raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's sensor_msgs/msg/Imu (cdr)")
+        raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's messages (cdr)")
     stamps, said = _stamps(topics)
     clocks, since = in_seconds(stamps, 1e9)
     series = [column for name, topic in topics.items() for column in _series(name, topic)]
@@ -136,13 +143,14 @@ def _unpacked(chunk: Any) -> bytes:
 
 
 def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[str, int]) -> None:
-    schemas: dict[int, str] = {}
+    schemas: dict[int, Any] = {}
+    decoders: dict[int, Decode | None] = {}
     channels: dict[int, Any] = {}
     messages, grown, columns = 0, 0, 0
     for record in records:
         kind = type(record).__name__
         if kind == "Schema":
-            schemas[record.id] = record.name
+            schemas[record.id] = record
         elif kind == "Channel":
             channels[record.id] = record
         elif kind == "Message":
@@ -153,8 +161,12 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
             if channel is None:
                 left_out["of no channel"] = left_out.get("of no channel", 0) + 1
                 continue
-            schema = schemas.get(channel.schema_id, "")
-            values, why_not = _decoded(record.data, channel.message_encoding, schema)
+            told = schemas.get(channel.schema_id)
+            schema = told.name if told else ""
+            if channel.message_encoding == "cdr" and told is not None and channel.schema_id not in decoders:
+                decoders[channel.schema_id] = _decoded_imu if schema in IMU_SCHEMAS else _decoder(told)
+            decode = decoders.get(channel.schema_id)
+            values, why_not = _decoded(record.data, channel.message_encoding, schema, decode)
             if values is None:
                 left_out[why_not] = left_out.get(why_not, 0) + 1
                 continue
@@ -167,7 +179,27 @@ def _collect(records: Iterator[Any], topics: dict[str, _Topic], left_out: dict[s
                 raise InputError(f"its messages have more than {MOST_COLUMNS} fields; no log has so many")
 
 
-def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] | None, str]:
+def _decoder(schema: Any) -> Decode | None:
+    """Return what decodes messages of a type of ROS, or of one that the file defines; None where nothing can."""
+    if importlib.util.find_spec("rosbags") is None:
+        return None
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    language = {"ros2msg": "MSG", "ros2idl": "IDL"}.get(schema.encoding, "")
+    define(store, schema.name, schema.data.decode("utf-8", errors="replace"), language)
+    told = numbers_of(store, schema.name)
+    if told is None:
+        return None
+    names, get = told
+
+    def decode(data: bytes) -> dict[str, float]:
+        return dict(zip(names, get(store.deserialize_cdr(data, schema.name)), strict=False))
+
+    return decode
+
+
+def _decoded(data: bytes, encoding: str, schema: str, decode: Decode | None) -> tuple[dict[str, float] | None, str]:
     if len(data) > LONGEST_LINE_BYTES:
         return None, f"{encoding[:30]} of more than {LONGEST_LINE_BYTES} bytes"
     try:
@@ -175,10 +207,14 @@ def _decoded(data: bytes, encoding: str, schema: str) -> tuple[dict[str, float] 
             columns: dict[str, float] = {}
             _flatten("", json.loads(data), columns, 0)
             return columns, ""
-        if encoding == "cdr" and schema in IMU_SCHEMAS:
-            return _decoded_imu(data), ""
+        if encoding == "cdr" and decode is not None:
+            return decode(data), ""
     except _NO_MESSAGE:
         return None, f"broken {encoding}"
+    except Exception as error:
+        if type(error).__module__.startswith("rosbags"):
+            return None, f"broken {encoding}"
+        raise
     return None, f"{encoding[:30]} {schema[:60]}".strip()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 import stat
 import tempfile
 import zipfile
@@ -22,6 +23,7 @@ from gtmbench.intake.formats.raw import RawLog
 
 _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
 _PIECE = 1 << 20
+_LONGEST_NAME = 100
 _NO_LOGS = (
     ".md",
     ".pdf",
@@ -71,11 +73,15 @@ def _read_tables(
 ) -> RawLog:
     """Read the tables of one flight, as a folder of them; refuse any other files."""
     names = [PurePosixPath(member.filename) for member in members]
-    left, each_once = _most_bytes(path), len({name.stem for name in names}) == len(names) <= MOST_TABLES
-    if each_once and len({name.parent for name in names}) == 1 and {name.suffix.lower() for name in names} == {".csv"}:
-        for member, name in zip(members, names, strict=True):
+    left, inner = _most_bytes(path), os.path.commonpath([name.parent for name in names])
+    aside = [folder / one_line(str(name.relative_to(inner)))[-_LONGEST_NAME:] for name in names]
+    if len(set(aside)) == len(aside) <= MOST_TABLES and {name.suffix.lower() for name in names} <= {".csv", ".txt"}:
+        for member, table in zip(members, aside, strict=True):
+            if not table.resolve().is_relative_to(folder.resolve()):
+                raise InputError(f"it names a file outside of itself, {one_line(member.filename)[:80]}")
+            table.parent.mkdir(parents=True, exist_ok=True)
             with archive.open(member) as packed:
-                left -= _unpack(packed, folder / one_line(name.name)[-100:], left)
+                left -= _unpack(packed, table, left)
         if is_folder_of_tables(folder):
             return _read_aside(folder, path.name, read)
     raise InputError(f"it holds {len(members)} files; say which is meant: {path}:{names[0]}")
@@ -85,8 +91,8 @@ def _may_be_log(member: zipfile.ZipInfo) -> bool:
     name = PurePosixPath(member.filename)
     hidden = any(each.startswith((".", "__MACOSX")) and each != ".." for each in name.parts)
     is_link = stat.S_ISLNK(member.external_attr >> 16)
-    is_word = name.suffix.lower() in _NO_LOGS or name.stem.lower() in ("readme", "license")
-    return not (member.is_dir() or hidden or is_link or is_word)
+    is_word = name.suffix.lower() in _NO_LOGS or {"readme", "license", "meta"} & {name.stem.lower(), name.parent.name}
+    return not bool(member.is_dir() or hidden or is_link or is_word)
 
 
 def _suffix(name: str) -> str:

@@ -106,6 +106,12 @@ class RawLog:
         Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
     time : tuple of str or None
         The column that tells the time, and its unit; None where the container does.
+    is_nameless : bool
+        Whether it is a table without a header, whose columns are called by their numbers.
+    rate_hz : float
+        Samples a second, as stated beside the columns; 0 where that isn't.
+    facts : mapping of str
+        What stands above a table, by name.
     time_guessed : str
         What shows the time's column or unit, where nothing states it; of several tables, with their columns.
     attitude_from_gyros : bool
@@ -127,6 +133,9 @@ class RawLog:
     notes: tuple[str, ...] = ()
     by_name: bool = True
     time: tuple[str, str] | None = None
+    is_nameless: bool = False
+    rate_hz: float = 0.0
+    facts: Mapping[str, str] = field(default_factory=dict, repr=False)
     time_guessed: str = ""
     attitude_from_gyros: bool = False
     is_received: bool = False

@@ -16,8 +16,10 @@ from gtmbench.intake.formats import (
     dataflash,
     excel,
     folder,
+    kitti,
     matlab,
     mcap,
+    message_rows,
     numpy_archive,
     parquet,
     rosbag,
@@ -26,6 +28,7 @@ from gtmbench.intake.formats import (
 )
 from gtmbench.intake.formats.csv import read_csv
 from gtmbench.intake.formats.csv_cells import rewrite_csv
+from gtmbench.intake.formats.dialects import with_dialect
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
 from gtmbench.intake.formats.packed import read_gzip, read_zip
 from gtmbench.intake.formats.raw import Cells, Format, RawLog
@@ -37,11 +40,14 @@ FORMATS = (
     dataflash.FORMAT,
     mcap.FORMAT,
     tlog.FORMAT,
+    message_rows.PLANNER,
+    message_rows.PAPARAZZI,
     rosbag.FORMAT,
     matlab.FORMAT,
     numpy_archive.FORMAT,
     excel.FORMAT,
     alfa.FORMAT,
+    kitti.FORMAT,
     folder.FORMAT,
 )
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
@@ -55,8 +61,8 @@ _NEVER_NOTES = (parquet.FORMAT, ulog.FORMAT, dataflash.FORMAT, mcap.FORMAT, tlog
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _HEAD_BYTES = 600
 _READ = (
-    "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, ROS bags, MCAP, MATLAB, HDF5, NumPy, "
-    "Excel and folders of tables"
+    "read are CSV, Parquet, PX4's ULog, ArduPilot's DataFlash, MAVLink's tlog, Paparazzi, ROS bags, MCAP, MATLAB, "
+    "HDF5, NumPy, Excel and folders of tables"
 )
 
 
@@ -90,7 +96,7 @@ def read_raw(path: Path, part: str = "") -> RawLog:
     form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
-    return _printable(form.read(path, part) if form.has_parts else form.read(path))
+    return with_dialect(_printable(form.read(path, part) if form.has_parts else form.read(path)))
 
 
 def is_log(path: Path) -> bool:

@@ -1,13 +1,17 @@
-"""Bags of ROS 1 and of ROS 2, read by rosbags: messages of ROS's own types, by ROS's own definitions.
+"""Bags of ROS 1 and of ROS 2, read by rosbags: messages of ROS's own types, and of those that the bag defines.
 
-The definitions that stand in a bag are passed over: rosbags would make Python of them, and nothing in a file is run.
+Rosbags makes Python of definitions. Nothing in a file is run: of a bag's definitions it gets the names and types of
+fields only, and only where all of them are plain words.
 """
 
 from __future__ import annotations
 
+import keyword
+import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -24,6 +28,9 @@ from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_se
 
 _STAMP = "header.stamp"
 _DEPTH = 5  # of messages in messages
+_MOST_BESIDE = 4  # numbers of an array that becomes columns: a quaternion's
+_WORD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
+_PX4 = "px4_msgs/msg/"
 _SQLITE = b"SQLite format 3\0"
 _FIELD = "\t"  # between a topic and its field
 
@@ -37,7 +44,7 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
         if part:
             types = {topic: kind for topic, kind in types.items() if topic.strip("/") == part.strip("/")}
         if not types:
-            of = f"topic '{part}'" if part else "message of ROS's own types"
+            of = f"topic '{part}'" if part else "message of numbers whose type is known"
             others = f"; left out are {listed([f'{topic} ({kind})' for topic, kind in left_out.items()][:8])}"
             raise InputError(f"it has no {of}{others if left_out else ''}")
     topics: dict[str, dict[str, np.ndarray]] = {topic: {} for topic in types}
@@ -45,18 +52,25 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
         topic, _, field = name.partition(_FIELD)
         if topic in topics:
             topics[topic][field] = values
+    is_px4 = all(kind.startswith(_PX4) for kind in types.values())
+    if is_px4:  # its stamps are in microseconds
+        for columns in topics.values():
+            columns[_STAMP] = columns.get("timestamp", np.zeros(1)).astype(np.int64) * 1000
     measured = [topic for topic, columns in topics.items() if _STAMP in columns and columns[_STAMP].all()]
     stamps = {topic: columns[_STAMP if topic in measured else ""] for topic, columns in topics.items()}
     clocks, since = in_seconds(stamps, 1e9)
     imu, notes = _imu(types, topics)
     series = [column for topic, columns in topics.items() for column in _series(topic, columns, is_imu=topic in imu)]
     recorded = [topic for topic in topics if topic not in measured]
-    notes += [*(["stamps: header.stamp"] if measured else []), *since]
+    own = "stamps: the messages' timestamp" if is_px4 else "stamps: header.stamp"
+    notes += [*([own] if measured else []), *since]
     if recorded:
         notes.append(f"stamps: when messages were recorded, of {listed(recorded[:12])}")
     if left_out:
         notes.append(f"left out: {listed([f'{topic} ({kind})' for topic, kind in left_out.items()][:12])}")
-    return RawLog(kind=facts["kind"], series=tuple(series), clocks=clocks, notes=tuple(notes))
+    return RawLog(
+        kind=facts["kind"], series=tuple(series), clocks=clocks, notes=tuple(notes), attitude_from_gyros=is_px4
+    )
 
 
 def _series(topic: str, columns: dict[str, np.ndarray], *, is_imu: bool) -> list[RawSeries]:
@@ -91,12 +105,13 @@ def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
     size = 0
     with (Reader1 if is_first else Reader2)(Path(path)) as reader:
         types = {each.topic: each.msgtype for each in reader.connections}
+        for connection in reader.connections:
+            define(store, connection.msgtype, connection.msgdef.data, connection.msgdef.format.name)
         for topic, kind in types.items():
-            found_paths = list(_numbers(store, kind, "", 0)) if kind in store.fielddefs else []
-            paths = [each for each in found_paths if each is not None]
-            if paths and len(paths) == len(found_paths):
-                fields[topic] = (paths, attrgetter(*paths, paths[0]))  # of two it is always a tuple
-                columns[topic], stamps[topic] = [array("d") for _ in paths], array("q")
+            told = numbers_of(store, kind)
+            if told is not None:
+                fields[topic] = told
+                columns[topic], stamps[topic] = [array("d") for _ in told[0]], array("q")
         known = [each for each in reader.connections if each.topic in fields]
         for connection, stamp_ns, data in reader.messages(connections=known) if known else ():
             size += len(data)
@@ -121,14 +136,42 @@ def arrays(path: str) -> tuple[dict[str, Any], Arrays]:
     return {"types": read, "left_out": left_out, "kind": "ROS 1 bag" if is_first else "ROS 2 bag"}, found
 
 
-def _numbers(store: Any, kind: str, before: str, depth: int) -> Iterator[str | None]:
-    """Give where a message's numbers stand; None where it holds a list without end, as a picture's."""
+def define(store: Any, kind: str, text: str, language: str) -> None:
+    """Let a store know a type by its definition in a file, unless it knows it, or the definition isn't plain."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+    if kind in store.fielddefs or language not in ("MSG", "IDL"):
+        return
+    with suppress(Exception):  # rosbags raises nearly anything on garbage
+        told = get_types_from_msg(text, kind) if language == "MSG" else get_types_from_idl(text)
+        words = [word for name, (_, own) in told.items() for word in (*name.split("/"), *(field for field, _ in own))]
+        if all(_WORD.fullmatch(word) and not keyword.iskeyword(word) for word in words):
+            store.register({name: ([], own) for name, (_, own) in told.items() if name not in store.fielddefs})
+
+
+def numbers_of(store: Any, kind: str) -> tuple[list[str], Callable[[Any], Sequence[float]]] | None:
+    """Return the names of a type's numbers, and what gets them of a message; None where it isn't known, or has none."""
+    told = list(_numbers(store, kind, "", 0)) if kind in store.fielddefs else []
+    if not told or None in told:
+        return None
+    places = [each for each in told if each is not None]
+    get = attrgetter(*(path for path, _ in places), places[0][0])  # of two it is always a tuple
+    if all(count == 0 for _, count in places):
+        return [path for path, _ in places], get
+    names = [name for path, count in places for name in ([f"{path}[{k}]" for k in range(count)] if count else [path])]
+    return names, lambda message: np.hstack(get(message)).tolist()
+
+
+def _numbers(store: Any, kind: str, before: str, depth: int) -> Iterator[tuple[str, int] | None]:
+    """Give where a message's numbers stand, and how many there are of an array, 0 of one; None of lists without end."""
     for name, (node, what) in store.fielddefs[kind][1]:
         if node.name == "BASE":
             if what[0] not in ("string", "wstring"):
-                yield before + name
+                yield before + name, 0
         elif node.name == "NAME" and depth < _DEPTH:
             yield from _numbers(store, what, f"{before}{name}.", depth + 1)
+        elif node.name == "ARRAY" and what[0][0].name == "BASE" and what[1] <= _MOST_BESIDE:
+            yield before + name, what[1]
         elif node.name == "SEQUENCE":
             yield None
 

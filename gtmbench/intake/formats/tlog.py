@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
@@ -20,7 +20,7 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.documented import MAVLINK
+from gtmbench.intake.formats.dialects import MAVLINK, Documented
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first
 from gtmbench.values.clock import FloatArray
@@ -32,7 +32,8 @@ _MARKERS = {
     0xFD: (10, 7),
 }  # bytes of the header, and where the message's number is
 _SIGNED, _SIGNATURE_BYTES = 0x01, 13
-_RECEIVED = "received"
+RECEIVED = "received"
+"""Of a message's columns: when it was received, in s."""
 _CLOCKS = {"time_boot_ms": 1e3, "time_usec": 1e6}
 _ARDUPILOT = 3  # MAV_AUTOPILOT
 SYSTEM_TIME = "SYSTEM_TIME"
@@ -48,8 +49,8 @@ _OTHERS = (
     "RC_CHANNELS",
     "SCALED_PRESSURE",
 )
-_USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}  # of the hundreds of messages: what tells of motion
-
+USED = {topic for topic, _ in MAVLINK} | {*_OTHERS}
+"""Of the hundreds of messages: what tells of motion."""
 
 _TURNS = ("ATTITUDE", "HIGHRES_IMU", "RAW_IMU", "SCALED_IMU")  # what a system sends that flies
 _PACKET = re.compile(rb"[\xfe\xfd]")
@@ -63,8 +64,16 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
     mavlink = library("pymavlink.dialects.v20.ardupilotmega", path, _KIND)
     with reading(path, _KIND), quiet():
         systems, broken = _decoded(path.read_bytes(), mavlink)
-        number = _system(systems, part)
-    topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][_RECEIVED])))  # the fastest first
+        number = system_of(systems, part)
+    notes = [f"{broken} packets are broken and were passed over"] if broken else []
+    return log_of_messages(_KIND, systems, number, notes)
+
+
+def log_of_messages(
+    kind: str, systems: dict[int, Messages], number: int, notes: Sequence[str], documented: Documented = MAVLINK
+) -> RawLog:
+    """Return the log of what one of several systems sent."""
+    topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][RECEIVED])))  # the fastest first
     autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
     unplaced = _on_one_clock(topics)
     clocks = _clocks(topics)
@@ -74,27 +83,22 @@ def read_tlog(path: Path, part: str = "") -> RawLog:
             name=f"{name}.{field}",
             load=partial(np.asarray, column),
             clock=name,
-            meaning=MAVLINK.get((name, field)) if scaled or name != "RAW_IMU" else None,
+            meaning=documented.get((name, field)) if scaled or name != "RAW_IMU" else None,
         )
         for name, columns in topics.items()
         for field, column in columns.items()
-        if field != _RECEIVED and field not in _CLOCKS
+        if field != RECEIVED and field not in _CLOCKS
     ]
     others = ", ".join(str(each) for each in systems if each != number)
+    if others:
+        notes = [f"system {number}; not read: system {others}", *notes]
+    if unplaced:
+        notes = [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted", *notes]
     return RawLog(
-        kind=_KIND,
-        series=documented_first(series, [key for name in topics for key in MAVLINK if key[0] == name]),
+        kind=kind,
+        series=documented_first(series, [key for name in topics for key in documented if key[0] == name]),
         clocks=clocks,
-        notes=(
-            "units and axes are those of MAVLink's messages; times: the sender's, since it was switched on",
-            *([f"system {number}; not read: system {others}"] if others else []),
-            *(
-                [f"not read: {listed(unplaced)}, by a clock since 1970; no SYSTEM_TIME says when it booted"]
-                if unplaced
-                else []
-            ),
-            *([f"{broken} packets are broken and were passed over"] if broken else []),
-        ),
+        notes=("units and axes are documented; times: the sender's, since it was switched on, where it tells", *notes),
         by_name=False,
         attitude_from_gyros=True,
         is_received=True,
@@ -137,14 +141,14 @@ def _clocks(topics: Messages) -> dict[str, FloatArray]:
         for field, per_second in _CLOCKS.items()
         if field in columns
     }
-    late = [float(np.median(np.asarray(topics[name][_RECEIVED]) - time_s)) for name, time_s in clocks.items()]
+    late = [float(np.median(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
     after_s = float(np.median(late)) if late else 0.0
-    return {name: clocks.get(name, np.asarray(columns[_RECEIVED]) - after_s) for name, columns in topics.items()}
+    return {name: clocks.get(name, np.asarray(columns[RECEIVED]) - after_s) for name, columns in topics.items()}
 
 
-def _system(systems: dict[int, Messages], part: str) -> int:
+def system_of(systems: dict[int, Messages], part: str, turns: Sequence[str] = _TURNS) -> int:
     """Return the number of the system that is meant."""
-    flying = [number for number, messages in systems.items() if set(_TURNS) & set(messages)]
+    flying = [number for number, messages in systems.items() if set(turns) & set(messages)]
     if part:
         if part.isdigit() and int(part) in systems:
             return int(part)
@@ -152,7 +156,7 @@ def _system(systems: dict[int, Messages], part: str) -> int:
     if len(flying) == 1:
         return flying[0]
     if not flying:
-        raise InputError(f"no message of it tells how anything turns ({listed(_TURNS, 'or')})")
+        raise InputError(f"no message of it tells how anything turns ({listed(turns, 'or')})")
     raise InputError(f"systems {listed(map(str, sorted(flying)))} sent; say which is meant: --system {min(flying)}")
 
 
@@ -182,7 +186,7 @@ def packet_at(content: bytes, begin: int) -> PacketHeader | None:
 def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], int]:
     """Return what each system sent, and how many packets are broken."""
     decoder = mavlink.MAVLink(None)
-    kinds = {kind.id: kind for kind in mavlink.mavlink_map.values() if kind.msgname in _USED}
+    kinds = {kind.id: kind for kind in mavlink.mavlink_map.values() if kind.msgname in USED}
     getters = {number: _numbers(kind) for number, kind in kinds.items()}
     systems: dict[int, Messages] = {}
     place, whole, broken = 0, 0, 0
@@ -209,7 +213,7 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
         of = systems.setdefault(message.get_srcSystem(), {})
         columns = of.get(kinds[number].msgname)
         if columns is None:
-            columns = of[kinds[number].msgname] = {field: array("d") for field in (_RECEIVED, *fields)}
+            columns = of[kinds[number].msgname] = {field: array("d") for field in (RECEIVED, *fields)}
         received_us = int.from_bytes(content[begin - _STAMP_BYTES : begin], "big")
         for column, value in zip(columns.values(), (received_us / 1e6, *values_of(message)), strict=False):
             column.append(value)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import IO, Any
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.documented import PX4
+from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import (
     ANGLES,
@@ -27,7 +27,6 @@ from gtmbench.intake.formats.rflymad_injections import rflymad_injections
 from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events
 from gtmbench.intake.formats.ulog_injections import ulog_injections
-from gtmbench.intake.formats.ulog_servos import servo_series
 from gtmbench.intake.injections import Injection
 from gtmbench.values.clock import FloatArray
 
@@ -99,7 +98,7 @@ def read_ulog(path: Path) -> RawLog:
         notes = (*notes, "parts of the file are broken and were passed over")
     return RawLog(
         kind=kind,
-        series=(*documented_first(series, PX4), *servo_series(_settings(log.initial_parameters), topics)),
+        series=documented_first(series, PX4),
         clocks=clocks,
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
@@ -109,12 +108,6 @@ def read_ulog(path: Path) -> RawLog:
         ),
         injections=functools.partial(_injections, topics, clocks),
     )
-
-
-def _settings(parameters: Mapping[str, Any]) -> dict[str, float]:
-    """Return the autopilot's parameters that are numbers, as they were when the log began."""
-    numbers = {name: float(value) for name, value in parameters.items() if isinstance(value, int | float)}
-    return {name: value for name, value in numbers.items() if np.isfinite(value)}
 
 
 def _injections(topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray]) -> list[Injection]:

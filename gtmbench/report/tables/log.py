@@ -260,7 +260,8 @@ def _judgement(judged: Judgement) -> Mapping[str, Any]:
     """Return a judgement; `unit` is the likeliest sensor's, `parameter_units` has that of every parameter."""
     unit = unit_of(judged.axis or judged.candidates[0]) if judged.candidates else ""
     units = parameter_units(judged.kind, judged.parameters, unit) if judged.kind else {}
-    return vars(judged) | {"unit": unit, "parameter_units": units}
+    together = [_judgement(each) for each in judged.together]
+    return vars(judged) | {"together": together, "unit": unit, "parameter_units": units}
 
 
 def _names(watch: Watch) -> list[str]:

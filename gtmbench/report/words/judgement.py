@@ -168,11 +168,18 @@ def judgement_text(judged: Judgement) -> str:
     'p and q have changed places'
     """
     who = judged.verdict + (f" - {judged.reason}" if judged.reason else "")
+    if judged.together:
+        return "; ".join([who, *(f"{of}: {_kind_of(each)}" for each in judged.together for of in each.candidates[:1])])
     if judged.kind is None or judged.swapped:
         return who
+    kind = _kind_of(judged)
+    return f"{who}; {kind}" if judged.sensor is not None else f"{who}; if {judged.candidates[0]}, {kind}"
+
+
+def _kind_of(judged: Judgement) -> str:
+    """Say what kind of fault the likeliest sensor of a judgement has."""
     likeliest = judged.candidates[0] if judged.candidates else ""
-    kind = kind_text(judged.kind, judged.parameters, judged.errors, unit_of(likeliest), judged.partner)
-    return f"{who}; {kind}" if judged.sensor is not None else f"{who}; if {likeliest}, {kind}"
+    return kind_text(judged.kind or UNKNOWN, judged.parameters, judged.errors, unit_of(likeliest), judged.partner)
 
 
 def alarm_text(alarm: Alarm) -> str:

@@ -72,11 +72,11 @@ def of_alarm(
             [*last.candidates, *(axis_of(alarm.source) if alarm.source in concerned else concerned)]
         ):
             yield sensor, SensorSpan(start_s=since_s, end_s=passed_s, state=State.NOT_JUDGED, reason=reason)
-    elif last.sensor is not None:
-        named = (last.sensor, last.partner) if last.swapped else (last.sensor,)
-        for sensor in filter(None, named):
-            how = "" if last.kind else last.reason  # of a kind that no fit has: a GPS that lost its fix
-            yield _of_imu(sensor, last.imu, watched_imu), about(state=State.FAILED, reason=how, judgement=last)
+    elif last.failed:
+        for judged in last.together or (last,):
+            how = "" if judged.kind else judged.reason  # of a kind that no fit has: a GPS that lost its fix
+            for sensor in judged.failed:
+                yield _of_imu(sensor, judged.imu, watched_imu), about(state=State.FAILED, reason=how, judgement=judged)
     else:
         for sensor in last.candidates:
             claim = about(state=State.SUSPECTED, reason=last.reason, suspects=last.candidates, judgement=last)

@@ -89,7 +89,8 @@ def beyond(told: Sequence[Alarm], others: Sequence[Alarm]) -> tuple[Alarm, ...]:
 
 def _is_same(each: Alarm, alarm: Alarm) -> bool:
     until_s = np.inf if alarm.ended_s is None else alarm.ended_s
-    return each.sensor is not None and each.sensor == alarm.sensor and alarm.onset_s - _SOON_S <= each.time_s <= until_s
+    named = () if alarm.last is None else alarm.last.failed
+    return each.sensor in named and alarm.onset_s - _SOON_S <= each.time_s <= until_s
 
 
 def listened(learnt: Learnt, progress: Progress) -> Said:

@@ -309,6 +309,7 @@ def _alarm_text(alarm: Alarm, watched: WatchedLog) -> str:
         and (None in (told, each.number) or told == each.number)
         for name in each.channels
     }
-    if alarm.sensor is not None:
-        return NAMED if alarm.sensor in failed else WRONG
+    named = () if alarm.last is None else alarm.last.failed
+    if named:
+        return NAMED if {*named} <= failed else WRONG
     return EITHER_OR if set(alarm.candidates) & failed else WRONG

@@ -1,0 +1,130 @@
+"""When a fault ended: since when its sensor's readings are right again, and would have shown it.
+
+Of a kind that reads something definite, undoing it to the end has to be decisively worse than leaving the readings as
+they are since then. One that reads anything (noise, a tone, what belongs to no kind) has ended where its residual was
+loud and is as quiet as ever since, in motion as lively.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.diagnosis import DECISIVE
+from gtmbench.detectors.isolation.driving import suspect_through
+from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.health import MOST
+from gtmbench.detectors.isolation.readings import is_straighter
+from gtmbench.detectors.virtual import ANGLES
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.replacing import Stuck
+from gtmbench.values.channels import GYROS
+
+_END = 20.0  # nats
+# kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
+_ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
+_CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
+_QUIET_S = 5.0  # of them, until one has that reads anything
+_LOUD = 2.0  # times the power that was learnt, while it lasted
+_AS_LIVELY = 0.7  # of the rates while it lasted
+
+
+def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
+    """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
+
+    Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
+    explain the record decisively better than the fault undone to the end, and than the best fault that lasts, whose BIC
+    is `rival`: a saturation that isn't reached ends nothing. For gyros only: where an angle should be, the gyros can't
+    say for long.
+    """
+    fault = fault_of(best)
+    if fault is None or best.channel in ANGLES:
+        return None
+    suspect = suspect_through(case, best.channel, best.estimator)
+    if suspect is None:
+        return None
+    begun = suspect.time_s >= fault.onset_s
+    elapsed_s = suspect.time_s - fault.onset_s
+    virtual = suspect.expected
+    before = np.array([virtual[0]])
+    reads, _ = fault.distort(virtual[:, np.newaxis], elapsed_s, case.period_s, fault.begin(before))
+    added = np.where(begun, reads - virtual, 0.0)
+    shown = suspect.shown(added[np.newaxis])[0]
+    rows = case.judged.stop - case.judged.start
+    gain, over = np.zeros(rows), np.zeros(rows)  # of leaving the record as it is; what it has over what is tolerated
+    for i, output in enumerate(suspect.outputs):
+        if output in case.residuals.raw:
+            as_is = np.square(np.clip(suspect.white[i], -MOST, MOST))
+            undone = np.square(np.clip(suspect.white[i] - shown[i], -MOST, MOST))
+            gain += 0.5 * np.nan_to_num(undone - as_is)
+            over += np.nan_to_num(as_is - case.monitor.tolerances[output].high)
+    ended = int(np.argmax(np.cumsum(gain[::-1])[::-1]))  # since then, leaving it gains most
+    clear = ended + 1 + max(case.monitor.whiteners[output].order for output in case.residuals.raw)
+    since = rows - clear  # whitening remembers the fault
+    if since * case.period_s < _CLEAR_S:
+        return None
+    # whitening smears the end: of the rows before, the one that explains most
+    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
+    trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
+    deviances = suspect.deviances(suspect.white - suspect.shown(trials))
+    ended = int(ends[np.argmin(deviances)])
+    lasting = float(deviances.min()) + suspect.elsewhere + (len(best.parameters) + 1) * float(np.log(max(rows, 2)))
+    healthy = over[clear:].sum() <= 6.0 * np.sqrt(2.0 * since * len(shown))
+    healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
+    if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
+        return None
+    return round(float(case.record.time_s[case.judged.start + ended]), 9)
+
+
+def quiet_since_s(case: Case, channel: str) -> float | None:
+    """Return since when a gyro's residual is as quiet as ever that was loud before, while its fault lasted; or None.
+
+    With the power P of n whitened samples e(k) until then, and 1 since, the samples since are likelier by the sum of
+    (log P + e(k)^2 / P - e(k)^2) / 2 nats.
+    """
+    if channel not in GYROS or channel not in case.residuals.raw or channel in case.driving:
+        return None
+    white = case.white[channel][case.judged]
+    squares = np.square(np.clip(np.nan_to_num(white), -MOST, MOST))
+    rows, least = len(squares), round(_QUIET_S / case.period_s)
+    ends = np.arange(least, rows - least)
+    if not len(ends):
+        return None
+    until = np.cumsum(squares)
+    power = np.maximum(until[ends - 1] / ends, 1e-12)
+    since, count = until[-1] - until[ends - 1], rows - ends
+    likelier = -0.5 * (ends * np.log(power) + ends + since)
+    best = int(np.argmax(likelier))
+    end, gain = int(ends[best]), 0.5 * (count * np.log(power) + since / power - since)[best]
+    tolerance = case.monitor.tolerances[channel].high
+    is_quiet = since[best] - count[best] * tolerance <= 6.0 * np.sqrt(2.0 * count[best])
+    if power[best] < _LOUD or gain < _END or not is_quiet or not _is_as_lively(case, channel, end):
+        return None
+    if is_straighter(case.record[channel][case.judged][end:], case.habits.get(channel)):
+        return None
+    return round(float(case.record.time_s[case.judged.start + end]), 9)
+
+
+def _is_as_lively(case: Case, channel: str, end: int) -> bool:
+    """Tell whether the aircraft turned about a gyro's axis after a row of those judged as it did before."""
+    turning = np.abs(np.nan_to_num(case.virtual[channel][case.judged]))
+    return bool(turning[end:].mean() >= _AS_LIVELY * turning[:end].mean())
+
+
+def fault_of(fit: FittedHypothesis) -> Fault | None:
+    """Return the fault that a fit tells of, where that reads something definite."""
+    parameters = dict(fit.parameters)
+    onset_s = parameters.pop("onset_s", -1e9)
+    if fit.kind in ("jam", "hardover", "stuck"):
+        return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
+    cls = FAULTS.get(fit.kind)
+    if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):
+        return None
+    names = {each.name for each in cls.parameters()}
+    if fit.kind in _ENDLESS or not set(parameters) <= names:
+        return None
+    figures: dict[str, Any] = parameters
+    return cls(channel=fit.channel, onset_s=onset_s, **figures)
