@@ -36,7 +36,7 @@ _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
-_MAG = "magnetometer"
+_MAG, NOISE = "magnetometer", "noise"
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
 _OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
@@ -195,7 +195,7 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
 
 def _in_units(course: Course, finding: Finding) -> Finding:
     """Return a finding whose size is in its channel's unit."""
-    unit = course.unit_of(finding.best.suspect)
+    unit = 1.0 if finding.best.kind == NOISE else course.unit_of(finding.best.suspect)
     low, high = sorted(unit * bound for bound in finding.interval)
     return replace(finding, size=unit * finding.size, interval=(low, high))
 
@@ -227,7 +227,7 @@ def _few(finding: Finding) -> list[str]:
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others
+    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others and finding.best.kind != NOISE
     return ["one comparison alone shows it"] if is_alone else []
 
 
@@ -258,7 +258,8 @@ def _livelier(flight: Flight, finding: Finding) -> list[str]:
 
 def _field(finding: Finding) -> list[str]:
     """Name no magnetometer: iron at headings that are new, and what motors draw, do the same."""
-    return ["motors' currents and iron do the same"] if _MAG in sensors_of(finding) else []
+    is_told = _MAG in sensors_of(finding) and finding.best.kind != NOISE
+    return ["motors' currents and iron do the same"] if is_told else []
 
 
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:

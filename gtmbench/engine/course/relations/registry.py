@@ -12,6 +12,7 @@ from gtmbench.engine.course.relations import (
     gps_air,
     gps_altitude,
     gps_force,
+    roughness,
 )
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import names_of
@@ -35,4 +36,5 @@ def compared(channels: Collection[str]) -> list[tuple[str, ...]]:
 
 def relations_of(course: Course) -> tuple[Relation, ...]:
     """Return the relations of a course."""
-    return tuple(each.relation(course) for each in RELATIONS if course.has(*each.NEEDS))
+    found = tuple(each.relation(course) for each in RELATIONS if course.has(*each.NEEDS))
+    return (*found, roughness.relation(course)) if roughness.told_of(course) else found
