@@ -39,7 +39,7 @@ class Curve:
 
 
 def curves_of(
-    model: Model, found: Sequence[Finding], unit_of: Callable[[str], float] = lambda _: 1.0
+    model: Model, found: Sequence[Finding], unit_of: Callable[[Finding], float] = lambda _: 1.0
 ) -> tuple[Curve, ...]:
     """Return what shows that somebody may have failed, an equation each; those that accuse come first.
 
@@ -49,13 +49,13 @@ def curves_of(
         With the findings taken away.
     found : sequence of Finding
     unit_of : callable
-        From a suspect to what an error of one in its relations is in the finding's unit.
+        From a finding to what an error of one in its relations is in the finding's unit.
     """
     faults = [each for each in found if not (each.best.is_healthy or each.is_frozen)]
     return tuple(
         curve
         for each in sorted(faults, key=lambda each: not each.accuses)
-        for curve in _curves(model, each, each.size / unit_of(each.best.suspect))
+        for curve in _curves(model, each, each.size / unit_of(each))
     )
 
 

@@ -163,7 +163,9 @@ def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
     none = np.zeros(len(flight))
     steps_s = {name: each.step_s for name, each in sensors.items()}
     noise = {name: _noise(flight, each, edges, UNITS.get(name, 1.0)) for name, each in sensors.items()}
-    course = Course(flight=flight, matrices=flight.matrices, read=read | dict.fromkeys(WIND, none), noise=noise, steps_s=steps_s)
+    course = Course(
+        flight=flight, matrices=flight.matrices, read=read | dict.fromkeys(WIND, none), noise=noise, steps_s=steps_s
+    )
     if not {*GPS_VELOCITY} <= sensors.keys():
         return course
     return _with_gps(course, [sensors[name] for name in GPS_VELOCITY], edges)

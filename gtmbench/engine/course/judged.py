@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
+from gtmbench.engine.course.jumps import STAYS_S, jumps
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
@@ -52,6 +54,8 @@ class CourseJudged:
     course : Course
     stands : tuple of (channel, span, reading)
         Which channels read one value.
+    jumped : tuple of (channel, time, size)
+        Which channels jump, when and by how much.
     model : Model or None
         The course's equations, with everything that was found taken away; None where no relation holds.
     """
@@ -59,12 +63,13 @@ class CourseJudged:
     found: tuple[Finding, ...]
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
+    jumped: tuple[tuple[str, float, float], ...] = ()
     model: Model | None = field(default=None, repr=False)
 
     @property
     def curves(self) -> tuple[Curve, ...]:
         """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
-        return () if self.model is None else curves_of(self.model, self.found, self.course.unit_of)
+        return () if self.model is None else curves_of(self.model, self.found, partial(_unit_of, self.course))
 
     @property
     def claims(self) -> tuple[Claim, ...]:
@@ -78,20 +83,12 @@ class CourseJudged:
 
     @property
     def standing(self) -> tuple[Claim, ...]:
-        """Which sensors stand still while the aircraft flies."""
-        return tuple(self._stands(*each) for each in self.stands)
-
-    def _stands(self, channel: str, span: Span, reads: float) -> Claim:
-        sensor = names_of(channel)[-1]
-        judgement = Judgement(
-            time_s=span[0] + LEAST_S,
-            sensor=sensor,
-            candidates=(sensor,),
-            kind=FROZEN,
-            parameters={"value": reads, "onset_s": span[0]},
-            axis=_axis_of(channel),
+        """Which sensors show by their own readings that they failed: they stand still in flight, or jump."""
+        end_s = self.course.flight.flown_s[1]
+        return (
+            *(_own(channel, span, FROZEN, "value", reads, LEAST_S) for channel, span, reads in self.stands),
+            *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
-        return next(claims_of(judgement, (sensor,), span))
 
     @property
     def accused(self) -> tuple[Claim, ...]:
@@ -141,6 +138,20 @@ class CourseJudged:
         yield from claims_of(judgement, suspects, (finding.onset_s, finding.end_s), reason)
 
 
+def _own(channel: str, span: Span, kind: str, name: str, size: float, shows_s: float) -> Claim:
+    """Return a claim of a sensor that shows by itself that it failed."""
+    sensor = names_of(channel)[-1]
+    judgement = Judgement(
+        time_s=span[0] + shows_s,
+        sensor=sensor,
+        candidates=(sensor,),
+        kind=kind,
+        parameters={name: size, "onset_s": span[0]},
+        axis=_axis_of(channel),
+    )
+    return next(claims_of(judgement, (sensor,), span))
+
+
 def sensors_of(finding: Finding) -> tuple[str, ...]:
     """Return the sensors that may be behind a finding, those of several channels as one; causes that fail not are left.
 
@@ -168,12 +179,13 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
+    jumped = tuple(each for each in jumps(sensors, flight.flown_s) if names_of(each[0])[-1] not in still)
     relations = relations_of(course)
     if not relations:
-        return CourseJudged(found=(), course=course, stands=stands)
+        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
     findings = found_by(flight, relations, explanations_of(course))
     doubted = (_in_units(course, each) for each in _doubted(flight, findings.found))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands, model=findings.model)
+    return CourseJudged(found=tuple(doubted), course=course, stands=stands, jumped=jumped, model=findings.model)
 
 
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
@@ -195,9 +207,14 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
 
 def _in_units(course: Course, finding: Finding) -> Finding:
     """Return a finding whose size is in its channel's unit."""
-    unit = 1.0 if finding.best.kind == NOISE else course.unit_of(finding.best.suspect)
+    unit = _unit_of(course, finding)
     low, high = sorted(unit * bound for bound in finding.interval)
     return replace(finding, size=unit * finding.size, interval=(low, high))
+
+
+def _unit_of(course: Course, finding: Finding) -> float:
+    """Return what an error of one is in a finding's unit; a noise's is a logarithm."""
+    return 1.0 if finding.best.kind == NOISE else course.unit_of(finding.best.suspect)
 
 
 def _moves(flight: Flight, span: Span) -> bool:
@@ -213,7 +230,8 @@ def _moves(flight: Flight, span: Span) -> bool:
 def _doubted(flight: Flight, found: Sequence[Finding]) -> Iterator[Finding]:
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
-        reasons = [*_few(told), *_short(flight, told), *_livelier(flight, told), *_field(told), *_beside(each, found)]
+        rest = [other for other in found if other is not each]
+        reasons = [*_few(told), *_short(flight, told), *_livelier(flight, told), *_field(told), *_beside(told, rest)]
         yield replace(told, doubt="; ".join(reasons))
 
 
@@ -263,12 +281,15 @@ def _field(finding: Finding) -> list[str]:
 
 
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:
-    """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything."""
-    others = [other for other in found if other is not finding and other.is_healthy]
-    others = [other for other in others if other.meets(finding.first, finding.last)]
+    """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything.
+
+    Nor by one comparison what may be left of a stronger error in it.
+    """
+    others = [other for other in found if other.meets(finding.first, finding.last)]
     alike = [other for other in others if _shown_by(finding) & _shown_by(other)]
-    strong = [other for other in alike if other.evidence > _BESIDE * finding.evidence]
-    return [f"{other.best.suspect} explains as much beside it" for other in strong[:1]]
+    strong = [other for other in alike if other.is_healthy and other.evidence > _BESIDE * finding.evidence]
+    more = [other for other in alike if finding.others and other.evidence > finding.evidence]
+    return [f"{other.best.suspect} explains as much beside it" for other in (*strong, *more)[:1]]
 
 
 def _axis_of(channel: str) -> str:
