@@ -39,6 +39,8 @@ _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than els
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
 _MAG, NOISE = "magnetometer", "noise"
+# of the field: the most that motors' currents add, by ArduPilot's limit of what can be flown with; in a tenth of a span
+_BY_CURRENTS, _MOST_OF_IT = 0.6, 0.9
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
 _OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
@@ -184,7 +186,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = (_in_units(course, each) for each in _doubted(flight, findings.found))
+    doubted = (_in_units(course, each) for each in _doubted(course, findings.found))
     return CourseJudged(found=tuple(doubted), course=course, stands=stands, jumped=jumped, model=findings.model)
 
 
@@ -227,11 +229,13 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(flight: Flight, found: Sequence[Finding]) -> Iterator[Finding]:
+def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
+    flight = course.flight
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
         rest = [other for other in found if other is not each]
-        reasons = [*_few(told), *_short(flight, told), *_livelier(flight, told), *_field(told), *_beside(told, rest)]
+        own = [] if _is_its_own(course, told) else [*_few(told), *_field(told)]
+        reasons = [*own, *_short(flight, told), *_livelier(flight, told), *_beside(told, rest)]
         yield replace(told, doubt="; ".join(reasons))
 
 
@@ -240,12 +244,32 @@ def _shown_by(finding: Finding) -> set[str]:
     return {name for name, _, _ in finding.shown_by}
 
 
+def _is_its_own(course: Course, finding: Finding) -> bool:
+    """Tell whether nothing but the one sensor that is left makes what a single comparison shows.
+
+    A noise from reading to reading, or a field that is read so much stronger than anywhere else that no attitude, no
+    iron and no motor's current can be behind it.
+    """
+    if len(sensors_of(finding)) > 1 or finding.is_healthy:
+        return False
+    if finding.best.kind == NOISE:
+        return True
+    if _MAG not in sensors_of(finding):
+        return False
+    inside = blocks_of_cells(finding.first, finding.last, len(course.flight))
+    read = np.linalg.norm(course.field, axis=1)
+    there, rest = (read[rows & np.isfinite(read)] for rows in (inside, ~inside & course.flight.flown))
+    if not len(there) or not len(rest):
+        return False
+    return bool(np.quantile(there, _MOST_OF_IT) - rest.max() > _BY_CURRENTS * course.strength)
+
+
 def _few(finding: Finding) -> list[str]:
     """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault."""
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others and finding.best.kind != NOISE
+    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others
     return ["one comparison alone shows it"] if is_alone else []
 
 
@@ -276,8 +300,7 @@ def _livelier(flight: Flight, finding: Finding) -> list[str]:
 
 def _field(finding: Finding) -> list[str]:
     """Name no magnetometer: iron at headings that are new, and what motors draw, do the same."""
-    is_told = _MAG in sensors_of(finding) and finding.best.kind != NOISE
-    return ["motors' currents and iron do the same"] if is_told else []
+    return ["motors' currents and iron do the same"] if _MAG in sensors_of(finding) else []
 
 
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:
