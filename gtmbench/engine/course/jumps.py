@@ -11,16 +11,16 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from gtmbench.engine.samples import Samples
-from gtmbench.values.channels import FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT
+from gtmbench.values.channels import FT_S_PER_KT, G_M_S2, M_PER_FT
 from gtmbench.values.record import Span
 
-# the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft climbs at 100 m/s, is
-# pulled by 5 g for as long as a GPS needs for a reading, or meets a gust that grows as fast
-_JUMPS: Mapping[str, tuple[float, float]] = (
-    dict.fromkeys(GPS_VELOCITY, (3.0, 2.5 * G_M_S2))
-    | {"altitude": (10.0 / M_PER_FT, 100.0 / M_PER_FT)}
-    | {"tas": (5.0 / (FT_S_PER_KT * M_PER_FT), 2.5 * G_M_S2 / (FT_S_PER_KT * M_PER_FT))}
-)
+# the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft of these climbs at
+# 100 m/s, or meets a gust that grows by 2.5 g; jumps of a GPS are judged by the force beside it, in `gps_itself`
+_M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)
+_JUMPS: Mapping[str, tuple[float, float]] = {
+    "altitude": (10.0 / M_PER_FT, 100.0 / M_PER_FT),
+    "tas": (5.0 * _M_S, 2.5 * G_M_S2 * _M_S),
+}
 _OF_OTHERS = 4.0  # times the next largest change between two readings
 _BESIDE_S = 15.0  # before and behind it is flown; what begins later may be a landing
 STAYS_S, _STAYS = 2.0, 0.5  # its share of what medians before and behind are apart
@@ -67,6 +67,8 @@ def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -
         return
     before = values[(time_s < at_s) & (time_s >= at_s - STAYS_S)]
     behind = values[(time_s >= at_s) & (time_s < at_s + STAYS_S)]
+    if not (np.ptp(before) > 0.0 and np.ptp(behind) > 0.0):
+        return  # it stands still, or wasn't on before
     stays = float(np.median(behind) - np.median(before)) / size > _STAYS
     if stays and flown_s[0] + _BESIDE_S < at_s < flown_s[1] - _BESIDE_S:
         yield name, at_s, size
