@@ -60,7 +60,7 @@ def _as_turned(course: Course) -> FloatArray:
         return np.zeros((count, 3))
     design = np.concatenate([course.matrices.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (count, 3, 3))], axis=2)
     whole, _, _, _ = np.linalg.lstsq(design[there].reshape(-1, 6), read[there].ravel(), rcond=None)
-    return np.einsum("nji,j->ni", np.nan_to_num(course.matrices), whole[:3])
+    return np.asarray(np.einsum("nji,j->ni", np.nan_to_num(course.matrices), whole[:3]))
 
 
 def _turned(of: Course, course: Course) -> FloatArray:
