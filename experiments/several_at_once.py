@@ -32,7 +32,7 @@ from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
 EXCITATIONS = ("doublets+turbulence", "dissertation+turbulence", "multisine+turbulence")
-FIRST_SEED = 620_001  # of the report; seeds from 610,001 on were looked at while building
+FIRST_SEED = 660_001  # of the report; seeds from 610,001 to 650,000 were looked at while building
 CALIBRATION_FLIGHTS, CALIBRATION_S = 20, 300.0
 DURATION_S, ONSET_S, WATCHED_FROM_S = 170.0, 90.0, 10.0
 APART_S = (0.0, 0.5, 3.0, 8.0, 30.0)

@@ -278,7 +278,7 @@ class Fitter:
             times = {channel: 1.0, own(channel): 1.0 / ALIKE}
             known = zip(self.suspect.outputs, self.suspect.there, strict=True)
             count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
-            return count * float(np.mean(np.log(np.maximum(np.square(kept), _LEAST_GAIN**2))))
+            return count * float(np.mean(np.log(np.clip(np.square(kept), _LEAST_GAIN**2, 1.0))))
         if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
             return 0.0
         weight = min(max(float(self.weights(*names)[names.index("x")]), -_MOST_GAIN), _MOST_GAIN)

@@ -22,6 +22,7 @@ from gtmbench.detectors.isolation.search import (
     hysteresis_step,
     rate_limited_step,
 )
+from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 
 _REPLACED = 0.1  # of the signal, may be left of it
@@ -253,12 +254,8 @@ def _scaled(name: str, value: float, share: float) -> Parameters:
 def _quantised(fitter: Fitter) -> Iterator[Fit]:
     """Give the fit of a coarse reading: its values are whole multiples of a quantum, which the readings show."""
     suspect = fitter.suspect
-    judged = suspect.measured[suspect.judged]
-    values = np.unique(np.round(judged[np.isfinite(judged)], 9))
-    if not 1 < len(values) <= max(len(judged) // 4, 2):
-        return
-    quantum = float(np.min(np.diff(values)))
-    if quantum <= 0.0 or np.abs(values / quantum - np.rint(values / quantum)).max() > 1e-3:
+    quantum = quantum_of(suspect.measured[suspect.judged])
+    if quantum is None:
         return
     yield Fit(
         kind="quantisation",

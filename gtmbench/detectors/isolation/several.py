@@ -8,8 +8,9 @@ own readings alone: what another axis shows is another fault's.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,20 +21,26 @@ from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
+from gtmbench.detectors.isolation.standing import rounded, standing_beside, standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.faults.replacing import Jam, Stale
 from gtmbench.values.channels import GYROS, axis_of
-from gtmbench.values.record import BoolArray, FloatArray, runs
+from gtmbench.values.record import FloatArray
 
 SEVERAL = "several sensors are hit at once"
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
-_OFTEN, _OFTENER = 10.0, 4.0  # rows that repeat in several channels at once, beyond so many times as before
-_TOGETHER = 0.8  # of the rows that any channel repeats, that all do
 _IN_TUNE = 1.05  # times the frequency of another tone
+_FITTING = 0.5  # of what a residual has beyond chance, that a fault explains
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
+
+
+class _Part(NamedTuple):
+    """What is said of one residual by itself, and by how much of BIC that explains it."""
+
+    judged: Judgement
+    gain: float
 
 
 def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()) -> Judgement:
@@ -49,17 +56,33 @@ def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, wit
     without : iterable of str
         Families of hypotheses that aren't tried.
     """
-    standing = _standing(case)
-    if standing is not None:
-        return standing
+    together = standing_still(case) or rounded(case)
+    if together:
+        return _together(case, together)
+    told = _weighed(case, ranking, first, tuple(without))
+    others = standing_beside(case, told)
+    if not others:
+        return told
+    # an angle that stands still enters the other axes: what they show is its own
+    axes = {name for each in others if each.sensor in ANGLES for name in axis_of(str(each.sensor))}
+    named = [each for each in told.together or (told,) if each.failed and (not axes or each.sensor in axes)]
+    both = [*named, *others]
+    return _together(case, both) if len(both) > 1 else both[0]
+
+
+def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: tuple[str, ...]) -> Judgement:
+    """Return what the residuals say of a case."""
     hit = _hit(case, ranking, first)
-    if hit is None:
-        return judge(case, ranking, first)
-    parts, gains = _parts(case, hit, first, tuple(without))
-    with_angle = _with_own_angle(case, hit, parts, gains)
-    if with_angle is not None:
-        return with_angle
-    return _merged(case, parts)
+    parts = {} if hit is None else _parts(case, hit, first, without)
+    if hit is None or not _is_beyond(case, parts, ranking[0]):
+        told = judge(case, ranking, first)
+        gone = {*case.together, *case.others} - {*case.residuals.raw}
+        if not gone or told.sensor is None:
+            return told
+        own = {case.source: _Part(told, case.deviance - ranking[0].bic)}
+        return _with_own_angle(case, own, gone) or told
+    alarmed = {*parts, *case.together, *case.others}
+    return _with_own_angle(case, parts, alarmed) or _merged(case, _of_their_own(case, parts))
 
 
 def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> list[str] | None:
@@ -69,7 +92,11 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     best = ranking[0] if ranking else None
     if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
         return None
-    hit = [output for output in case.residuals.raw if output == case.source or _is_hit(case, output)]
+    hit = [
+        output
+        for output, far in case.sickness.items()
+        if output == case.source or far > 1.0 or _is_loud(case.white[output][case.judged])
+    ]
     if set(hit) <= set(axis_of(best.channel)):
         return None
     if any(_explains_all(suspect, hit) for suspect in suspects_in(case, ANGLES)):
@@ -77,14 +104,21 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     return [output for output in hit if output == case.source or output not in case.others]
 
 
-def _is_hit(case: Case, output: str) -> bool:
-    """Tell whether a residual is sick, or holds much more than chance, though no window of it is beyond a threshold."""
-    return case.sickness[output] > 1.0 or _is_loud(case.white[output][case.judged])
+def _is_beyond(case: Case, parts: Iterable[str], best: FittedHypothesis) -> bool:
+    """Tell whether another axis than the best one's is sick, or has a fault of its own."""
+    sick = (output for output, far in case.sickness.items() if far > 1.0)
+    return not {*parts, *sick} <= set(axis_of(best.channel))
 
 
 def _is_loud(white: FloatArray) -> bool:
+    """Tell whether a residual holds much more than chance, though no window of it is beyond a threshold."""
     count = int(np.isfinite(white).sum())
     return energy(white) - count > max(_PLAIN, _LOUDER * count)
+
+
+def _excess(case: Case, output: str) -> float:
+    """Return by how much a residual holds more than chance, of -2 log likelihood."""
+    return case.energies[output] - float(np.isfinite(case.white[output][case.judged]).sum())
 
 
 def _explains_all(angle: Suspect, hit: Sequence[str]) -> bool:
@@ -112,51 +146,61 @@ def _left_by(suspect: Suspect, outputs: Sequence[str]) -> Iterator[FloatArray]:
             yield suspect.case.white[output][suspect.case.judged]
 
 
-def _parts(
-    case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]
-) -> tuple[dict[str, Judgement], dict[str, float]]:
-    """Return what is said of each residual by itself, but of those that an angle heals which is named of another."""
-    parts: dict[str, Judgement] = {}
-    gains: dict[str, float] = {}
-    for output in outputs:
-        alone = _alone(case, output)
+def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[str, ...]) -> dict[str, _Part]:
+    """Return what is said of each residual by itself, its own first; of others only where that is a fault.
+
+    Noise that wanders, or is a little louder than what was learnt, is none; but it may be the same noise as its own.
+    """
+    parts: dict[str, _Part] = {}
+    healthy = [name for name, far in case.sickness.items() if far <= 1.0 and name not in outputs]
+    for output in sorted(outputs, key=lambda output: output != case.source):
+        alone = _alone(case, output, healthy)
         ranking = ranked_hypotheses(alone, alone.suspects, without)
-        signature = replace(first, candidates=alone.suspects)
-        gains[output] = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
-        parts[output] = judge(alone, ranking, signature)
-    for output, judged in tuple(parts.items()):
-        if judged.sensor in ANGLES and output in parts:
-            (angle,) = suspects_in(case, [str(judged.sensor)])
-            for other in [name for name in parts if name != output and would_heal(angle, name)]:
-                if parts[other].sensor not in ANGLES:
-                    del parts[other]
-    return parts, gains
+        judged = judge(alone, ranking, replace(first, candidates=alone.suspects))
+        gain = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
+        own_kind = parts[case.source].judged.kind if parts else None
+        is_fitting = case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output)
+        is_same = judged.doubt == NOISE_CHANGED and judged.kind == own_kind
+        if output == case.source and gain < DECISIVE:  # a moment, which any angle's step may have been
+            judged = replace(first, time_s=case.end_s, reason=SEVERAL)
+        if output == case.source or (is_fitting and (is_same or not judged.doubt)):
+            parts[output] = _Part(judged, gain)
+    return parts
 
 
-def _with_own_angle(
-    case: Case, hit: Sequence[str], parts: Mapping[str, Judgement], gains: Mapping[str, float]
-) -> Judgement | None:
+def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement]:
+    """Return what is said of all parts, but of those that an angle heals which is named of another."""
+    told = {output: part.judged for output, part in parts.items()}
+    for output, part in parts.items():
+        if part.judged.sensor in ANGLES and output in told:
+            (angle,) = suspects_in(case, [str(part.judged.sensor)])
+            for other in [name for name in told if name != output and told[name].sensor not in ANGLES]:
+                if would_heal(angle, other):
+                    del told[other]
+    return told
+
+
+def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -> Judgement | None:
     """Return what is said where an angle makes the other axes' residuals what they are, and its own gyro failed, too.
 
     What the angle should read isn't known then, for that gyro integrates to it. But the other axes' residuals are its
-    change times their motion: where some sum of what the gyro says, a constant, a ramp and its own reading heals them,
-    it is the angle that they tell of.
+    change times their motion: where a smooth change of it explains them as well as faults of theirs do, it may be the
+    angle that they tell of. `alarmed` are the residuals of axes of which that may be.
     """
-    alarmed = {*hit, *case.together, *case.others}
     for angle in suspects_in(case, ANGLES):
         axis = axis_of(angle.channel)
-        others = [output for output in hit if output not in axis]
+        others = [output for output in parts if output not in axis]
         if not others or not alarmed & set(axis):
             continue
-        judged = next((parts[output] for output in axis if output in parts), None)
-        explained = sum(gains[output] for output in others)
+        judged = next((parts[output].judged for output in axis if output in parts), None)
+        explained = sum(parts[output].gain for output in others)
         is_named = judged is not None and judged.sensor == angle.channel
         gain = _gain(angle, others, is_named=is_named or judged is None)
         if gain < (_PARTLY if is_named else _NEARLY) * explained:
             continue
         if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
-            names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.candidates)])
-            told = judged or parts[case.source]
+            names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.judged.candidates)])
+            told = judged or parts[case.source].judged
             return replace(told, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
         gyro = next(name for name in axis if name != angle.channel)
         other = angle.channel if judged.sensor == gyro else gyro
@@ -168,7 +212,8 @@ def _with_own_angle(
 def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
     """Return by how much of BIC some smooth change of an angle explains other axes' residuals; -inf if it can't.
 
-    It is a constant, a ramp, a share of its own reading, and of one that is named what it reads beside its gyro's.
+    It is a constant, a ramp, a share of its own reading or of how that turns, and of one that is named what it reads
+    beside its gyro's.
     """
     off = angle.off
     angle = Suspect.as_read(angle.case, angle.channel)
@@ -177,7 +222,8 @@ def _gain(angle: Suspect, outputs: Sequence[str], *, is_named: bool) -> float:
         return -np.inf
     since_s = np.where(angle.begun, angle.time_s - angle.time_s[angle.onset], 0.0)
     reading = np.where(angle.begun, np.nan_to_num(angle.measured), 0.0)
-    changes = [1.0 * angle.begun, since_s, reading, *([off] if is_named else [])]
+    rate = np.where(angle.begun, np.gradient(np.nan_to_num(angle.measured)), 0.0)
+    changes = [1.0 * angle.begun, since_s, reading, rate, *([off] if is_named else [])]
     shapes = angle.shown(np.array(changes))[:, rows]
     white = angle.white[rows]
     there = np.isfinite(white)
@@ -201,17 +247,20 @@ def _together(case: Case, named: Sequence[Judgement]) -> Judgement:
     )
 
 
-def _alone(case: Case, output: str) -> Case:
-    """Return a case of one residual, with the gyro and the angle of its axis as suspects."""
-    raw = {output: case.residuals.raw[output]}
+def _alone(case: Case, output: str, healthy: Sequence[str]) -> Case:
+    """Return a case of one residual and of those that are healthy, with the gyro and the angle of its axis as suspects.
+
+    Healthy ones speak against the angle, which would enter them.
+    """
+    residuals = replace(case.residuals, raw={name: case.residuals.raw[name] for name in (output, *healthy)})
     suspects = tuple(name for name in case.monitor.bank.suspects if name in axis_of(output))
     return replace(
         case,
-        residuals=replace(case.residuals, raw=raw),
+        residuals=residuals,
         suspects=suspects,
         source=output,
         others=frozenset(),
-        together=frozenset(raw),
+        together=frozenset([output]),
     )
 
 
@@ -224,12 +273,13 @@ def _merged(case: Case, parts: Mapping[str, Judgement]) -> Judgement:
     if all(judged.sensor is not None and not judged.doubt for judged in named):
         return _together(case, named)
     told = [judged for judged in telling if judged.candidates] or telling[:1]
-    kinds = {judged.kind for judged in told}
-    return Judgement(
+    likeliest = told[0] if len({judged.kind for judged in told}) == 1 else replace(told[0], kind=None, parameters={})
+    return replace(
+        likeliest,
         time_s=case.end_s,
         sensor=None,
+        partner=None,
         candidates=tuple(dict.fromkeys(name for judged in told for name in judged.candidates)),
-        kind=kinds.pop() if len(kinds) == 1 else None,
         reason=SEVERAL,
         doubt=told[0].doubt if all(judged.doubt for judged in told) else "",
     )
@@ -247,57 +297,13 @@ def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
     tones = [judged.parameters["frequency_hz"] for judged in parts if "frequency_hz" in judged.parameters]
     if tones and max(tones) > _IN_TUNE * min(tones):
         return []
-    gyros = [next((name for name in judged.candidates if name in GYROS), None) for judged in parts]
-    if None in gyros or any(judged.sensor in ANGLES for judged in parts):
+    likeliest = [next(iter(judged.candidates), "") for judged in parts]
+    if not {*likeliest} <= {*GYROS}:
         return []
     return [
-        judged if judged in sure else replace(judged, sensor=gyro, candidates=(str(gyro),), reason="", doubt="")
-        for judged, gyro in zip(parts, gyros, strict=True)
+        judged if judged in sure else replace(judged, sensor=gyro, candidates=(gyro,), reason="", doubt="")
+        for judged, gyro in zip(parts, likeliest, strict=True)
     ]
-
-
-def _standing(case: Case) -> Judgement | None:
-    """Return that all channels, or all gyros, repeat the same rows, as of a logger or a box; None where they don't.
-
-    Noise never repeats in several sensors at once. Counts do where nothing moves, so that other sensors have to.
-    """
-    channels = [name for name in case.monitor.bank.suspects if name in case.habits]
-    gyros = [name for name in channels if name in GYROS]
-    since = slice(case.sure, case.judged.stop)
-    for group in (channels, gyros):
-        others = [name for name in channels if name not in group]
-        is_counted = any(case.habits[name].is_counted for name in group)
-        if len(group) < len(GYROS) or (is_counted and not (others and all(map(case.moves, others)))):
-            continue
-        readings = [case.record[name][since] for name in group]
-        repeated = _repeats(readings)
-        before = _repeats([case.habits[name].before for name in group])
-        if repeated.sum() < _OFTEN + _OFTENER * before.mean() * len(repeated):
-            continue
-        if all(repeated.sum() >= _TOGETHER * _repeats([values]).sum() for values in readings):
-            return _together(case, [_stands(case, name, repeated) for name in group])
-    return None
-
-
-def _stands(case: Case, channel: str, repeated: BoolArray) -> Judgement:
-    """Return that a sensor stands still, or that it is read every so often."""
-    starts, ends = runs(repeated)
-    longest = float((ends - starts).max())
-    if longest > 0.5 * float(repeated.sum()):
-        value = float(case.record[channel][case.sure + int(starts[np.argmax(ends - starts)])])
-        return Judgement(
-            time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Jam.kind, parameters={"value": value}
-        )
-    hold_s = case.period_s * len(repeated) / max(float(np.count_nonzero(~repeated)), 1.0)
-    return Judgement(
-        time_s=case.end_s, sensor=channel, candidates=(channel,), kind=Stale.kind, parameters={"hold_s": hold_s}
-    )
-
-
-def _repeats(readings: Sequence[FloatArray]) -> BoolArray:
-    """Tell which rows are the same as the one before, in every channel."""
-    rows = min(len(values) for values in readings)
-    return np.asarray(np.all([np.diff(values[-rows:]) == 0.0 for values in readings], axis=0))
 
 
 def _is_definite(judged: Judgement) -> bool:

@@ -73,7 +73,7 @@ class OpenFault:
     @property
     def may_end(self) -> bool:
         """Whether its end may be found: it is known what it reads, or which sensor it is of."""
-        return self.held is not None or self.alarm.sensor is not None
+        return self.held is not None or (self.alarm.last is not None and bool(self.alarm.last.failed))
 
     @property
     def enters(self) -> set[str]:

@@ -151,7 +151,9 @@ def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> C
         lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
         ended = ended_s(case, fault.held, lasting)
     else:
-        ended = None if fault.alarm.sensor is None else quiet_since_s(case, fault.alarm.sensor)
+        last = fault.alarm.last
+        quiet = [quiet_since_s(case, name) for name in (() if last is None else last.failed)]
+        ended = max((each for each in quiet if each is not None), default=None) if None not in quiet else None
     return None if ended is None else Closing(ended_s=ended, known_s=case.end_s)
 
 

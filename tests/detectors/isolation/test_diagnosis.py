@@ -99,13 +99,16 @@ def test_a_healthy_record_gives_no_finding(monitor, healthy):
     assert all(np.nanmax(score.values) <= 1.0 for score in watch.scores.values())
 
 
-def test_two_gyros_at_once_are_two_findings(monitor, healthy):
+def test_two_gyros_at_once_are_one_finding_of_both(monitor, healthy):
     broken = gb.inject(
         gb.inject(healthy, gb.Jam(channel="p", onset_s=60.0)), gb.Drift(channel="r", onset_s=60.0, slope=0.5)
     )
     watch = gb.watch(monitor, broken)
-    assert {finding.sensor for finding in watch.alarms} == {"p", "r"}
-    assert len(watch.alarms) == 2
+    (finding,) = watch.faults
+    assert {*finding.last.failed} == {"p", "r"}
+    assert {judged.sensor: judged.kind for judged in finding.last.together} == {"p": "jam", "r": "drift"}
+    assert finding.sensor is None
+    assert finding.verdict == "p and r failed"
 
 
 @pytest.mark.parametrize("channel", GYROS)
