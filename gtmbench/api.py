@@ -26,7 +26,6 @@ from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.detectability import Signatures, signatures
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, calibrate
 from gtmbench.detectors.base import BaseMonitor, SimpleDetector
-from gtmbench.detectors.crosscheck.crosscheck import CrossCheck, CrossCheckMonitor
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Stream, Watch, watch
@@ -35,6 +34,7 @@ from gtmbench.detectors.score_detector import ScoreDetector
 from gtmbench.detectors.surfaces.in_loop import WatchSurfaces
 from gtmbench.detectors.surfaces.surfaces import SurfaceDetector, SurfaceMonitor, SurfaceSizes
 from gtmbench.detectors.windowed_norm import DissertationOperator, NormMonitor
+from gtmbench.engine.course.detector import CrossCheck, CrossCheckMonitor
 from gtmbench.errors import (
     ConvergenceWarning,
     EnvelopeError,

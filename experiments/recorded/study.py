@@ -9,9 +9,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.errors import InputError
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watched import WatchedLog
+from gtmbench.values.channels import names_of
 from gtmbench.verdict.verdict import Outcome
 from recorded.flights import LogFile, Parts, watched
 from recorded.mutations import MUTATIONS, Mutation, is_cause
@@ -83,7 +85,8 @@ def of_log(name: str, said: WatchedLog) -> Row:
     """Return what is said of a log as it is, and whether that is right where it is known to hold a failure."""
     left_s, armed_s, watched_s = coverage(said)
     truth = TRUTHS.get(name)
-    accused = {alarm.sensor for alarm in said.alarms if alarm.accuses} | {each.kind for each in said.failed_sensors}
+    accused = {alarm.sensor for alarm in said.alarms if alarm.accuses}
+    accused |= {names_of(sensor)[-1] for sensor, _ in said.verdict.failed if sensor not in JUDGED}
     return {
         "rate_hz": 1.0 / said.log.sample_period_s,
         "logged_s": sum(len(record) * said.log.sample_period_s for record in said.log.segments),

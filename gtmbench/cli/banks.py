@@ -84,7 +84,7 @@ def _print_auto(source: str, log: Path | None, as_json: bool, quiet: bool) -> No
     from gtmbench.detectors.bank.detectability import signatures
     from gtmbench.intake.other_sensors import other_sensors_of
     from gtmbench.intake.read import read_log
-    from gtmbench.report.words.other_sensors import possible_lines
+    from gtmbench.report.words.other_sensors import sensor_lines
     from gtmbench.study.log.auto_bank import bank_for_logs
 
     if source != AUTO:
@@ -96,7 +96,7 @@ def _print_auto(source: str, log: Path | None, as_json: bool, quiet: bool) -> No
         )
     read = read_log(log)
     bank = bank_for_logs([read], ())[0].bank
-    sensors = possible_lines(other_sensors_of(read))
+    sensors = sensor_lines(other_sensors_of(read))
     if as_json:
         own = {**_bank_json(signatures(bank)), "monitor": None, "other_sensors": [line.strip() for line in sensors[1:]]}
         print_json(envelope("list-bank", _bank_verdict(bank), own))

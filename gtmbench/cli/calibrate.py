@@ -104,6 +104,7 @@ def calibrate_command(
     The file holds numbers and names only; any process or machine that loads it gives the same verdicts bit for bit.
     The output states how much other flights would change the thresholds; more than three times is refused.
     """
+    from gtmbench.detectors.basis import basis_of
     from gtmbench.detectors.monitor_file import save_monitor
     from gtmbench.report.words.monitor import facts
 
@@ -123,6 +124,9 @@ def calibrate_command(
     given = {key: value for key, value in of_flights.items() if value is not None}
     of_logs = {"--healthy": healthy, "--rate": rate_hz, "--map": mapping, "--attitude": attitude != "auto"}
     _check_kind(given, of_logs, has_logs=bool(logs))
+    if logs and basis_of(recipe).is_whole:
+        name = recipe.name
+        raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
     with progress_bar(silent=as_json or quiet) as tell:
         if healthy:
             if tolerate is not None:

@@ -13,9 +13,11 @@ from gtmbench.detectors.bank_detector import BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.errors import InputError
-from gtmbench.imports import DETECTORS, load_installed
+from gtmbench.imports import DETECTORS, load_installed, load_object
 from gtmbench.imports import installed as announced
 
+CROSS_CHECK = "cross-check"
+_WHERE = "gtmbench.engine.course.detector:CrossCheck"  # above this room, so it is imported where it is named
 _DETECTOR = ("name", "channels", "calibrate")
 _MONITOR = (
     "name",
@@ -52,6 +54,15 @@ def adapted(given: Any, called: str | None = None) -> Detector | Monitor:
         f"{shown(called or given)} is a {type(given).__name__}, no detector; give a Detector, a Monitor, a Bank or a "
         "function from a Record to the times of its alarms"
     )
+
+
+def cross_check() -> Detector:
+    """Return the detector of the engine's course.
+
+    >>> cross_check().name
+    'cross-check'
+    """
+    return cast(Detector, adapted(load_object(_WHERE)))
 
 
 def installed_names() -> dict[str, str]:

@@ -25,6 +25,8 @@ class Basis:
         Whether it stands on little flight: what alarms may be chance, or its model's error.
     looks_back_s : float
         How far before a sample its statistics look back.
+    is_whole : bool
+        Whether it learns nothing, and a log is judged as a whole: by the engine, which doesn't tell gyros and attitude.
 
     Examples
     --------
@@ -40,6 +42,7 @@ class Basis:
     attitude_from_gyros: bool | None = None
     is_cautious: bool = False
     looks_back_s: float = 0.0
+    is_whole: bool = False
 
 
 def basis_of(watcher: object) -> Basis:

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import naming, shown, text
-from gtmbench.detectors.adapt import installed, installed_names
+from gtmbench.detectors.adapt import CROSS_CHECK, cross_check, installed, installed_names
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
-from gtmbench.detectors.crosscheck.crosscheck import CROSS_CHECK, CrossCheck, CrossCheckMonitor
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival
 from gtmbench.detectors.rivals.rival import Rival, RivalMonitor
@@ -38,7 +38,7 @@ BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] =
     "dissertation": restore_norm,
     "rival": restore_rival,
     "surfaces": restore_surfaces,
-    CROSS_CHECK: CrossCheck().restore,
+    CROSS_CHECK: lambda figures, provenance: cross_check().restore(figures, provenance),
 }
 
 _KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")  # version 2: without a digest
@@ -187,8 +187,8 @@ def kind_of(detector: Detector | Monitor) -> str:
         return "rival"
     if isinstance(detector, SurfaceDetector | SurfaceMonitor):
         return "surfaces"
-    if isinstance(detector, CrossCheck | CrossCheckMonitor):
-        return detector.name
+    if basis_of(detector).is_whole:
+        return CROSS_CHECK
     if detector.name in BUILT_IN:
         raise InputError(f"'{detector.name}' is the name of a detector of gtmbench; call yours otherwise")
     return detector.name

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.checks import meant, shown
-from gtmbench.detectors.adapt import adapted, installed, installed_names
+from gtmbench.detectors.adapt import CROSS_CHECK, adapted, cross_check, installed, installed_names
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
-from gtmbench.detectors.crosscheck.crosscheck import CROSS_CHECK, CrossCheck
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
@@ -102,7 +101,7 @@ def for_data_file(source: str | Path) -> Detector | Monitor:
     if name == AUTO:
         return AutoDetector()
     if name == CROSS_CHECK:
-        return CrossCheck()
+        return cross_check()
     if name in shipped_banks() or suffix == ".toml":
         return BankDetector(bank=load_bank(source))
     if suffix == ".json":

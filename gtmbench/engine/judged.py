@@ -6,11 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.engine.curves import Curve, curves_of
 from gtmbench.engine.doubts import doubted
-from gtmbench.engine.equation import Equation
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
@@ -19,36 +17,13 @@ from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsi
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
 from gtmbench.values.channels import GYROS
-from gtmbench.values.record import FloatArray, Span
+from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes
 
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
-_MOST_CURVES = 3  # of a finding
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
-    """What a relation is off by beside its constants, and what a finding makes of it.
-
-    Attributes
-    ----------
-    sensor, kind : str
-        What the finding makes of it: which fault of whom.
-    said, unit : str
-        What the relation is off by, in words, and in which unit.
-    time_s, measured, predicted : shape (blocks,)
-    """
-
-    sensor: str
-    kind: str
-    said: str
-    unit: str
-    time_s: FloatArray = field(repr=False)
-    measured: FloatArray = field(repr=False)
-    predicted: FloatArray = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,41 +106,8 @@ class Judged:
 
     @property
     def curves(self) -> tuple[Curve, ...]:
-        """What shows that somebody may have failed, an equation each, beside what a finding makes of it.
-
-        Those that accuse come first.
-        """
-        faults = [each for each in self.found if not (each.best.is_healthy or each.is_frozen)]
-        return tuple(
-            curve for each in sorted(faults, key=lambda each: not each.accuses) for curve in self._curves(each)
-        )
-
-    def _curves(self, finding: Finding) -> Iterator[Curve]:
-        equations = {
-            (each.equation.relation.name, each.equation.channel): each.equation for each in self.model.products
-        }
-        for name, channel, _ in finding.shown_by[:_MOST_CURVES]:
-            equation = equations.get((name, channel))
-            curve = None if equation is None else self._curve(finding, equation)
-            if curve is not None:
-                yield curve
-
-    def _curve(self, finding: Finding, equation: Equation) -> Curve | None:
-        relation, channel, signatures = equation.relation, equation.channel, self.model.signatures
-        place = signatures.place_of(finding.best)
-        shape = signatures.over(relation, channel, equation.constants, place, finding.first, finding.last)
-        if shape is None:
-            return None
-        there = np.isfinite(relation.values[:, channel])
-        return Curve(
-            sensor=finding.best.suspect,
-            kind=judgement_of(finding, finding.end_s).kind or finding.best.kind,
-            said=relation.title(channel),
-            unit=relation.unit,
-            time_s=self.flight.blocks.start_s + self.flight.time_s,
-            measured=np.where(there, equation.left + finding.size * shape, np.nan),
-            predicted=finding.size * shape,
-        )
+        """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
+        return curves_of(self.model, self.found)
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
         if finding.accuses:
@@ -204,6 +146,7 @@ def judged(flight: Flight) -> Judged:
 
     Examples
     --------
+    >>> import numpy as np
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.channels import ATTITUDE, GYROS
     >>> from gtmbench.values.record import Record

@@ -13,7 +13,10 @@ from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
 
 LIMIT_DEG_S, LIMIT_DEG = 5.0, 10.0  # of an error that stays; asked by our users, see docs/explanation/verdict.md
 JUDGED = 0.75  # of the time in motion: less is no verdict on a flight
-GROUPS = {"gyros": GYROS, "attitude": ATTITUDE}  # sensors that are asked by one word; "all" is every one of the log
+GROUPS = {
+    "gyros": GYROS,
+    "attitude": ATTITUDE,
+}  # sensors that are asked by one word; "all" is every one that anything compares
 _LIMIT = re.compile(r"\s*(?P<value>[-+.\w]+?)\s*(?P<unit>deg/s|deg)?\s*")
 
 
@@ -98,7 +101,9 @@ def judge_text(given: str | Sequence[str] | None) -> str | None:
     return given if given is None or isinstance(given, str) else ",".join(given)
 
 
-def asked_sensors(given: str | Sequence[str] | None, there: Sequence[str], usual: Sequence[str]) -> tuple[str, ...]:
+def asked_sensors(
+    given: str | Sequence[str] | None, there: Sequence[str], usual: Sequence[str], held: Sequence[str]
+) -> tuple[str, ...]:
     """Return which sensors are asked.
 
     Parameters
@@ -109,6 +114,8 @@ def asked_sensors(given: str | Sequence[str] | None, there: Sequence[str], usual
         The sensors of the log.
     usual : sequence of str
         Those that are asked where nobody says.
+    held : sequence of str
+        Those that anything compares, further IMUs' among them: all that ``all`` can ask for.
 
     Raises
     ------
@@ -117,22 +124,23 @@ def asked_sensors(given: str | Sequence[str] | None, there: Sequence[str], usual
 
     Examples
     --------
-    >>> asked_sensors("gyros", ["p", "q", "r", "tas"], ["p"]), asked_sensors("all", ["p", "tas"], ["p"])
-    (('p', 'q', 'r'), ('p', 'tas'))
+    >>> log = {"there": ["p", "q", "r", "tas", "beta"], "usual": ["p"], "held": ["p", "q", "r", "tas"]}
+    >>> asked_sensors("gyros", **log), asked_sensors("all", **log), asked_sensors("beta", **log)
+    (('p', 'q', 'r'), ('p', 'q', 'r', 'tas'), ('beta',))
     """
     if given is None:
-        return tuple(name for name in usual if name in there)
+        return tuple(name for name in usual if name in there or name in held)
     names = given.split(",") if isinstance(given, str) else list(given)
     asked: list[str] = []
     for name in (each.strip() for each in names):
         if name == "all":
-            asked += there
+            asked += held
         elif name in GROUPS:
             asked += [each for each in GROUPS[name] if each in there]
-        elif name in there:
+        elif name in there or name in held:
             asked.append(name)
         else:
-            known = ", ".join([*there, *GROUPS, "all"])
+            known = ", ".join(dict.fromkeys([*there, *held, *GROUPS, "all"]))
             raise InputError(f"--judge: no sensor '{name}' in this log{meant(name, there)}; there are {known}")
     if not asked:
         raise InputError("--judge names no sensor of this log; give p,q,r, gyros or all")

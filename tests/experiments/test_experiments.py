@@ -126,7 +126,6 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "surface_faults",
         "learnt_controller",
         "heading_witness",
-        "cross_check",
         "other_sensors_in_logs",
         "verdict_promises",
         "engine_on_logs",

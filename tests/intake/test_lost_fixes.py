@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gtmbench.intake.lost_fixes import lost_fixes
-from gtmbench.report.words.other_sensors import sensor_lines
+from gtmbench.report.words.other_sensors import gps_lines
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.watch import watch_log
 from tests.helpers.autopilot_logs import ardupilot, at, imus, px4
@@ -40,20 +40,15 @@ def log_of(path, satellites, **how):
     return watch_log(path, "auto", healthy=[(0.0, 60.0)])
 
 
-def gps_of(watched):
-    return next(each for each in watched.sensors if each.kind == "gps")
-
-
 def test_a_receiver_that_loses_all_satellites_at_once_in_flight_is_named(tmp_path):
     watched = log_of(tmp_path / "flight.bin", at_once)
-    gps = gps_of(watched)
-    assert gps.failed is not None
-    assert gps.failed.onset_s == pytest.approx(LOST_S[0], abs=0.3)
-    assert gps.failed.ended_s == pytest.approx(LOST_S[1], abs=0.3)
+    (lost,) = watched.failed_gps
+    assert lost.onset_s == pytest.approx(LOST_S[0], abs=0.3)
+    assert lost.ended_s == pytest.approx(LOST_S[1], abs=0.3)
     assert watched.outcome.name == "FAILED"
     assert [sensor for sensor, _ in watched.verdict.failed] == ["gps"]
     assert "it lost its 11 satellites at once" in verdict_text(watched)
-    assert any("it lost its 11 satellites at once" in line for line in sensor_lines(watched.sensors))
+    assert any("it lost its 11 satellites at once" in line for line in gps_lines(watched.gps))
 
 
 @pytest.mark.parametrize(
@@ -61,7 +56,7 @@ def test_a_receiver_that_loses_all_satellites_at_once_in_flight_is_named(tmp_pat
 )
 def test_a_hidden_sky_or_a_short_pause_is_no_failure(tmp_path, satellites, lost_s):
     watched = log_of(tmp_path / "flight.bin", satellites, lost_s=lost_s)
-    assert gps_of(watched).failed is None
+    assert watched.failed_gps == ()
     assert watched.outcome.name != "FAILED"
 
 
@@ -76,7 +71,7 @@ def test_a_px4_log_tells_it_likewise(tmp_path):
     ]
     path = tmp_path / "flight.ulg"
     path.write_bytes(px4(imus(1)[0], more={"vehicle_gps_position": (fields, rows)}))
-    assert gps_of(watch_log(path, "auto", healthy=[(0.0, 60.0)])).failed is not None
+    assert watch_log(path, "auto", healthy=[(0.0, 60.0)]).failed_gps
 
 
 def test_messages_without_a_time_or_a_fix_tell_nothing():

@@ -9,6 +9,7 @@ from gtmbench.verdict.scope import Scope, asked_sensors, judge_text
 
 THERE = ["p", "q", "r", "phi", "theta", "tas", "strain_3"]
 USUAL = ["p", "q", "r", "phi", "theta", "psi"]
+HELD = ["p", "q", "r", "phi", "theta", "tas", "q of IMU2"]  # strain_3 has nothing beside it
 
 
 @pytest.mark.parametrize(
@@ -19,26 +20,27 @@ USUAL = ["p", "q", "r", "phi", "theta", "psi"]
         (" q , p,q", ["q", "p"]),
         ("gyros", ["p", "q", "r"]),
         ("attitude", ["phi", "theta"]),
-        ("all", THERE),
+        ("all", HELD),
+        ("q of IMU2", ["q of IMU2"]),
         ("strain_3,gyros", ["strain_3", "p", "q", "r"]),
         (["tas", "p"], ["tas", "p"]),
     ],
 )
 def test_the_sensors_that_are_asked(given, asked):
-    assert list(asked_sensors(given, THERE, USUAL)) == asked
+    assert list(asked_sensors(given, THERE, USUAL, HELD)) == asked
     if given is not None:
-        assert list(asked_sensors(judge_text(given), THERE, USUAL)) == asked
+        assert list(asked_sensors(judge_text(given), THERE, USUAL, HELD)) == asked
 
 
 @pytest.mark.parametrize("given", ["", "pp", "psi", "p,,q", "gyros,airspeed", ["p", "x"], "p q"])
 def test_a_sensor_that_the_log_hasnt_is_named(given):
     with pytest.raises(InputError, match=r"--judge: no sensor '.*' in this log.*there are p, q, r, phi"):
-        asked_sensors(given, THERE, USUAL)
+        asked_sensors(given, THERE, USUAL, HELD)
 
 
 def test_a_group_without_a_sensor_of_the_log_is_refused():
     with pytest.raises(InputError, match="--judge names no sensor of this log"):
-        asked_sensors("attitude", ["p", "tas"], USUAL)
+        asked_sensors("attitude", ["p", "tas"], USUAL, ["p", "tas"])
 
 
 @pytest.mark.parametrize(

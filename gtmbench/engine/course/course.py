@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.effect import Effect
-from gtmbench.engine.flight import Flight
-from gtmbench.engine.samples import Samples, edges_of, means_between
+from gtmbench.engine.flight import Flight, trailing_means
+from gtmbench.engine.samples import Samples, edges_of, means_between, rough_between
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
@@ -30,6 +30,8 @@ WIND = ("wind_north", "wind_east")  # no sensors: what the air moves by, in m/s
 _DELAYS_S = np.linspace(0.0, 0.5, 26)  # of a GPS
 _USUAL_DELAY_S = 0.15
 _FEWEST = 50  # blocks by which a delay is told
+_SAMPLES = 5.0  # by which noise is told
+_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,11 +46,17 @@ class Course:
     read : mapping of channel to shape (blocks,)
         Means over blocks, in m, m/s and m/s2 (accelerometers along forward, right and down), vanes in deg; of a GPS
         as late as it is, put right.
+    noise : mapping of channel to shape (blocks,)
+        The power of their noise from sample to sample, in the same units, over about a second; of all that are read.
+    steps_s : mapping of channel to float
+        The usual time between two of their samples.
     """
 
     flight: Flight
     matrices: FloatArray = field(repr=False)
     read: Mapping[str, FloatArray] = field(repr=False)
+    noise: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
+    steps_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def has(self, *channels: str) -> bool:
         """Tell whether channels are read at all."""
@@ -153,10 +161,20 @@ def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
     }
     read = {name: UNITS.get(name, 1.0) * means_between(each, edges) for name, each in whole.items()}
     none = np.zeros(len(flight))
-    course = Course(flight=flight, matrices=flight.matrices, read=read | dict.fromkeys(WIND, none))
+    steps_s = {name: each.step_s for name, each in sensors.items()}
+    noise = {name: _noise(flight, each, edges, UNITS.get(name, 1.0)) for name, each in sensors.items()}
+    course = Course(
+        flight=flight, matrices=flight.matrices, read=read | dict.fromkeys(WIND, none), noise=noise, steps_s=steps_s
+    )
     if not {*GPS_VELOCITY} <= sensors.keys():
         return course
     return _with_gps(course, [sensors[name] for name in GPS_VELOCITY], edges)
+
+
+def _noise(flight: Flight, samples: Samples, edges: FloatArray, unit: float) -> FloatArray:
+    """Return the power of a sensor's noise: a sixth of its mean square second difference, were it white."""
+    over = max(round(max(1.0, _SAMPLES * samples.step_s) / flight.blocks.period_s), 1)
+    return unit**2 / _OF_WHITE * trailing_means(rough_between(samples, edges), over)
 
 
 def _with_gps(course: Course, velocity: Sequence[Samples], edges: FloatArray) -> Course:

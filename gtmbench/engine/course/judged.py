@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
+from gtmbench.engine.course.jumps import STAYS_S, jumps
 from gtmbench.engine.course.relations import gps_altitude
-from gtmbench.engine.course.relations.registry import relations_of
+from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
+from gtmbench.engine.curves import Curve, curves_of
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.judged import Judged
+from gtmbench.engine.model import Model
+from gtmbench.engine.named import WHOLE as WHOLE_LOG
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.sums import blocks_of_cells
@@ -31,7 +38,9 @@ _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
-_MAG = "magnetometer"
+_MAG, NOISE = "magnetometer", "noise"
+# of the field: the most that motors' currents add, by ArduPilot's limit of what can be flown with; in a tenth of a span
+_BY_CURRENTS, _MOST_OF_IT = 0.6, 0.9
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
 _OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
@@ -47,42 +56,65 @@ class CourseJudged:
     course : Course
     stands : tuple of (channel, span, reading)
         Which channels read one value.
+    jumped : tuple of (channel, time, size)
+        Which channels jump, when and by how much.
+    model : Model or None
+        The course's equations, with everything that was found taken away; None where no relation holds.
     """
 
     found: tuple[Finding, ...]
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
+    jumped: tuple[tuple[str, float, float], ...] = ()
+    model: Model | None = field(default=None, repr=False)
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
+        return () if self.model is None else curves_of(self.model, self.found, partial(_unit_of, self.course))
 
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
         return (*self.standing, *self.accused, *self.unjudged)
 
-    def explains(self, span: Span) -> bool:
-        """Tell whether somebody is accused of something that goes on in a span."""
-        return any(each.meets(*span) for _, each in (*self.standing, *self.accused))
+    @property
+    def compared(self) -> tuple[str, ...]:
+        """The sensors that some relation holds."""
+        return tuple(dict.fromkeys(sensor for each in compared(self.course.read) for sensor in each))
 
     @property
     def standing(self) -> tuple[Claim, ...]:
-        """Which sensors stand still while the aircraft flies."""
-        return tuple(self._stands(*each) for each in self.stands)
-
-    def _stands(self, channel: str, span: Span, reads: float) -> Claim:
-        sensor = names_of(channel)[-1]
-        judgement = Judgement(
-            time_s=span[0] + LEAST_S,
-            sensor=sensor,
-            candidates=(sensor,),
-            kind=FROZEN,
-            parameters={"value": reads, "onset_s": span[0]},
-            axis=_axis_of(channel),
+        """Which sensors show by their own readings that they failed: they stand still in flight, or jump."""
+        end_s = self.course.flight.flown_s[1]
+        return (
+            *(_own(channel, span, FROZEN, "value", reads, LEAST_S) for channel, span, reads in self.stands),
+            *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
-        return next(claims_of(judgement, (sensor,), span))
 
     @property
     def accused(self) -> tuple[Claim, ...]:
         """Whom findings accuse: the one sensor that is left, or each of two."""
         return tuple(claim for each in self.found if each.accuses for claim in self._of(each))
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """The same as alarms: one each failure, or suspicion, in time."""
+        told = {id(span.judgement): (sensor, span, span.judgement) for sensor, span in (*self.standing, *self.accused)}
+        in_time = sorted(told.values(), key=lambda each: each[1].start_s)
+        return tuple(
+            Alarm(
+                number=number,
+                time_s=max(judgement.time_s, span.start_s),
+                onset_s=span.start_s,
+                source=sensor,
+                test=WHOLE_LOG,
+                judgements=(judgement,),
+                ended_s=span.end_s,
+            )
+            for number, (sensor, span, judgement) in enumerate(in_time)
+            if judgement is not None
+        )
 
     @property
     def unjudged(self) -> tuple[Claim, ...]:
@@ -106,6 +138,20 @@ class CourseJudged:
             reason="" if sensor else reason,
         )
         yield from claims_of(judgement, suspects, (finding.onset_s, finding.end_s), reason)
+
+
+def _own(channel: str, span: Span, kind: str, name: str, size: float, shows_s: float) -> Claim:
+    """Return a claim of a sensor that shows by itself that it failed."""
+    sensor = names_of(channel)[-1]
+    judgement = Judgement(
+        time_s=span[0] + shows_s,
+        sensor=sensor,
+        candidates=(sensor,),
+        kind=kind,
+        parameters={name: size, "onset_s": span[0]},
+        axis=_axis_of(channel),
+    )
+    return next(claims_of(judgement, (sensor,), span))
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
@@ -135,17 +181,42 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
+    jumped = tuple(each for each in jumps(sensors, flight.flown_s) if names_of(each[0])[-1] not in still)
     relations = relations_of(course)
-    found = found_by(flight, relations, explanations_of(course)).found if relations else ()
-    doubted = (_in_units(course, each) for each in _doubted(flight, found))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands)
+    if not relations:
+        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
+    findings = found_by(flight, relations, explanations_of(course))
+    doubted = (_in_units(course, each) for each in _doubted(course, findings.found))
+    return CourseJudged(found=tuple(doubted), course=course, stands=stands, jumped=jumped, model=findings.model)
+
+
+def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
+    """Return which of a flight's other sensors failed, where no gyro and no angle did, as `course_judged` does.
+
+    Parameters
+    ----------
+    whole : Judged
+        What is said of the flight's gyros and attitude.
+    sensors : mapping of channel to Samples
+    """
+    broken = [
+        (span.start_s, span.end_s)
+        for sensor, span in whole.accused
+        if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
+    ]
+    return course_judged(whole.flight.without(broken), sensors)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:
     """Return a finding whose size is in its channel's unit."""
-    unit = course.unit_of(finding.best.suspect)
+    unit = _unit_of(course, finding)
     low, high = sorted(unit * bound for bound in finding.interval)
     return replace(finding, size=unit * finding.size, interval=(low, high))
+
+
+def _unit_of(course: Course, finding: Finding) -> float:
+    """Return what an error of one is in a finding's unit; a noise's is a logarithm."""
+    return 1.0 if finding.best.kind == NOISE else course.unit_of(finding.best.suspect)
 
 
 def _moves(flight: Flight, span: Span) -> bool:
@@ -158,16 +229,39 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(flight: Flight, found: Sequence[Finding]) -> Iterator[Finding]:
+def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
+    flight = course.flight
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
-        reasons = [*_few(told), *_short(flight, told), *_livelier(flight, told), *_field(told), *_beside(each, found)]
+        rest = [other for other in found if other is not each]
+        own = [] if _is_its_own(course, told) else [*_few(told), *_field(told)]
+        reasons = [*own, *_short(flight, told), *_livelier(flight, told), *_beside(told, rest)]
         yield replace(told, doubt="; ".join(reasons))
 
 
 def _shown_by(finding: Finding) -> set[str]:
     """Return the relations that show a finding."""
     return {name for name, _, _ in finding.shown_by}
+
+
+def _is_its_own(course: Course, finding: Finding) -> bool:
+    """Tell whether nothing but the one sensor that is left makes what a single comparison shows.
+
+    A noise from reading to reading, or a field that is read so much stronger than anywhere else that no attitude, no
+    iron and no motor's current can be behind it.
+    """
+    if len(sensors_of(finding)) > 1 or finding.is_healthy:
+        return False
+    if finding.best.kind == NOISE:
+        return True
+    if _MAG not in sensors_of(finding):
+        return False
+    inside = blocks_of_cells(finding.first, finding.last, len(course.flight))
+    read = np.linalg.norm(course.field, axis=1)
+    there, rest = (read[rows & np.isfinite(read)] for rows in (inside, ~inside & course.flight.flown))
+    if not len(there) or not len(rest):
+        return False
+    return bool(np.quantile(there, _MOST_OF_IT) - rest.max() > _BY_CURRENTS * course.strength)
 
 
 def _few(finding: Finding) -> list[str]:
@@ -198,8 +292,8 @@ def _livelier(flight: Flight, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen."""
     inside = blocks_of_cells(finding.first, finding.last, len(flight))
     there, rest = inside & flight.flown, ~inside & flight.flown
-    if not there.any() or not rest.any():
-        return ["nothing is known beside it"]
+    if not there.any() or np.count_nonzero(rest) * flight.blocks.period_s < _SHORTEST_S:
+        return ["too little is known beside it"]
     most, elsewhere = (float(np.quantile(flight.lively[rows], _MOST_LIVELY)) for rows in (there, rest))
     return ["it moves more there than anywhere else"] if most > _OF_REST * elsewhere else []
 
@@ -210,12 +304,15 @@ def _field(finding: Finding) -> list[str]:
 
 
 def _beside(finding: Finding, found: Sequence[Finding]) -> list[str]:
-    """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything."""
-    others = [other for other in found if other is not finding and other.is_healthy]
-    others = [other for other in others if other.meets(finding.first, finding.last)]
+    """Name nobody beside a healthy cause that is as strong: two that cancel each other explain anything.
+
+    Nor by one comparison what may be left of a stronger error in it.
+    """
+    others = [other for other in found if other.meets(finding.first, finding.last)]
     alike = [other for other in others if _shown_by(finding) & _shown_by(other)]
-    strong = [other for other in alike if other.evidence > _BESIDE * finding.evidence]
-    return [f"{other.best.suspect} explains as much beside it" for other in strong[:1]]
+    strong = [other for other in alike if other.is_healthy and other.evidence > _BESIDE * finding.evidence]
+    more = [other for other in alike if finding.others and other.evidence > finding.evidence]
+    return [f"{other.best.suspect} explains as much beside it" for other in (*strong, *more)[:1]]
 
 
 def _axis_of(channel: str) -> str:

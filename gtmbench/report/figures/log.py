@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import printable
-from gtmbench.engine.judged import Curve
+from gtmbench.engine.curves import Curve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
@@ -181,7 +181,7 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
 
 
 def _curves(watched: WatchedLog) -> Sequence[Curve]:
-    return [] if watched.judged is None else watched.judged.curves[:_MOST_FAULTS]
+    return watched.curves[:_MOST_FAULTS]
 
 
 def _evidence(axis: Axes, watched: WatchedLog, curve: Curve, span: Span) -> None:

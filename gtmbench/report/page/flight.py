@@ -34,7 +34,7 @@ from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
 from gtmbench.report.words.findings import finding_rows, made_text
 from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
-from gtmbench.report.words.other_sensors import sensor_lines
+from gtmbench.report.words.other_sensors import gps_lines, sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
 from gtmbench.report.words.times import time_text
 from gtmbench.report.words.units import capitalised, duration_text
@@ -100,7 +100,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         windows=[(f"Fault at {time_text(began_s(fault))}", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
-        explained=(FINDING_COLUMNS, finding_rows(watched.judged)),
+        explained=(FINDING_COLUMNS, finding_rows(watched.judged, watched.course)),
         events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         table_of=(HEAD, timeline_rows(watched.verdict)),
@@ -109,6 +109,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         certificate_notes=[
             *certificate_notes(watched.certificate),
             *sensor_lines(watched.sensors),
+            *gps_lines(watched.gps),
         ],
         details="\n".join(detail_lines(watched)),
         facts=[("Log", _digest_text(watched.log.path)), *_version_facts()],
@@ -175,9 +176,8 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
 
 def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel]:
     """Return what shows that somebody may have failed, an equation each, beside what the failure makes of it."""
-    curves = () if watched.judged is None else watched.judged.curves
     made = []
-    for curve in curves[:_MOST_CURVES]:
+    for curve in watched.curves[:_MOST_CURVES]:
         lines: list[tuple[str, str, Series]] = [
             (_MEASURED, _MEASURED, [(curve.time_s, curve.measured)]),
             (_PREDICTED, _PREDICTED, [(curve.time_s, curve.predicted)]),

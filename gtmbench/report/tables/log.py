@@ -25,7 +25,7 @@ from gtmbench.report.words.certificate import unit_text
 from gtmbench.report.words.judgement import parameter_units
 from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
-from gtmbench.report.words.other_sensors import sensor_table
+from gtmbench.report.words.other_sensors import alarm_table, sensor_table
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.autopilot_messages import beside, words_of
 from gtmbench.study.log.certificate import SHARE, Certificate
@@ -48,14 +48,15 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "outcome": watched.verdict.outcome.name.lower(),
         "timeline": timeline_table(watched.verdict),
         "reasons": watched.reasons,
-        "explained": [] if watched.judged is None else [_explained(each) for each in watched.judged.found],
+        "explained": [_explained(each) for part in (watched.judged, watched.course) if part for each in part.found],
         "certificate": _certificate(watched.certificate),
         "watched_hours": watched.armed_hours,
         "alarms_unexplained": passed_alarms(watched),
         "false_alarms_per_hour_at_most": alarm_bound(watched),
         "autopilot": _autopilot(watched),
         "imus": _imus(watched),
-        "sensors": [sensor_table(each) for each in watched.sensors],
+        "sensors": [sensor_table(each, watched.sensors) for each in watched.sensors],
+        "gps": [alarm_table(alarm) for alarm in watched.gps],
         "estimator": [_estimator(each) for each in watched.estimator],
         "installation": None if watched.installation is None else watched.installation.table(),
         "attitude": None if watched.attitude is None else asdict(watched.attitude),
@@ -231,7 +232,8 @@ def _watch_of(alarm: Alarm, watched: WatchedLog) -> Watch | None:
 
 
 def _findings(watched: WatchedLog) -> list[Mapping[str, Any]]:
-    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in watched.alarms]
+    alarms = (*watched.alarms, *watched.of_others)
+    return [_finding(alarm, _watch_of(alarm, watched)) for alarm in alarms]
 
 
 def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
@@ -256,7 +258,7 @@ def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
 
 def _judgement(judged: Judgement) -> Mapping[str, Any]:
     """Return a judgement; `unit` is the likeliest sensor's, `parameter_units` has that of every parameter."""
-    unit = unit_of(judged.candidates[0]) if judged.candidates else ""
+    unit = unit_of(judged.axis or judged.candidates[0]) if judged.candidates else ""
     units = parameter_units(judged.kind, judged.parameters, unit) if judged.kind else {}
     together = [_judgement(each) for each in judged.together]
     return vars(judged) | {"together": together, "unit": unit, "parameter_units": units}

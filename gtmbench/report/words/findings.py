@@ -2,42 +2,69 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from gtmbench.engine.course.judged import CourseJudged
+from gtmbench.engine.curves import Curve
 from gtmbench.engine.finding import Finding
-from gtmbench.engine.hindsight.cleared import JUDGED
-from gtmbench.engine.judged import Curve, Judged
+from gtmbench.engine.imus.imu import gyro_and_imu
+from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import judgement_of
 from gtmbench.report.words.timeline import fault_text
+from gtmbench.values.channels import OF_OWN_RATE, SENSORS
 
 COLUMNS = ("from (s)", "to (s)", "what", "how likely", "shown by", "why it names nobody")
+_SENSORS = frozenset((*SENSORS, *OF_OWN_RATE))
 _SURE = 0.995  # above, whole percents say 100, which nothing is
 
 
-def finding_rows(judged: Judged | None) -> list[tuple[str, ...]]:
-    """Return a row of `COLUMNS` for each finding, in order of time."""
-    if judged is None:
+def finding_rows(judged: Judged | None, course: CourseJudged | None = None) -> list[tuple[str, ...]]:
+    """Return a row of `COLUMNS` for each finding: of gyros and attitude in order of time, then of other sensors."""
+    return [*_rows(judged), *_rows(course), *_standing(course)]
+
+
+def finding_lines(judged: Judged | None, course: CourseJudged | None = None) -> list[str]:
+    """Return the same as lines; none where nothing was found."""
+    return [
+        *_lines("gyros and attitude", _rows(judged)),
+        *_lines("other sensors", [*_rows(course), *_standing(course)]),
+    ]
+
+
+def _lines(whose: str, rows: Sequence[tuple[str, ...]]) -> list[str]:
+    lines = []
+    for start, end, what, chances, shown, why in rows:
+        lines.append(f"  {start} to {end}  {what}")
+        told = (("how likely", chances), ("shown by", shown), ("names nobody", why))
+        lines += [f"    {label}: {text}" for label, text in told if text]
+    head = f"what explains {whose} over the whole log (times in s on the log's clock):"
+    return [head, *lines] if lines else []
+
+
+def _rows(judged: Judged | CourseJudged | None) -> list[tuple[str, ...]]:
+    if judged is None or judged.model is None:
         return []
+    titles = {each.name: each for each in judged.model.relations}
     return [
         (
             f"{each.onset_s:.1f}",
             f"{each.end_s:.1f}",
             _what(each),
             chances_text(each),
-            _shown_by(judged, each),
+            "; ".join(f"{titles[name].title(channel)} ({nats:.0f} nats)" for name, channel, nats in each.shown_by),
             _why_nobody(each),
         )
         for each in judged.found
     ]
 
 
-def finding_lines(judged: Judged | None) -> list[str]:
-    """Return the same as lines; none where nothing was found."""
-    lines = []
-    for start, end, what, chances, shown, why in finding_rows(judged):
-        lines.append(f"  {start} to {end}  {what}")
-        told = (("how likely", chances), ("shown by", shown), ("names nobody", why))
-        lines += [f"    {label}: {text}" for label, text in told if text]
-    head = "what explains gyros and attitude over the whole log (times in s on the log's clock):"
-    return [head, *lines] if lines else []
+def _standing(course: CourseJudged | None = None) -> list[tuple[str, ...]]:
+    """Return a row for each sensor that reads one value while the aircraft flies."""
+    stands = () if course is None else course.stands
+    return [
+        (f"{start_s:.1f}", f"{end_s:.1f}", f"{name}: stuck at {reads:.3g}", "", "it reads one value in flight", "")
+        for name, (start_s, end_s), reads in stands
+    ]
 
 
 def made_text(curve: Curve) -> str:
@@ -61,7 +88,8 @@ def chances_text(finding: Finding) -> str:
 
 def _cause(suspect: str, kind: str) -> str:
     named = kind.replace("_", " ")
-    return f"{named} of {suspect}" if suspect in JUDGED else named  # what isn't a sensor's says itself whose it is
+    is_sensor = gyro_and_imu(suspect)[0] in _SENSORS
+    return f"{named} of {suspect}" if is_sensor else named  # what isn't a sensor's says itself whose it is
 
 
 def _percent(chance: float) -> str:
@@ -75,16 +103,13 @@ def _what(finding: Finding) -> str:
     return f"{best.suspect}: {fault_text(best.suspect, judgement_of(finding, finding.end_s))}"
 
 
-def _shown_by(judged: Judged, finding: Finding) -> str:
-    relations = {relation.name: relation for relation in judged.model.relations}
-    return "; ".join(f"{relations[name].title(channel)} ({nats:.0f} nats)" for name, channel, nats in finding.shown_by)
-
-
 def _why_nobody(finding: Finding) -> str:
     if finding.doubt:
         return finding.doubt
     if finding.best.is_healthy:
         return "it is no fault"
     if finding.is_healthy:
-        return "a healthy cause may explain it as well: what leans or passes so soon may be the references'"
+        return (
+            "a healthy cause may explain it as well: what leans or passes so soon may be the references', or the air's"
+        )
     return ""

@@ -11,6 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
@@ -23,7 +24,7 @@ from gtmbench.report.words.findings import finding_lines
 from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, origin_text, title_text
-from gtmbench.report.words.other_sensors import estimator_lines, sensor_lines
+from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
@@ -57,7 +58,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *_monitor_lines(watched),
         "",
         *_alarms_lines(watched),
-        *finding_lines(watched.judged),
+        *finding_lines(watched.judged, watched.course),
         *imu_lines(watched),
         *autopilot_lines(watched),
         *injection_lines(watched),
@@ -67,6 +68,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *(f"note: {note}" for note in watched.check.notes),
         *certificate_lines(watched.certificate),
         *sensor_lines(watched.sensors),
+        *gps_lines(watched.gps),
         *estimator_lines(watched.estimator),
         *_worth_lines(watched),
     ]
@@ -164,6 +166,8 @@ def _spans(spans: Sequence[Span]) -> str:
 def _monitor_lines(watched: WatchedLog) -> list[str]:
     monitor, on = watched.monitor, watched.identified_s
     known = facts(monitor)
+    if basis_of(monitor).is_whole:
+        return [f"{title_text(monitor)}: other sensors are judged over the whole log, and nothing is learnt"]
     if not is_ready(monitor):
         return [f"{title_text(monitor)}: not calibrated, nothing is watched"]
     title = f"{title_text(monitor)}: {known['title']}" if "title" in known else f"detector {monitor.name}"

@@ -13,13 +13,14 @@ from typing import NamedTuple
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
-from gtmbench.report.words.other_sensors import sensor_why
+from gtmbench.report.words.other_sensors import gps_why
 from gtmbench.report.words.timeline import (
     SensorRow,
     factors_text,
@@ -318,7 +319,7 @@ def _why(watched: WatchedLog) -> list[str]:
         reason = f": {why}" if why else ""
         named = "" if alarm.isolated_s is None else f", named at {time_text(alarm.isolated_s, 2)}"
         lines.append(f"Alarm at {time_text(alarm.time_s, 2)} by the {source}{named}{reason}.")
-    lines += [sensor_why(each) for each in watched.failed_sensors[:_MOST]]
+    lines += [gps_why(alarm) for alarm in watched.failed_gps[:_MOST]]
     return lines + [
         f"Alarm at {time_text(alarm.time_s, 2)} by {whole_text(alarm)}."
         for alarm in watched.whole_alarms[: _MOST - len(lines)]
@@ -356,7 +357,8 @@ def _learnt(watched: WatchedLog) -> list[str]:
     monitor, spans = watched.monitor, watched.identified_s
     title = title_text(monitor)
     if not is_ready(monitor):
-        return [f"Nothing: {title} was not calibrated."]
+        why = "looks at the whole log" if basis_of(monitor).is_whole else "was not calibrated"
+        return [f"Nothing: {title} {why}."]
     if spans:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
         failed = {name for name, each in watched.verdict.failed for span in spans if each.meets(*span)}

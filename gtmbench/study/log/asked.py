@@ -8,6 +8,7 @@ from pathlib import Path
 
 from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.study.log.origin import check_attitude
@@ -52,15 +53,15 @@ class Asked:
     limits: tuple[str, ...] = ()
     judged: float = JUDGED
 
-    def scope(self, there: Sequence[str], usual: Sequence[str]) -> Scope:
-        """Return what is asked of a log with some sensors, of which some are the usual ones.
+    def scope(self, there: Sequence[str], usual: Sequence[str], held: Sequence[str]) -> Scope:
+        """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held.
 
         Raises
         ------
         InputError
             Where a sensor is asked that the log hasn't, or a limit is none.
         """
-        sensors = asked_sensors(self.judge, there, usual)
+        sensors = asked_sensors(self.judge, there, usual, held)
         return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
 
     @property
@@ -90,6 +91,10 @@ def asked(
         Where no such detector is there, or a monitor that is ready is asked to be another.
     """
     watcher = prepared(detector)
+    if basis_of(watcher).is_whole:
+        if healthy:
+            raise InputError(f"'{watcher.name}' judges the whole log and learns nothing; leave out what is healthy")
+        watcher = prepared(watcher.name)  # a saved one knows nothing more
     check_attitude(attitude)
     Scope(sensors=()).with_limits(limits)  # a limit that is none is refused before anything is read
     if is_ready(watcher):

@@ -1,66 +1,83 @@
 """A GPS that shows by itself that it failed: it loses its fix at once in flight, or its velocity jumps as none can.
 
-Whoever flies with it may know nothing of that, so this stands beside what the other sensors tell.
+The engine asks what a GPS reads of a flight's course. It sees no fix that is lost, because then nothing is read, and
+names no GPS that accelerometers alone contradict; but no aircraft takes such a step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.crosscheck.relations import ACCEL, GPS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.study.log.other_sensors import Flown, WatchedSensor, flown_of, kind_of, out_of_ordinary
-from gtmbench.values.channels import G_M_S2
-from gtmbench.values.record import Record
+from gtmbench.study.log.records import LIVELY_DEG_S, turning_by_second
+from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, G_M_S2, GPS_VELOCITY, GYROS
+from gtmbench.values.record import FloatArray, Record
 
 FIX, JUMP = "fix", "velocity jump"  # sources and tests of such alarms
+_GPS = "gps"
 _LASTS_S = 5.0  # a fix that is back sooner may have been skipped by the receiver
 _JUMP_M_S, _JUMP_M_S2 = 4.0, 25.0  # at least
 _LONGEST_S = 0.55  # between two readings of which the second may have jumped
 _FORCE_G, _BEFORE_S, _BEHIND_S = 2.0, 5.0, 0.5  # more is read in an impact, which may turn an antenna to the ground
 _BEYOND = 1.5  # times the largest acceleration that the force they read, and gravity, allow
+_ABOUT_S = 2.0  # before an excursion, and before the last motion: it may have begun already
+_MOVES_S, _FEWEST_LIVELY = 10.0, 3  # after an alarm; seconds in which the aircraft turns
 
 
-def with_itself(
-    watched: Sequence[WatchedSensor],
-    sensors: Sequence[SensorReadings],
-    moving: Sequence[Record],
-    excursions: Sequence[Excursion],
-) -> tuple[WatchedSensor, ...]:
-    """Return sensors with an alarm for each fix that a GPS lost and each jump of its velocity, in time.
+class _Flown(NamedTuple):
+    """Where a log's flight isn't ordinary, and the seconds in which it moves."""
+
+    excursions: tuple[Excursion, ...]
+    lively_s: FloatArray
+
+    def doubt(self, alarm: Alarm) -> str:
+        """Return what the flight does where an alarm begins, if that may be its cause."""
+        for each in self.excursions:
+            if each.start_s - _ABOUT_S <= alarm.time_s <= each.end_s + _ABOUT_S:
+                return each.reason
+        if not len(self.lively_s) or alarm.time_s > self.lively_s[-1] - _ABOUT_S:
+            return "it begins, or is named, as the motion ends"
+        about = (self.lively_s >= alarm.time_s - _ABOUT_S) & (self.lively_s <= alarm.time_s + _MOVES_S)
+        return "" if np.count_nonzero(about) >= _FEWEST_LIVELY else "it begins while nothing moves"
+
+
+def gps_alarms(
+    sensors: Sequence[SensorReadings], moving: Sequence[Record], excursions: Sequence[Excursion]
+) -> tuple[Alarm, ...]:
+    """Return an alarm for each fix that a GPS lost and each jump of its velocity, in time; some with a doubt.
 
     Parameters
     ----------
-    watched, sensors : sequence of WatchedSensor and of SensorReadings
-        One for one.
+    sensors : sequence of SensorReadings
+        Those of a log.
     moving : sequence of Record
         The log, with p, q, r, phi, theta and psi.
     excursions : sequence of Excursion
         Contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
-    flown = flown_of(moving, excursions)
-    forces = next((each for each in sensors if kind_of(each) == ACCEL), None)
-
-    def told(sensor: SensorReadings) -> Iterator[Alarm]:
-        yield from _lost(sensor, flown)
-        if forces is not None:
-            yield from _jumps(sensor, forces)
-
-    def beside(each: WatchedSensor, sensor: SensorReadings) -> WatchedSensor:
-        found = [_doubted(alarm, flown) for alarm in told(sensor)]
-        alarms = sorted((*each.alarms, *found), key=lambda alarm: alarm.time_s)
-        return replace(each, alarms=tuple(alarms)) if found else each
-
-    pairs = zip(watched, sensors, strict=True)
-    return tuple(beside(each, sensor) if each.kind == GPS else each for each, sensor in pairs)
+    whole = [each.select((*GYROS, *ATTITUDE)) for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
+    if not whole:
+        return ()
+    seconds_s, turning = turning_by_second(whole)
+    flown = _Flown(excursions=tuple(excursions), lively_s=seconds_s[turning > LIVELY_DEG_S])
+    forces = next((each for each in sensors if each.channels == ACCELEROMETERS), None)
+    found = [alarm for each in sensors if each.channels == GPS_VELOCITY for alarm in _shown(each, forces, flown)]
+    return tuple(sorted((_doubted(alarm, flown) for alarm in found), key=lambda alarm: alarm.time_s))
 
 
-def _lost(sensor: SensorReadings, flown: Flown) -> Iterator[Alarm]:
+def _shown(sensor: SensorReadings, forces: SensorReadings | None, flown: _Flown) -> Iterator[Alarm]:
+    yield from _lost(sensor, flown)
+    if forces is not None:
+        yield from _jumps(sensor, forces)
+
+
+def _lost(sensor: SensorReadings, flown: _Flown) -> Iterator[Alarm]:
     """Give the fixes that were lost at once, for five seconds or longer, while the aircraft turns."""
     for lost in sensor.lost:
         turns = np.any((flown.lively_s > lost.start_s) & (flown.lively_s < lost.end_s))
@@ -71,7 +88,7 @@ def _lost(sensor: SensorReadings, flown: Flown) -> Iterator[Alarm]:
 
 
 def _jumps(sensor: SensorReadings, forces: SensorReadings) -> Iterator[Alarm]:
-    """Give the first of the velocity's steps that no aircraft takes and no accelerometer felt, healthy part or not."""
+    """Give the first of the velocity's steps that no aircraft takes and no accelerometer felt."""
     time_s, steps_s = sensor.time_s[1:], np.diff(sensor.time_s)
     jumps = np.linalg.norm(np.diff(sensor.values, axis=0), axis=1)
     felt = np.linalg.norm(forces.values, axis=1)
@@ -90,14 +107,12 @@ def _jumps(sensor: SensorReadings, forces: SensorReadings) -> Iterator[Alarm]:
 
 
 def _alarm(test: str, span: tuple[float, float | None], known_s: float, why: str) -> Alarm:
-    judged = Judgement(time_s=known_s, sensor=GPS, candidates=(GPS,), reason=why)
+    judged = Judgement(time_s=known_s, sensor=_GPS, candidates=(_GPS,), reason=why)
     return Alarm(
         number=0, time_s=known_s, onset_s=span[0], source=test, test=test, judgements=(judged,), ended_s=span[1]
     )
 
 
-def _doubted(alarm: Alarm, flown: Flown) -> Alarm:
+def _doubted(alarm: Alarm, flown: _Flown) -> Alarm:
     """Return an alarm with why it may be no fault, where the flight isn't ordinary about it."""
-    return replace(
-        alarm, judgements=tuple(replace(each, doubt=out_of_ordinary(alarm, flown)) for each in alarm.judgements)
-    )
+    return replace(alarm, judgements=tuple(replace(each, doubt=flown.doubt(alarm)) for each in alarm.judgements))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
 from gtmbench.study.log.mishaps import clear_parts, flying_part_but, is_enough, left_of
@@ -25,7 +26,7 @@ class Healthy:
     spans : tuple of (start, end)
         Of the log that is watched; none where a monitor is ready, or other logs were given.
     stretches : Stretches or None
-        What is learnt from; None where a monitor is ready.
+        What is learnt from; None where a monitor is ready, or nothing is learnt.
     findings : tuple of str
     doubt : str
         Why silence says nothing, where a mishap leaves no better choice; "" where one is.
@@ -70,7 +71,7 @@ def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
     InputError
         Where that holds nothing of the log, or too little.
     """
-    if is_ready(opened.watcher):
+    if is_ready(opened.watcher) or basis_of(opened.watcher).is_whole:
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)
     log, findings, doubt = opened.log, opened.findings, ""
     spans = healthy_spans(log, opened.asked.spans)

@@ -22,9 +22,10 @@ from gtmbench.intake.tracks import FEWEST, SHORTEST_S
 from gtmbench.intake.units import unit
 from gtmbench.study.log.seconds import rows_by_second
 from gtmbench.study.log.self_check.motion import attitude_rates
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record, Span, runs
 
+_SIX = (*GYROS, *ATTITUDE)
 _LOST = 2  # samples in a row
 _FIRST_SHARE, _FIRST_MOST_S, _LEAST_S = 0.4, 300.0, 60.0
 LIVELY_DEG_S = 1.5  # of turning: motion
@@ -55,9 +56,8 @@ def open_for(
     """
     basis, read = basis_of(watcher), read_log(path)
     try:
-        log = open_log(
-            read, mapping=mapping, rate_hz=rate_hz, needs=watcher.channels or None, witnesses=basis.witnesses
-        )
+        needs = watcher.channels or (_SIX if basis.is_whole else None)
+        log = open_log(read, mapping=mapping, rate_hz=rate_hz, needs=needs, witnesses=basis.witnesses)
     except InputError as error:
         columns: tuple[LogColumn, ...] = ()
         with contextlib.suppress(InputError):

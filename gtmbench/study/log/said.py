@@ -13,17 +13,16 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.auto_recipe import AutoDetector
+from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.installing import corrected, expected_of, has_motion
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready
-from gtmbench.engine.course.judged import CourseJudged, course_judged
-from gtmbench.engine.hindsight.cleared import JUDGED
+from gtmbench.engine.course.judged import CourseJudged, course_beside
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
-from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.bent import BENT, are_bent
 from gtmbench.study.log.claims import excused_s
@@ -31,7 +30,7 @@ from gtmbench.study.log.contacts import crash_of
 from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.imus import SAME, is_contradicted
 from gtmbench.study.log.learnt import Learnt
-from gtmbench.study.log.records import outside, within, without
+from gtmbench.study.log.records import without
 from gtmbench.study.log.self_check.outcome import WATCHED, Part, SelfCheck, check_watched, check_wiring
 from gtmbench.values.record import Record, Span
 
@@ -121,7 +120,8 @@ def doubted(said: Said, progress: Progress) -> Said:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     whole = _judged(said)
-    said = replace(said, judged=whole, course=_course(said, whole))
+    course = course_of(said, whole)
+    said = replace(said, judged=None if basis_of(monitor).is_whole else whole, course=course)
     if said.check.stops or not is_ready(monitor):
         return replace(said, findings=(*map(str, said.check.stops), *_installed(said.installation), *said.findings))
     log, watches = learnt.opened.log, said.watches
@@ -188,23 +188,12 @@ def _judged(said: Said) -> Judged | None:
     return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)
 
 
-def _course(said: Said, whole: Judged | None) -> CourseJudged | None:
+def course_of(said: Said, whole: Judged | None) -> CourseJudged | None:
     """Return what the engine says of the log's other sensors; None where no attitude tells how they turn."""
     readings = said.learnt.opened.readings
     if whole is None or not readings or said.check.stops:
         return None
-    broken = [
-        (span.start_s, span.end_s)
-        for sensor, span in whole.accused
-        if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
-    ]
-    return course_judged(whole.flight.without(broken), readings)
-
-
-def healthy_of(learnt: Learnt, log: FlightLog) -> list[Record]:
-    """Return the stretches of a log that its monitor was learnt on."""
-    left_out = [each.span for each in learnt.left_out if each.log == learnt.opened.log.path]
-    return outside(within(log, learnt.identified_s), left_out)
+    return course_beside(whole, readings)
 
 
 def _left_s(learnt: Learnt) -> list[Span]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
-from gtmbench.detectors.crosscheck.relations import CHANNELS
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
@@ -38,8 +37,8 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_o
 _LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
 _GAINS = ("scale_factor", "deadzone")
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
+_COMPARED = "compared with others, and nothing was found; no size is promised"
 _SOON_S = 15.0  # between the onsets of one failure
-_COMPARABLE = {channel for channels in CHANNELS.values() for channel in channels}  # by the cross-check
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,6 +122,7 @@ def timeline_of(evidence: Evidence) -> Timeline:
         of_imus = told_of_imus(evidence.judged, claims)
         claims += of_imus.claims
         told += of_imus.lines
+    claims += [(row, unjudged(span_s, _COMPARED)) for row in _compared(evidence)]
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)
@@ -138,12 +138,26 @@ def _of_course(evidence: Evidence) -> list[Claim]:
     """Return what the engine claims of sensors that no gyro enters, by the rows that the log has for them."""
     found: list[Claim] = []
     for sensor, span in () if evidence.course is None else evidence.course.claims:
-        rows = [name for name in WHOLE.get(sensor, (sensor,)) if name in evidence.sensors]
-        judged = span.judgement
+        rows, judged = rows_of(sensor, evidence.sensors), span.judgement
         if judged is not None and judged.axis in rows:
             rows, judged = [judged.axis], replace(judged, sensor=judged.sensor and judged.axis, axis="")
-        found += [(row, replace(span, judgement=judged)) for row in rows or [sensor]]
+        found += [(row, replace(span, judgement=judged)) for row in rows]
     return found
+
+
+def rows_of(sensor: str, there: Sequence[str]) -> list[str]:
+    """Return the rows of a sensor in a timeline: its channels that a log has by themselves, or else its name.
+
+    >>> rows_of("accelerometers", ["p", "nx", "ny", "nz"]), rows_of("gps", ["p"])
+    (['nx', 'ny', 'nz'], ['gps'])
+    """
+    return [name for name in WHOLE.get(sensor, (sensor,)) if name in there] or [sensor]
+
+
+def _compared(evidence: Evidence) -> list[str]:
+    """Return the rows of the other sensors that some relation holds."""
+    held = () if evidence.course is None else evidence.course.compared
+    return [row for sensor in held for row in rows_of(sensor, evidence.sensors)]
 
 
 def _accused(evidence: Evidence, span_s: Span) -> list[Claim]:
@@ -330,6 +344,6 @@ def _told(evidence: Evidence, claims: Sequence[Claim]) -> list[str]:
     silent = [name for name in evidence.sensors if name not in heard]
     if not silent:
         return []
-    compared = [name for name in silent if name in _COMPARABLE]
-    hint = f"; --detector cross-check compares {', '.join(compared)}" if compared else ""
-    return [f"No verdict on {', '.join(silent)}{hint}."]
+    compared = [name for name in silent if name in _compared(evidence)]
+    told = f"; compared, with nothing found: {', '.join(compared)}" if compared else ""
+    return [f"No verdict on {', '.join(silent)}{told}."]

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-import numpy as np
-
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
+from gtmbench.engine.curves import Curve
 from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.imus.imu import Imu
 from gtmbench.engine.judged import Judged
@@ -21,16 +20,16 @@ from gtmbench.engine.named import WHOLE
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
+from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of
-from gtmbench.study.log.gps_itself import FIX, JUMP, with_itself
+from gtmbench.study.log.gps_itself import gps_alarms
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.other_sensors import WatchedSensor, watched_sensors
-from gtmbench.study.log.said import Said, beyond, first_alarms, healthy_of
+from gtmbench.study.log.said import Said, beyond, first_alarms
 from gtmbench.study.log.second_faults import second_faults
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.study.log.swap import Swap
-from gtmbench.study.log.timeline import Certified, Evidence, shifted_gyros, timeline_of
+from gtmbench.study.log.timeline import Certified, Evidence, rows_of, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
 from gtmbench.values.ranges import OutOfRange
@@ -68,9 +67,10 @@ class WatchedLog:
         the monitor rests on no attitude.
     course : CourseJudged or None
         Which sensors that no gyro enters failed, by the engine, over the whole log.
-    sensors : tuple of WatchedSensor
-        The sensors that no gyro enters: what each is compared with, and which failed; none where the log has no
-        heading.
+    sensors : tuple of SensorReadings
+        The log's sensors that no gyro enters; none where the log has no heading.
+    gps : tuple of Alarm
+        What a GPS shows by itself, in time; a doubt says why one may be no fault.
     estimator : tuple of EstimatorWord
         The gyro biases of the log's estimator and its test ratios: reported, never used.
     installation : Installation or None
@@ -125,7 +125,8 @@ class WatchedLog:
     left_out: tuple[LeftOut, ...] = ()
     judged: Judged | None = field(default=None, repr=False)
     course: CourseJudged | None = field(default=None, repr=False)
-    sensors: tuple[WatchedSensor, ...] = field(default=(), repr=False)
+    sensors: tuple[SensorReadings, ...] = field(default=(), repr=False)
+    gps: tuple[Alarm, ...] = field(default=(), repr=False)
     estimator: tuple[EstimatorWord, ...] = field(default=(), repr=False)
     installation: Installation | None = field(default=None, repr=False)
     attitude: Origin | None = field(default=None, repr=False)
@@ -178,6 +179,16 @@ class WatchedLog:
         return tuple(alarm for alarm in self.alarms if alarm.test == WHOLE)
 
     @property
+    def of_others(self) -> tuple[Alarm, ...]:
+        """The alarms of sensors that no gyro enters: the engine's, and what a GPS shows by itself."""
+        return (*(() if self.course is None else self.course.alarms), *self.failed_gps)
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """What shows the engine's findings: relations as they are, and as findings predict them."""
+        return tuple(curve for each in (self.judged, self.course) if each is not None for curve in each.curves)
+
+    @property
     def further_imus(self) -> tuple[Imu, ...]:
         """The IMUs beside the one that is watched, as the engine compared them; none where the log has one."""
         return () if self.judged is None else self.judged.flight.imus
@@ -199,10 +210,9 @@ class WatchedLog:
         return tuple(dict.fromkeys(score.name for score in scores))
 
     @property
-    def failed_sensors(self) -> tuple[WatchedSensor, ...]:
-        """The sensors that no gyro enters and that failed, in order of time."""
-        failed = [(each.failed.time_s, each) for each in self.sensors if each.failed is not None]
-        return tuple(each for _, each in sorted(failed, key=lambda told: told[0]))
+    def failed_gps(self) -> tuple[Alarm, ...]:
+        """What a GPS shows by itself that must be a failure, in time."""
+        return tuple(alarm for alarm in self.gps if not alarm.doubt)
 
     @cached_property
     def timeline(self) -> Timeline:
@@ -234,17 +244,9 @@ class WatchedLog:
         of_swap = () if self.swap is None else self.swap.alarms
         return (*told, *beyond(told, (*self.later, *of_swap)))
 
-    def _is_explained(self, alarm: Alarm) -> bool:
-        """Tell whether the engine accuses somebody while an alarm of other sensors lasts."""
-        until_s = np.inf if alarm.ended_s is None else alarm.ended_s
-        return self.course is not None and self.course.explains((alarm.onset_s, until_s))
-
     @property
     def evidence(self) -> Evidence:
         """All that its timeline is laid out of."""
-        others = tuple(each.failed for each in self.sensors if each.failed is not None)
-        if self.course is not None:  # the engine compares the same sensors over the whole log
-            others = tuple(alarm for alarm in others if alarm.test in (FIX, JUMP) or not self._is_explained(alarm))
         return Evidence(
             log=self.log,
             sensors=self.there or self.log.channels,
@@ -254,7 +256,7 @@ class WatchedLog:
             is_driven=self.attitude is not None and self.attitude.is_driven,
             judged=self.judged,
             course=self.course,
-            alarms=(*self._others, *others),
+            alarms=(*self._others, *self.failed_gps),
             watches=self.watches,
             check=self.check,
             excursions=self.excursions,
@@ -302,7 +304,8 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         left_out=learnt.left_out,
         judged=said.judged,
         course=said.course,
-        sensors=sensors_of(said),
+        sensors=opened.sensors,
+        gps=gps_of(said),
         estimator=opened.estimator,
         installation=said.installation,
         attitude=opened.attitude,
@@ -314,7 +317,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         watched_imu=opened.watched_imu,
         out_of_range=opened.out_of_range,
         swap=swap,
-        scope=opened.asked.scope(there_of(said), usual_of(said)),
+        scope=opened.asked.scope(there_of(said), usual_of(said), held_of(said)),
     )
 
 
@@ -335,17 +338,30 @@ def there_of(said: Said) -> tuple[str, ...]:
 def usual_of(said: Said) -> tuple[str, ...]:
     """Return the sensors that are asked where nobody says which: those that the monitor speaks for."""
     monitor = said.learnt.monitor
+    if basis_of(monitor).is_whole:
+        return others_of(said)
     if moving_of(said):
         return JUDGED
     return basis_of(monitor).predicts or suspects_of(monitor) or monitor.channels or said.learnt.opened.log.channels
 
 
-def sensors_of(said: Said) -> tuple[WatchedSensor, ...]:
-    """Return what the sensors of a log that no gyro enters say of each other, learnt where its monitor was."""
-    learnt = said.learnt
-    motion = learnt.opened.own.motion
-    moving = () if motion is None else motion.segments
-    healthy = healthy_of(learnt, motion) if motion is not None and learnt.identified_s else ()
-    sensors = learnt.opened.sensors
-    watched = watched_sensors(sensors, moving, healthy, learnt.identified_s, said.excursions)
-    return with_itself(watched, sensors, moving, said.excursions)
+def others_of(said: Said) -> tuple[str, ...]:
+    """Return the sensors that no gyro enters and that some relation holds, by the rows of the log's timeline."""
+    there = there_of(said)
+    compared = () if said.course is None else said.course.compared
+    return tuple(row for sensor in compared for row in rows_of(sensor, there))
+
+
+def held_of(said: Said) -> tuple[str, ...]:
+    """Return the sensors that some relation holds, further IMUs' among them: what ``--judge all`` asks for."""
+    there, others = there_of(said), others_of(said)
+    imus = () if said.judged is None else said.judged.flight.imus
+    usual = [name for name in usual_of(said) if name in there or name in others]
+    return tuple(dict.fromkeys([*usual, *others, *(name for imu in imus for name in imu.channels)]))
+
+
+def gps_of(said: Said) -> tuple[Alarm, ...]:
+    """Return what a log's GPS shows by itself."""
+    opened = said.learnt.opened
+    moving = () if opened.own.motion is None else opened.own.motion.segments
+    return gps_alarms(opened.sensors, moving, said.excursions)

@@ -10,6 +10,7 @@ from gtmbench.engine.course.course import UNITS, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.explanations.sensor import explanations as of_sensors
 from gtmbench.engine.course.judged import course_judged
+from gtmbench.engine.course.relations import roughness
 from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
@@ -90,6 +91,8 @@ def test_a_bias_of_a_channel_is_what_its_signature_says_in_every_relation(channe
     unit = strength if channel in MAGNETOMETER else 1.0 / UNITS.get(channel, 1.0)
     shown = 0
     for own, off in zip(relations_of(course), relations_of(broken), strict=True):
+        if own.name == roughness.NAME:
+            continue  # what stays is no noise
         response, changed = own.response(course.flight, effect), _in_one_unit(off, own, broken, course)
         told = np.zeros_like(changed) if response is None else response * size / unit
         scale = np.nanmax(np.abs(changed))
@@ -174,3 +177,10 @@ def test_what_reads_one_value_on_the_ground_is_no_fault():
     for name, values in (six | {"tas": np.where(landed, record["tas"][row], record["tas"])}).items():
         record = record.replace(name, values)
     assert said_of(record).standing == ()
+
+
+@pytest.mark.parametrize(("onset_s", "is_named"), [(12.0, False), (25.0, True)])
+def test_an_error_of_nearly_all_of_a_flight_names_nobody(onset_s, is_named):
+    """Its beginning is too short to know what is usual: a bias of the rest is a constant as well."""
+    found = said_of(gb.inject(flown(), gb.Bias(channel="nz", onset_s=onset_s, size=SIZES["nz"])))
+    assert bool(found.accused) == is_named

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.explanations import healthy, sensor
+from gtmbench.engine.course.explanations import healthy, noise, sensor
 from gtmbench.engine.explanation import Explanation
 
-KINDS = (sensor, healthy)
+KINDS = (sensor, noise, healthy)
 
 
 def explanations_of(course: Course) -> tuple[Explanation, ...]:

@@ -32,7 +32,7 @@ class _Bounds:
 
 _BOUNDS: dict[str, _Bounds] = (
     dict.fromkeys(ACCELEROMETERS, _Bounds(0.7, 40.0))
-    | dict.fromkeys(GPS_VELOCITY, _Bounds(1.0, 100.0))
+    | dict.fromkeys(GPS_VELOCITY, _Bounds(1.0, 1000.0))
     | dict.fromkeys(MAGNETOMETER, _Bounds(0.05, 3.0))
     | {
         "tas": _Bounds(2.0, 100.0),

@@ -1,0 +1,74 @@
+"""Sensors that jump once, between two readings, by more than an aircraft or the air moves in that time, and stay there.
+
+Relations between sensors tell what lasts: a second after its step an altitude climbs as fast as before. What jumps to
+and fro is noise, and what jumps often has readings of that size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from gtmbench.engine.samples import Samples
+from gtmbench.values.channels import FT_S_PER_KT, G_M_S2, M_PER_FT
+from gtmbench.values.record import Span
+
+# the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft of these climbs at
+# 100 m/s, or meets a gust that grows by 2.5 g; jumps of a GPS are judged by the force beside it, in `gps_itself`
+_M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)
+_JUMPS: Mapping[str, tuple[float, float]] = {
+    "altitude": (10.0 / M_PER_FT, 100.0 / M_PER_FT),
+    "tas": (5.0 * _M_S, 2.5 * G_M_S2 * _M_S),
+}
+_OF_OTHERS = 4.0  # times the next largest change between two readings
+_BESIDE_S = 15.0  # before and behind it is flown; what begins later may be a landing
+STAYS_S, _STAYS = 2.0, 0.5  # its share of what medians before and behind are apart
+_SLOWEST_S = 0.25  # between readings
+_GAP = 2.5  # times the usual step
+
+
+def jumps(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, float, float]]:
+    """Give which channels jump in flight, when, and by how much in their unit.
+
+    Parameters
+    ----------
+    sensors : mapping of channel to Samples
+    flown_s : (start, end)
+        From when to when the aircraft flies.
+
+    Examples
+    --------
+    >>> time_s = np.arange(0.0, 60.0, 0.1)
+    >>> read = np.random.default_rng(1).standard_normal(600)
+    >>> list(jumps({"altitude": Samples(time_s, read)}, (0.0, 60.0)))
+    []
+    >>> read[300:] += 150.0
+    >>> found = jumps({"altitude": Samples(time_s, read)}, (0.0, 60.0))
+    >>> [(name, round(at_s), round(size, -1)) for name, at_s, size in found]
+    [('altitude', 30, 150.0)]
+    """
+    for name, (least, rate) in _JUMPS.items():
+        if name in sensors and sensors[name].step_s <= _SLOWEST_S:
+            yield from _of(name, sensors[name], flown_s, least, rate)
+
+
+def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -> Iterator[tuple[str, float, float]]:
+    there = np.isfinite(samples.values)
+    time_s, values = samples.time_s[there], samples.values[there]
+    steps = np.diff(time_s)
+    even = (steps < _GAP * samples.step_s) & (time_s[1:] >= flown_s[0]) & (time_s[1:] <= flown_s[1])
+    changes = np.where(even, np.diff(values), 0.0)
+    if np.count_nonzero(even) < 2:
+        return
+    second, first = np.argsort(np.abs(changes))[-2:]
+    size, at_s = float(changes[first]), float(time_s[first + 1])
+    if abs(size) < max(least + rate * float(steps[first]), _OF_OTHERS * abs(float(changes[second]))):
+        return
+    before = values[(time_s < at_s) & (time_s >= at_s - STAYS_S)]
+    behind = values[(time_s >= at_s) & (time_s < at_s + STAYS_S)]
+    if not (np.ptp(before) > 0.0 and np.ptp(behind) > 0.0):
+        return  # it stands still, or wasn't on before
+    stays = float(np.median(behind) - np.median(before)) / size > _STAYS
+    if stays and flown_s[0] + _BESIDE_S < at_s < flown_s[1] - _BESIDE_S:
+        yield name, at_s, size

@@ -1,0 +1,71 @@
+"""How noisy GPS, altitude and magnetometer are from reading to reading: y = the logarithm of their noise's power.
+
+No aircraft moves so: a noise of 1 m/s in a GPS that reads five times a second would be forces of one g, to and fro.
+Airspeed, vanes and accelerometers aren't told, for gusts and engines shake those; nor what reads less than four times a
+second, for a turn then looks like noise. What is quieter than a fifth of the least noise that is a failure counts as if
+it were as loud: twice as loud as next to nothing is nothing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gtmbench.engine.course.course import Course
+from gtmbench.engine.effect import Effect
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Relation
+from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
+from gtmbench.values.record import FloatArray
+
+NAME = "roughness"
+# the least noise of each that is a failure, in m/s, m and a share of the field: motors' currents make up to 60 % of the
+# field (ArduPilot's limit), and three deviations of twice this share are as much
+LEAST = dict.fromkeys(GPS_VELOCITY, 1.0) | {"altitude": 5.0} | dict.fromkeys(MAGNETOMETER, 0.1)
+QUIET = 0.2
+_SLOWEST_S = 0.25  # between readings: a turn of 90 deg/s moves a field's second difference by 14 % of it
+_PRIOR, _FLOOR = np.array([10.0, 1.0]), np.array([0.2, 0.08])  # a level, a power of the liveliness
+_WANDER = 0.3
+_LEAST = 0.1  # of noise
+
+
+def rough_of(channel: str) -> str:
+    """Return what the logarithm of a channel's noise is called in effects."""
+    return f"roughness of {channel}"
+
+
+def told_of(course: Course) -> tuple[str, ...]:
+    """Return the channels whose noise is told."""
+    return tuple(name for name in LEAST if name in course.noise and course.steps_s[name] <= _SLOWEST_S)
+
+
+def relation(course: Course) -> Relation:
+    """Return the relation of those of a course's sensors that nothing shakes."""
+    names = told_of(course)
+    values = np.column_stack([_told(course, name) for name in names])
+    columns = np.column_stack([np.ones(len(values)), np.log(course.flight.lively)])
+
+    def response(_: Flight, effect: Effect) -> FloatArray | None:
+        told, none = effect.channels or {}, np.zeros(len(values))
+        found = np.column_stack([told.get(rough_of(name), none) for name in names])
+        return found if found.any() else None
+
+    return Relation(
+        name=NAME,
+        channels=names,
+        said="noise of {}, as a logarithm",
+        unit="",
+        values=values,
+        regressors=np.repeat(columns[:, np.newaxis, :], len(names), axis=1),
+        prior=_PRIOR,
+        floor=_FLOOR,
+        wander=_WANDER,
+        least=_LEAST,
+        asked=course.flight.flown,
+        response=response,
+    )
+
+
+def _told(course: Course, name: str) -> FloatArray:
+    """Return the logarithm of one plus a noise's power beside that of a quiet one."""
+    unit = course.strength if name in MAGNETOMETER else 1.0
+    return np.asarray(np.log1p(course.noise[name] / (unit * QUIET * LEAST[name]) ** 2))

@@ -1,0 +1,127 @@
+"""What a sensor shows by itself: noise, a jump, a field that is far too strong; and what looks like it and isn't."""
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.engine.course.jumps import jumps
+from gtmbench.engine.course.relations.roughness import told_of
+from gtmbench.engine.samples import Samples
+from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
+from gtmbench.verdict.timeline import State
+from tests.engine.course.test_course_contract import ONSET_S, accused, course_from, flown, said_of
+
+FLOWN_S = (0.0, 60.0)
+FIELD_UT = 49.0
+
+
+def noisy(channel, deviation):
+    return gb.inject(flown(), gb.Noise(channel=channel, onset_s=ONSET_S, deviation=deviation))
+
+
+# ---- noise ----
+
+
+@pytest.mark.parametrize(
+    ("channel", "sensor", "deviation"),
+    [("gps_north", "gps", 4.0), ("altitude", "altitude", 40.0), ("mag_x", "magnetometer", 0.3 * FIELD_UT)],
+)
+def test_a_noise_of_twice_and_more_the_least_is_named_and_its_curve_is_in_the_relations_unit(
+    channel, sensor, deviation
+):
+    said = said_of(noisy(channel, deviation))
+    ((name, span),) = said.accused
+    assert (name, span.state, span.judgement.kind) == (sensor, State.FAILED, "noise")
+    assert span.start_s == pytest.approx(ONSET_S, abs=5.0)
+    (curve,) = [each for each in said.curves if each.kind == "noise"]
+    behind = curve.time_s > ONSET_S + 10.0
+    assert np.nanmean(curve.measured[behind]) == pytest.approx(np.nanmean(curve.predicted[behind]), abs=0.5)
+
+
+@pytest.mark.parametrize(("channel", "deviation"), [("gps_north", 0.7), ("altitude", 11.0), ("mag_x", 0.07 * FIELD_UT)])
+def test_a_noise_of_less_than_the_least_accuses_nobody(channel, deviation):
+    assert accused(noisy(channel, deviation)) == set()
+
+
+def test_noise_is_told_of_what_nothing_shakes_and_of_no_slow_sensor():
+    course = course_from(flown())
+    assert told_of(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER)
+    record = flown()
+    slow = np.arange(len(record)) % round(0.3 / record.sample_period_s) != 0
+    slower = record.replace("altitude", np.where(slow, np.nan, record["altitude"]))
+    assert "altitude" not in told_of(course_from(slower))
+
+
+# ---- jumps ----
+
+
+def altitude(size_ft, at_s=30.0, *, step_s=0.1, noise_ft=1.0):
+    time_s = np.arange(*FLOWN_S, step_s)
+    read = noise_ft * np.random.default_rng(1).standard_normal(len(time_s))
+    return Samples(time_s, read + size_ft * (time_s >= at_s))
+
+
+def jumped(samples, channel="altitude"):
+    return [round(at_s) for _, at_s, _ in jumps({channel: samples}, FLOWN_S)]
+
+
+@pytest.mark.parametrize(("size_ft", "is_told"), [(50.0, False), (80.0, True), (-80.0, True)])
+def test_an_altitude_jumps_by_ten_metres_and_what_the_fastest_climb_makes(size_ft, is_told):
+    assert bool(jumped(altitude(size_ft))) == is_told
+
+
+@pytest.mark.parametrize(("size_kt", "is_told"), [(12.0, False), (20.0, True)])
+def test_an_airspeed_jumps_by_more_than_any_gust_does(size_kt, is_told):
+    assert bool(jumped(altitude(size_kt, noise_ft=0.3), "tas")) == is_told
+
+
+def test_what_comes_back_goes_on_begins_late_or_is_usual_is_no_jump():
+    spike, twice = altitude(0.0), altitude(0.0)
+    spike.values[300:305] += 500.0
+    twice.values[300:] += 500.0
+    twice.values[400:] += 200.0
+    assert jumped(spike) == jumped(twice) == []
+    assert jumped(altitude(500.0, at_s=12.0)) == jumped(altitude(500.0, at_s=48.0)) == []
+    assert jumped(altitude(500.0, at_s=18.0)) == [18]
+    assert jumped(altitude(500.0, step_s=0.4)) == []
+
+
+def test_what_stands_still_before_or_behind_jumps_not_nor_does_what_changes_in_a_gap():
+    stood = altitude(500.0)
+    stood.values[:300] = 0.0
+    assert jumped(stood) == []
+    read = altitude(500.0)
+    gap = np.abs(read.time_s - 30.0) > 0.5
+    assert jumped(Samples(read.time_s[gap], read.values[gap])) == []
+
+
+@pytest.mark.parametrize(("channel", "size"), [("altitude", 150.0), ("tas", 25.0)])
+def test_a_jump_names_its_sensor_with_its_size_and_time(channel, size):
+    said = said_of(gb.inject(flown(), gb.Bias(channel=channel, onset_s=ONSET_S, size=size)))
+    ((name, span),) = said.standing
+    assert (name, span.state, span.judgement.kind) == (channel, State.FAILED, "bias")
+    assert span.start_s == pytest.approx(ONSET_S, abs=0.1)
+    assert span.judgement.parameters["size"] == pytest.approx(size, rel=0.1)
+    assert {alarm.source for alarm in said.alarms} == {channel}
+
+
+# ---- what is left, and what nothing else makes ----
+
+
+def test_what_one_comparison_has_left_of_a_stronger_error_accuses_nobody():
+    drifts = gb.Drift(channel="gps_down", onset_s=ONSET_S, slope=-2.0)
+    assert accused(gb.inject(flown(), drifts)) == {("gps", State.FAILED)}
+
+
+def test_a_field_that_is_read_far_stronger_than_anywhere_else_names_its_magnetometer():
+    drifts = gb.Drift(channel="mag_z", onset_s=ONSET_S, slope=0.03 * FIELD_UT)
+    ((name, span),) = said_of(gb.inject(flown(), drifts)).accused
+    assert (name, span.state, span.judgement.axis) == ("magnetometer", State.FAILED, "mag_z")
+
+
+def test_a_field_that_currents_can_make_or_that_a_heading_turns_names_nobody():
+    drifts = gb.Drift(channel="mag_z", onset_s=ONSET_S, slope=0.4 * FIELD_UT / 90.0)
+    assert said_of(gb.inject(flown(), drifts)).accused == ()
+    record = flown()
+    turned = record["psi"] + 100.0 * (record.time_s > ONSET_S)
+    assert {sensor for sensor, _ in accused(record.replace("psi", turned))} & {"magnetometer"} == set()
