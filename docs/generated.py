@@ -25,6 +25,7 @@ ROOMS = {  # where a name is defined: what one does there
     "faults": "Break",
     "method": "Identify and predict",
     "detectors": "Watch and explain",
+    "engine": "Watch and explain",
     "intake": "Read flight logs",
     "study": "Run studies, watch logs",
     "verdict": "Run studies, watch logs",

@@ -40,6 +40,10 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"\| noise \| [0-9.]+ deg/s \|",  # the smallest that is found
     ),
     "strange_faults": (r"# Strange faults\n\n\*\*Quick: ", r"\| bursts +\| strong +\| 100.0 % .* of 2 "),
+    "several_at_once": (
+        r"# Several sensors hit at once\n\n\*\*Quick: ",
+        r"\| common cause +\| all gyros warm up +\| 1 +\| 1 +\| 0 ",  # detected, and no healthy sensor named
+    ),
     "other_sensors": (
         r"# Other sensors, other tests\n\n\*\*Quick: ",
         r"\| 1 s +\| 100.0 % .* of 1 ",
