@@ -268,22 +268,23 @@ class Fitter:
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
-        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. A gyro that
-        drives the attitude is undone by a share of what it reads, and so is its own noise.
+        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. At a low rate a
+        gyro that drives the attitude is undone by a share of what it reads, and so is its own noise.
         """
         channel = self.suspect.channel
         gyro = axis_of(channel)[0]
-        if self.is_driven and "x" in names:
-            kept = 1.0 - float(self.weights(*names)[names.index("x")]) * self.suspect.case.smoothing
+        smoothing = self.suspect.case.smoothing
+        if self.is_driven and "x" in names and len(smoothing) == 1:  # at a low rate, where nothing is smoothed
+            kept = 1.0 - float(self.weights(*names)[names.index("x")])
             times = {channel: 1.0, own(channel): 1.0 / ALIKE}
             known = zip(self.suspect.outputs, self.suspect.there, strict=True)
             count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
-            return count * float(np.mean(np.log(np.clip(np.square(kept), _LEAST_GAIN**2, 1.0))))
+            return count * float(np.log(np.clip(kept**2, _LEAST_GAIN**2, 1.0)))
         if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
             return 0.0
         weight = min(max(float(self.weights(*names)[names.index("x")]), -_MOST_GAIN), _MOST_GAIN)
         rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
-        return rows * float(np.mean(np.log(np.square(1.0 + weight * self.suspect.case.smoothing))))
+        return rows * float(np.mean(np.log(np.square(1.0 + weight * smoothing))))
 
     def left_of(self, changes: FloatArray) -> FloatArray:
         """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""

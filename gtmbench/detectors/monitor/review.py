@@ -116,7 +116,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
 
     What began with it and enters this residual isn't this sensor's.
     """
-    if judged.sensor is None:
+    if judged.sensor is None or fault.monitor.bank.attitude_from_gyros:  # which a gyro enters everywhere
         return judged
     for each in earlier(fault, others):
         alarm = each.alarm
