@@ -33,6 +33,7 @@ _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
 _IN_TUNE = 1.05  # times the frequency of another tone
 _FITTING = 0.5  # of what a residual has beyond chance, that a fault explains
+_LEAST_SHARE = 0.02  # of what a fault explains of its axis, that is another's on the next
 _PLAIN, _LOUDER = 60.0, 0.1  # of -2 log likelihood; of what chance leaves
 
 
@@ -150,6 +151,7 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
     """Return what is said of each residual by itself, its own first; of others only where that is a fault.
 
     Noise that wanders, or is a little louder than what was learnt, is none; but it may be the same noise as its own.
+    Nor is what is a small share of another axis's: an attitude that a gyro has bent, or a model's error in its motion.
     """
     parts: dict[str, _Part] = {}
     healthy = [name for name, far in case.sickness.items() if far <= 1.0 and name not in outputs]
@@ -165,7 +167,8 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
             judged = replace(first, time_s=case.end_s, reason=SEVERAL)
         if output == case.source or (is_fitting and (is_same or not judged.doubt)):
             parts[output] = _Part(judged, gain)
-    return parts
+    least = _LEAST_SHARE * max(part.gain for part in parts.values())
+    return {output: part for output, part in parts.items() if output == case.source or part.gain >= least}
 
 
 def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement]:
