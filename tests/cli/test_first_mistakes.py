@@ -223,7 +223,10 @@ MISTAKES = [
     # what a file is
     ("monitor empty.csv", f"empty.csv is empty; {READ}"),
     ("monitor header.csv", "header.csv: it names columns, and holds no row of values below them"),
-    ("monitor headless.csv", "headless.csv: its first line holds numbers, no names; put a line above that names ..."),
+    (
+        "monitor headless.csv",
+        "headless.csv: no channels 'p', 'q', 'r'; no header: columns are called by their numbers, as in --map time=1:s ...",
+    ),
     (
         "monitor book.csv",
         "book.csv isn't a readable Excel workbook: ...",

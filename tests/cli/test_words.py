@@ -53,7 +53,7 @@ def typed(tmp_path, cli):
     [
         (
             "monitor bare.csv",
-            "its first line holds numbers, no names; put a line above that names the columns",
+            "no header: columns are called by their numbers, as in --map time=1:s --map p=2:rad/s",
         ),
         ("monitor slow.csv --healthy 0:25", "column 'time' looks like time, but states no unit: --map time=time:s"),
         ("monitor wide.csv", "rows have more cells than the 2 that its first line names"),

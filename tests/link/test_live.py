@@ -528,7 +528,7 @@ def test_a_gyro_that_bends_the_attitude_has_no_other_accused(fault, attitude, tm
     certain = [(alarm.time_s, alarm.sensor) for alarm in of_bank if alarm.is_first and alarm.accuses]
     assert certain == [(alarm.time_s, alarm.sensor) for alarm in link.alarms if alarm.accuses]
     believed, _ = named(attitude="own")
-    assert believed > names  # as it says of an attitude of its own
+    assert believed >= names  # an attitude of its own leaves no doubt, and may leave others to name
 
 
 def test_a_link_that_gets_better_is_watched_from_then_on():

@@ -28,6 +28,7 @@ from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray
 
 SEVERAL = "several sensors are hit at once"
+SHOWN = ("jam", "stuck", "hardover", "stale", "quantisation")  # kinds that a sensor's own readings show
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
@@ -78,7 +79,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement, with
     if hit is None or not _is_beyond(case, parts, ranking[0]):
         told = judge(case, ranking, first)
         gone = {*case.together, *case.others} - {*case.residuals.raw}
-        if not gone or told.sensor is None:
+        if not gone or told.sensor is None or told.kind in SHOWN:
             return told
         own = {case.source: _Part(told, case.deviance - ranking[0].bic)}
         return _with_own_angle(case, own, gone) or told
@@ -168,7 +169,7 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
         if output == case.source or (is_fitting and (is_same or not judged.doubt)):
             parts[output] = _Part(judged, gain)
     least = _LEAST_SHARE * max(part.gain for part in parts.values())
-    return {output: part for output, part in parts.items() if output == case.source or part.gain >= least}
+    return {output: part for output, part in parts.items() if part.gain >= least}
 
 
 def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement]:
@@ -203,7 +204,7 @@ def _with_own_angle(case: Case, parts: Mapping[str, _Part], alarmed: Set[str]) -
             continue
         if judged is None or judged.sensor is None or judged.doubt or gain < explained + DECISIVE:
             names = dict.fromkeys([*axis, *(name for each in parts.values() for name in each.judged.candidates)])
-            told = judged or parts[case.source].judged
+            told = judged or next(iter(parts.values())).judged
             return replace(told, sensor=None, partner=None, candidates=tuple(names), reason=SEVERAL)
         gyro = next(name for name in axis if name != angle.channel)
         other = angle.channel if judged.sensor == gyro else gyro
@@ -269,7 +270,8 @@ def _alone(case: Case, output: str, healthy: Sequence[str]) -> Case:
 
 def _merged(case: Case, parts: Mapping[str, Judgement]) -> Judgement:
     """Return what is said of all parts in one: several sensors failed at once, or one of these did."""
-    telling = [judged for output, judged in parts.items() if output == case.source or _is_definite(judged)]
+    definite = [judged for output, judged in parts.items() if output == case.source or _is_definite(judged)]
+    telling = definite or list(parts.values())[:1]
     if len(telling) == 1:
         return telling[0]
     named = _of_gyros(telling) or telling

@@ -21,7 +21,7 @@ from gtmbench.detectors.isolation.diagnosis import (
 from gtmbench.detectors.isolation.ended import ended_s, fault_of, quiet_since_s
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
-from gtmbench.detectors.isolation.several import SEVERAL, judge_all
+from gtmbench.detectors.isolation.several import SEVERAL, SHOWN, judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
@@ -116,7 +116,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
 
     What began with it and enters this residual isn't this sensor's.
     """
-    if judged.sensor is None or fault.monitor.bank.attitude_from_gyros:  # which a gyro enters everywhere
+    if judged.sensor is None or judged.kind in SHOWN:
         return judged
     for each in earlier(fault, others):
         alarm = each.alarm

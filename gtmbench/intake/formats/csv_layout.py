@@ -86,6 +86,8 @@ def layout_of(path: Path) -> Layout:
     check_columns([f"{number}" for number, _ in enumerate(names)])
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 2 + _ABOVE] if line.strip()]
     is_nameless = _is_row(names, rows)
+    if is_nameless and place == 1:
+        _check_header(_cells(lines[0], separator), len(names), separator)
     skipped = place + (0 if is_nameless else 1)
     units = [""] * len(names)
     if is_nameless:
@@ -110,6 +112,12 @@ def layout_of(path: Path) -> Layout:
         facts={pair[1]: pair[2] for line in above if (pair := _FACT.fullmatch(line))},
         rate_hz=float(rate["rate"]) * (1e3 if rate["kilo"] else 1.0) if rate else 0.0,
     )
+
+
+def _check_header(cells: Sequence[str], count: int, separator: str) -> None:
+    """Raise an error where the one line above rows names columns, but fewer than rows have cells."""
+    if 1 < len(cells) < count and not any(map(_NUMBER.match, cells)):
+        raise InputError(more_cells(cells, separator))
 
 
 def more_cells(names: Sequence[str], separator: str) -> str:
