@@ -225,7 +225,7 @@ MISTAKES = [
     ("monitor header.csv", "header.csv: it names columns, and holds no row of values below them"),
     (
         "monitor headless.csv",
-        "headless.csv: no channels 'p', 'q', 'r'; no header: columns are called by their numbers, as in --map time=1:s ...",
+        "headless.csv: no channels 'p', 'q', 'r'; no header: columns are called by their numbers, as in ...",
     ),
     (
         "monitor book.csv",

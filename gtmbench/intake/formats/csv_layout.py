@@ -86,7 +86,7 @@ def layout_of(path: Path) -> Layout:
     check_columns([f"{number}" for number, _ in enumerate(names)])
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 2 + _ABOVE] if line.strip()]
     is_nameless = _is_row(names, rows)
-    if is_nameless and place == 1:
+    if is_nameless and place and all(map(_NUMBER.match, lines[1:place])):
         _check_header(_cells(lines[0], separator), len(names), separator)
     skipped = place + (0 if is_nameless else 1)
     units = [""] * len(names)
