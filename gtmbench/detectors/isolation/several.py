@@ -2,8 +2,8 @@
 
 An angle enters up to three residuals and reads anything, so that it explains a part of whatever happens to several
 gyros. One sensor is all that is wrong only if every residual is healthy, or much nearer to it, once that sensor reads
-what it should. Otherwise the gyro and the angle of each axis that is hit are weighed by their own residual and their
-own readings alone: what another axis shows is another fault's.
+what it should. Otherwise the gyro and the angle of each axis that is hit are weighed by their own residual, their own
+readings and the residuals that are healthy: what another axis that is hit shows is another fault's.
 """
 
 from __future__ import annotations
@@ -114,13 +114,12 @@ def _is_beyond(case: Case, parts: Iterable[str], best: FittedHypothesis) -> bool
 
 def _is_loud(white: FloatArray) -> bool:
     """Tell whether a residual holds much more than chance, though no window of it is beyond a threshold."""
-    count = int(np.isfinite(white).sum())
-    return energy(white) - count > max(_PLAIN, _LOUDER * count)
+    return _excess(white) > max(_PLAIN, _LOUDER * float(np.isfinite(white).sum()))
 
 
-def _excess(case: Case, output: str) -> float:
+def _excess(white: FloatArray) -> float:
     """Return by how much a residual holds more than chance, of -2 log likelihood."""
-    return case.energies[output] - float(np.isfinite(case.white[output][case.judged]).sum())
+    return energy(white) - float(np.isfinite(white).sum())
 
 
 def _explains_all(angle: Suspect, hit: Sequence[str]) -> bool:
@@ -162,14 +161,19 @@ def _parts(case: Case, outputs: Sequence[str], first: Judgement, without: tuple[
         judged = judge(alone, ranking, replace(first, candidates=alone.suspects))
         gain = alone.deviance - min((fit.bic for fit in ranking), default=alone.deviance)
         own_kind = parts[case.source].judged.kind if parts else None
-        is_fitting = case.sickness[output] > 1.0 or gain > _FITTING * _excess(case, output)
+        is_fitting = case.sickness[output] > 1.0 or gain > _FITTING * _excess(case.white[output][case.judged])
         is_same = judged.doubt == NOISE_CHANGED and judged.kind == own_kind
         if output == case.source and gain < DECISIVE:  # a moment, which any angle's step may have been
             judged = replace(first, time_s=case.end_s, reason=SEVERAL)
         if output == case.source or (is_fitting and (is_same or not judged.doubt)):
             parts[output] = _Part(judged, gain)
-    least = _LEAST_SHARE * max(part.gain for part in parts.values())
-    return {output: part for output, part in parts.items() if part.gain >= least}
+    return _large(parts)
+
+
+def _large(parts: Mapping[str, _Part]) -> dict[str, _Part]:
+    """Return the parts that are no small share of the greatest, which stays, though nothing explains it."""
+    greatest = max(part.gain for part in parts.values())
+    return {output: part for output, part in parts.items() if part.gain >= min(_LEAST_SHARE * greatest, greatest)}
 
 
 def _of_their_own(case: Case, parts: Mapping[str, _Part]) -> dict[str, Judgement]:

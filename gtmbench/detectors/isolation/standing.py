@@ -68,8 +68,7 @@ def rounded(case: Case) -> list[Judgement]:
         readings = case.record[name][since]
         quantum = None if habit.is_counted else quantum_of(readings)
         if quantum is not None:
-            parameters = {"quantum": quantum}
-            found.append(_said(case, name, Quantisation.kind, parameters))
+            found.append(_said(case, name, Quantisation.kind, {"quantum": quantum}))
     return found if len(found) >= _SEVERAL else []
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.isolation.several import _large, _Part
 from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -158,3 +160,18 @@ def test_a_quantum_is_found_in_readings_and_in_no_others(quantum, noise):
     readings = noise * np.random.default_rng(1).standard_normal(2000) + np.sin(np.arange(2000) / 80.0)
     assert quantum_of(readings) is None
     assert quantum_of(np.round(readings / quantum) * quantum) == pytest.approx(quantum)
+
+
+@pytest.mark.parametrize(
+    ("gains", "kept"),
+    [
+        ({"p": 1000.0, "q": 10.0}, {"p"}),
+        ({"p": 10.0, "q": 1000.0}, {"q"}),
+        ({"p": 30.0, "q": 1000.0}, {"p", "q"}),
+        ({"p": -5.0}, {"p"}),
+        ({"p": 0.0, "q": 0.0}, {"p", "q"}),
+    ],
+)
+def test_a_small_share_is_left_out_and_something_always_stays(gains, kept):
+    told = Judgement(time_s=1.0, sensor=None, candidates=("p",))
+    assert set(_large({output: _Part(told, gain) for output, gain in gains.items()})) == kept
