@@ -6,10 +6,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.virtual import ANGLES
+from gtmbench.values.record import Span
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
 OUTSIDE = "outside"  # of one that tells of a score where motion is beyond what the monitor knows
 NOISE_CHANGED = "the noise changed"  # a doubt: sensors that became louder or quieter are no fault by themselves
+MOST_PROBABLE = 0.999  # that a judgement is right: what nobody thought of stays possible
 TIMES_LOUDER = 3.0  # than the noise that was learnt: from there on it is a fault
 
 
@@ -27,11 +29,16 @@ class Judgement:
         Sensors whose fault may explain it, the likeliest first; empty if nothing is left to explain.
     kind : str or None
         The kind of fault that explains it, of `sensor` or the likeliest candidate; None if none does.
-    parameters, errors : dict
-        Its parameters and their standard errors, by the names and in the units of the kind's class; `value`, what a
-        sensor that is stuck reads, in the channel's; `onset_s`.
-    kind_margin : float
-        The BIC difference to the next kind of the same sensor.
+    parameters : dict
+        Its parameters, by the names and in the units of the kind's class; `value`, what a sensor that is stuck reads,
+        in the channel's; `onset_s`, when the fault began.
+    intervals : dict of name to (float, float)
+        Between which each parameter lies with a probability of 95 %, where the record tells it; one end is 0 or
+        infinite where only a bound is known.
+    probability : float or None
+        That the fault is of `sensor`, or while undecided of one of `candidates`; None where nobody has calibrated that.
+    kind_probability : float or None
+        That `kind` is right if `sensor` is.
     partner : str or None
         The other sensor of a fault that mixes two: they are swapped, or one is turned towards the other.
     reason : str
@@ -59,8 +66,9 @@ class Judgement:
     candidates: tuple[str, ...]
     kind: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
-    errors: dict[str, float] = field(default_factory=dict)
-    kind_margin: float = 0.0
+    intervals: dict[str, Span] = field(default_factory=dict)
+    probability: float | None = None
+    kind_probability: float | None = None
     partner: str | None = None
     reason: str = ""
     doubt: str = ""
@@ -125,6 +133,8 @@ class Alarm:
         The number of the first alarm of the same fault, as far as is known; otherwise its own.
     ended_s : float or None
         When the fault ended; None while it lasts, or if its end can't be determined.
+    ended_between_s : (float, float) or None
+        Between which times that is with a probability of 95 %.
     end_known_s : float or None
         When the end was known, from which watching goes on; None before that.
     looks_again_s : float or None
@@ -148,6 +158,7 @@ class Alarm:
     judgements: tuple[Judgement, ...] = field(default=(), repr=False)
     fault: int = -1
     ended_s: float | None = None
+    ended_between_s: Span | None = None
     end_known_s: float | None = None
     looks_again_s: float | None = None
 

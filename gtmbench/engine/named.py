@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.detectors.alarm import MOST_PROBABLE, Alarm, Judgement
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.values.record import Span
@@ -25,19 +25,17 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
     >>> half = (Explanation(suspect="q", kind="scale", effect=lambda _: Effect()), 0.0)
     >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
     >>> judged = judgement_of(Finding(ranked=(half,), size=-1.0, interval=(-1.1, -0.9), **told), 9.0)
-    >>> judged.kind, judged.parameters
-    ('scale_factor', {'factor': 0.5, 'onset_s': 4.0})
+    >>> judged.kind, judged.parameters["factor"], [round(end, 2) for end in judged.intervals["factor"]]
+    ('scale_factor', 0.5, [0.48, 0.53])
     """
     kind = _KINDS.get(finding.best.kind, finding.best.kind)
-    low, high = finding.interval
-    name, size, error = _PARAMETERS.get(kind, ""), finding.size, 0.25 * (high - low)
+    name, size, interval = _PARAMETERS.get(kind, ""), finding.size, finding.interval
     if kind == _SCALE:  # e = k y: the reading is 1 / (1 - k) times the turn
         name, size = "factor", _factor(finding.size)
-        error *= size**2
+        low, high = sorted(map(_factor, interval))
+        interval = (low, high)
         kind = _SIGN if abs(size + 1.0) < _TURNED else kind
     is_told = bool(name) and kind != _SIGN
-    onset_s = {"onset_s": finding.onset_s}
-    of_onset = {"onset_s": 0.25 * (finding.onset_range_s[1] - finding.onset_range_s[0])}
     sensor, imu = (None, "") if finding.named is None else gyro_and_imu(finding.named)
     return Judgement(
         time_s=time_s,
@@ -45,10 +43,21 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
         imu=imu,
         candidates=finding.suspects,
         kind=kind,
-        parameters=({name: size} if is_told else {}) | onset_s,
-        errors=({name: error} if is_told else {}) | of_onset,
+        parameters=({name: size} if is_told else {}) | {"onset_s": finding.onset_s},
+        intervals=({name: interval} if is_told else {}) | {"onset_s": finding.onset_range_s},
+        probability=_probability(finding, set(finding.suspects)),
+        kind_probability=_probability(finding, {finding.best.suspect}, finding.best.kind),
         reason="" if finding.named else f"{' or '.join(finding.suspects)} explains it",
     )
+
+
+def _probability(finding: Finding, suspects: set[str], kind: str | None = None) -> float | None:
+    """Return how likely it is one of some suspects, or of a kind if it is; None where no explanation was weighed."""
+    of = [(chance, each) for suspect, each, chance in finding.chances if suspect in suspects]
+    whole = sum(chance for chance, _ in of) if kind else 1.0
+    if not of or finding.is_healthy:
+        return None
+    return min(sum(chance for chance, each in of if kind in (None, each)) / whole, MOST_PROBABLE)
 
 
 def claims_of(judgement: Judgement, suspects: Sequence[str], span_s: Span, reason: str = "") -> Iterator[Claim]:

@@ -126,7 +126,7 @@ class Story:
 
 def _until(alarm: Alarm, count: int) -> Alarm:
     """Return an alarm as it was known after so many judgements."""
-    return replace(alarm, judgements=alarm.judgements[:count], ended_s=None, end_known_s=None)
+    return replace(alarm, judgements=alarm.judgements[:count], ended_s=None, ended_between_s=None, end_known_s=None)
 
 
 def _raised(alarm: Alarm) -> Line:

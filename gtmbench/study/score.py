@@ -96,15 +96,16 @@ class ParameterEstimate:
     ----------
     name : str
     value : float
-    error : float
-        Standard error; NaN where the record doesn't tell.
+    low, high : float
+        Between which it lies with a probability of 95 %; NaN where the record doesn't tell.
     true : float or None
         What was injected; None where sensor or kind is another.
     """
 
     name: str
     value: float
-    error: float
+    low: float
+    high: float
     true: float | None
 
 
@@ -251,7 +252,7 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: 
             f"a {type(watch).__name__} was given for a Watch; score what a monitor's watch(record) returns, such as "
             "gb.DissertationOperator(...).calibrate(records).watch(broken)"
         )
-    truth = _Truth(faults=(fault, *also), broken=broken)
+    truth = Truth(faults=(fault, *also), broken=broken)
     told = first_after(watch.alarms, truth.onset_s)
     altered = altered_share(truth.faults, healthy, broken)
     peak = _peak_ratio(watch, truth)
@@ -270,7 +271,7 @@ def score(watch: Watch, *, fault: Fault, healthy: Record, broken: Record, also: 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Truth:
+class Truth:
     """What was injected into a record, and what became of it."""
 
     faults: tuple[Fault, ...]
@@ -380,7 +381,7 @@ def altered_share(faults: Sequence[Fault], healthy: Record, broken: Record | Map
     return float(np.mean(samples)) if len(samples) else 0.0
 
 
-def _isolation(watch: Watch, told: Alarm | None, truth: _Truth) -> dict[str, Any]:
+def _isolation(watch: Watch, told: Alarm | None, truth: Truth) -> dict[str, Any]:
     """Return the fields on isolation. What is said of a fault stands with the alarm that first told of it."""
     judged = None if told is None else next(alarm for alarm in watch.alarms if alarm.number == told.fault)
     last = None if judged is None else judged.last
@@ -429,23 +430,22 @@ def _since(time_s: float | None, start_s: float) -> float | None:
 
 def _parameters(judged: Judgement, true: Mapping[str, float]) -> tuple[ParameterEstimate, ...]:
     return tuple(
-        ParameterEstimate(
-            name=name, value=float(value), error=float(judged.errors.get(name, math.nan)), true=true.get(name)
-        )
+        ParameterEstimate(name=name, value=float(value), low=low, high=high, true=true.get(name))
         for name, value in judged.parameters.items()
+        for low, high in [judged.intervals.get(name, (math.nan, math.nan))]
     )
 
 
-def _entered(watch: Watch, truth: _Truth) -> list[Score]:
+def _entered(watch: Watch, truth: Truth) -> list[Score]:
     """Return the scores that a fault enters; one that doesn't say whose faults those are may be entered by any."""
     return [score for score in watch.scores.values() if truth.channels & set(score.channels or truth.channels)]
 
 
-def _peak_ratio(watch: Watch, truth: _Truth) -> float:
+def _peak_ratio(watch: Watch, truth: Truth) -> float:
     return max((score.peak(truth.onset_s) for score in _entered(watch, truth)), default=0.0)
 
 
-def _reason(watch: Watch, truth: _Truth, altered: float, peak: float) -> str:
+def _reason(watch: Watch, truth: Truth, altered: float, peak: float) -> str:
     if watch.monitor.channels and not truth.channels & set(watch.monitor.channels):
         return f"{watch.monitor.name} doesn't use this channel"
     if altered == 0.0:

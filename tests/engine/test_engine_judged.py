@@ -41,7 +41,8 @@ def test_a_finding_is_a_claim_an_alarm_and_a_curve_of_one_sensor():
     assert (alarm.sensor, alarm.test, alarm.onset_s, alarm.ended_s) == ("q", WHOLE, span.start_s, None)
     assert alarm.last.kind == "bias"
     assert alarm.last.parameters["size"] == pytest.approx(3.0, abs=0.3)
-    assert 0.0 < alarm.last.errors["size"] < 0.5
+    low, high = alarm.last.intervals["size"]
+    assert low < alarm.last.parameters["size"] < high < low + 2.0
     (curve,) = found.curves
     late = curve.time_s > 65.0
     assert np.nanmean(curve.measured[late]) == pytest.approx(np.mean(curve.predicted[late]), abs=0.2)

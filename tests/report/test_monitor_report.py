@@ -31,7 +31,7 @@ def recording(recording_of):
 
 def test_results_say_what_watched_and_what_came_of_it():
     told = results(study())
-    assert (told["schema_version"], told["seed"], len(told["detectors"])) == (4, 1, 1)
+    assert (told["schema_version"], told["seed"], len(told["detectors"])) == (5, 1, 1)
     told = {**told, **told["detectors"][0]}
     assert (told["detected"], told["isolated"], told["kind_right"], told["kind_right_20s"]) == (3, 3, 3, 3)
     assert (told["false_alarms"], len(told["trials"])) == (0, 6)
@@ -62,9 +62,10 @@ def test_files_say_what_the_study_says(tmp_path):
         "true_slope_deg_s2",
         "true_onset_s",
         "found_slope_deg_s2",
-        "error_of_slope_deg_s2",
+        "least_slope_deg_s2",
+        "most_slope_deg_s2",
     )
-    assert [float(rows[0][name]) for name in columns] == [0.3, 0.3, 60.0, slope.value, slope.error]
+    assert [float(rows[0][name]) for name in columns] == [0.3, 0.3, 60.0, slope.value, slope.low, slope.high]
 
 
 def test_what_isnt_a_finite_number_is_null_in_json(monkeypatch):
@@ -123,7 +124,8 @@ def test_the_other_sensor_of_a_fault_that_mixes_two_is_told():
     alarm = gb.Alarm(number=0, time_s=1.0, onset_s=1.0, source="p", judgements=(swap,))
     assert (alarm.verdict, alarm.sensor) == ("p and q have changed places", "p")
     assert judgement_text(judged("p", "phi", kind="swap", partner="q")) == "undecided: p or phi; if p, swap with q"
-    bent = judged("p", kind="misalignment", parameters={"angle_deg": -5.0}, errors={"angle_deg": 0.1}, partner="q")
+    angle = {"parameters": {"angle_deg": -5.0}, "intervals": {"angle_deg": (-5.1, -4.9)}}
+    bent = judged("p", kind="misalignment", partner="q", **angle)
     assert judgement_text(bent) == "p failed; misalignment -5.0 ± 0.1 deg towards q"
 
 

@@ -38,7 +38,7 @@ def read_back(path, entity):
 
 def test_results_have_the_promised_keys(study):
     plain = results(study)
-    assert plain["schema_version"] == 4
+    assert plain["schema_version"] == 5
     assert set(plain) == {"schema_version", "trim", "detectors", "trials", "setup", "versions", "seed"}
     (detector,) = plain["detectors"]
     own = {"operator", "threshold", "threshold_unit", "armed_s", "false_alarms", "false_alarms_per_hour_at_most"}

@@ -99,7 +99,7 @@ def test_a_failure_is_said_with_its_span_and_kind_and_who_is_clear():
     assert first_line(verdict(changed(q=[failed("q", 100.0, 112.3, parameters={"size": 3.02})]))) == (
         "The pitch gyro (q) failed from 100.0 to 112.3 s: bias 3.02 deg/s. p, r, phi, theta, psi are clear."
     )
-    lasting = failed("psi", 80.0, END_S, kind="jam", parameters={"value": 49.4}, errors={"value": 0.1})
+    lasting = failed("psi", 80.0, END_S, kind="jam", parameters={"value": 49.4}, intervals={"value": (49.3, 49.5)})
     assert first_line(verdict(changed(psi=[lasting]), asked=("q", "psi"))) == (
         "The heading (psi) failed from 80.0 s on: jam at 49.4 ± 0.1 deg. q is clear."
     )

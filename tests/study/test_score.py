@@ -281,15 +281,15 @@ def alarm(*judgements, number=0, time_s=11.0, **more):
 
 
 def test_a_sensor_is_isolated_when_the_decision_was_possible_that_the_end_confirms():
-    drift = {"kind": "drift", "parameters": {"slope": 0.9, "onset_s": 9.5}, "errors": {"slope": 0.1}}
+    drift = {"kind": "drift", "parameters": {"slope": 0.9, "onset_s": 9.5}, "intervals": {"slope": (0.8, 1.0)}}
     result = named([alarm(judged(12.0, "p", "r"), judged(14.0, "p"), judged(16.0, "p", **drift))])
     assert (result.isolated, result.isolated_s, result.isolation_delay_s) == (True, 14.0, 4.0)
     assert (result.sensor, result.candidates, result.verdict) == ("p", ("p",), "p failed")
     assert (result.kind, result.kind_right, result.kind_right_20s) == ("drift", True, True)
     slope, onset = result.parameters
-    assert (slope.name, slope.value, slope.error, slope.true) == ("slope", 0.9, 0.1, 1.0)
+    assert (slope.name, slope.value, slope.low, slope.high, slope.true) == ("slope", 0.9, 0.8, 1.0, 1.0)
     assert (onset.name, onset.value, onset.true) == ("onset_s", 9.5, 10.0)
-    assert np.isnan(onset.error)
+    assert np.isnan(onset.low)
 
 
 def test_a_wrong_sensor_or_kind_has_no_truth_beside_it():

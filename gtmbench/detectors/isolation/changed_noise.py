@@ -57,7 +57,7 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
         partner=None,
         kind="noise",
         parameters={"times": times},
-        errors={},
+        intervals={},
         reason=f"it is {times:.2g} times what was learnt",
         doubt=NOISE_CHANGED,
     )

@@ -30,6 +30,7 @@ from gtmbench.detectors.isolation.excess import Excess, whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import MOST, energy, greatest
+from gtmbench.detectors.isolation.intervals import interval, intervals_of
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
@@ -148,8 +149,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         candidates=_named(best, sensor) if sensor else order,
         kind=best.kind,
         parameters=dict(best.parameters),
-        errors=best.errors(),
-        kind_margin=_margin(ranking, best, best),
+        intervals=intervals_of(best),
         partner=best.partner,
         reason="" if sensor else _reason(best, rivals, untestable, ()),
     )
@@ -245,17 +245,10 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
         else _candidates(case, order, untestable, whole_axis=bool(strays) or is_early),
         kind=kind.kind,
         parameters=dict(kind.parameters),
-        errors=kind.errors(),
-        kind_margin=_margin(ranking, best, kind),
+        intervals=intervals_of(kind),
         partner=kind.partner,
         reason="" if sensor else _reason(best, order, untestable, strays),
     )
-
-
-def _margin(ranking: Sequence[FittedHypothesis], best: FittedHypothesis, kind: FittedHypothesis) -> float:
-    """Return by how much BIC the next kind of the best one's sensor is worse than the kind that is told."""
-    others = [fit.bic for fit in ranking if fit.channel == best.channel and fit.kind not in (UNKNOWN, best.kind)]
-    return max(min(others, default=float("inf")) - kind.bic, 0.0)
 
 
 def _named(best: FittedHypothesis, sensor: str) -> tuple[str, ...]:
@@ -502,7 +495,7 @@ def _stepped(case: Case, first: Judgement) -> Judgement | None:
         candidates=names,
         kind="bias",
         parameters={"size": best.size, "onset_s": float(case.record.time_s[best.row])},
-        errors={"size": abs(best.size) / float(np.sqrt(best.gain))},
+        intervals={"size": interval(best.size, abs(best.size) / float(np.sqrt(best.gain)))},
         reason="" if len(names) == 1 else f"a short fault of {names[1]} explains it nearly as well",
     )
 

@@ -7,7 +7,7 @@ loud and is as quiet as ever since, in motion as lively.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,18 @@ from gtmbench.detectors.isolation.diagnosis import DECISIVE
 from gtmbench.detectors.isolation.driving import suspect_through
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
+from gtmbench.detectors.isolation.intervals import rows_between
 from gtmbench.detectors.isolation.readings import is_straighter
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
 from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray, IntArray, Span
 
 _END = 20.0  # nats
+_STEP = 2  # rows between ends that are tried
+_KAPPA = 4.0  # for the model's error, as of onsets
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
 _ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
@@ -32,7 +36,24 @@ _LOUD = 2.0  # times the power that was learnt, while it lasted
 _AS_LIVELY = 0.7  # of the rates while it lasted
 
 
-def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
+class End(NamedTuple):
+    """When a fault had gone, and between which times that is with a probability of 95 %; None where nobody knows."""
+
+    time_s: float
+    between_s: Span | None
+
+    @classmethod
+    def of(cls, case: Case, ends: IntArray, deviances: FloatArray) -> End:
+        """Return the likeliest of rows judged, by -2 log likelihood of each that the fault ended before it."""
+        order = np.argsort(ends)
+        low, _, high = (int(ends[order][at]) for at in rows_between(deviances[order], _KAPPA))
+        first, times_s = case.judged.start, case.record.time_s
+        low_s, high_s = float(times_s[first + low]) - _STEP * case.period_s, float(times_s[first + high])
+        time_s = float(times_s[first + int(ends[np.argmin(deviances)])])
+        return cls(round(time_s, 9), (round(low_s, 9), round(high_s, 9)))
+
+
+def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
     """Return when a fault had gone, if it has: what came since is healthy, and the fault would have shown.
 
     Since then the residuals as they are must look healthy, and its own readings be held or rounded no longer. That must
@@ -67,7 +88,7 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     if since * case.period_s < _CLEAR_S:
         return None
     # whitening smears the end: of the rows before, the one that explains most
-    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-2]
+    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-_STEP]
     trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
     deviances = suspect.deviances(suspect.white - suspect.shown(trials))
     ended = int(ends[np.argmin(deviances)])
@@ -76,10 +97,10 @@ def ended_s(case: Case, best: FittedHypothesis, rival: float) -> float | None:
     healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
         return None
-    return round(float(case.record.time_s[case.judged.start + ended]), 9)
+    return End.of(case, ends, deviances)
 
 
-def quiet_since_s(case: Case, channel: str) -> float | None:
+def quiet_since(case: Case, channel: str) -> End | None:
     """Return since when a gyro's residual is as quiet as ever that was loud before, while its fault lasted; or None.
 
     With the power P of n whitened samples e(k) until then, and 1 since, the samples since are likelier by the sum of
@@ -105,7 +126,7 @@ def quiet_since_s(case: Case, channel: str) -> float | None:
         return None
     if is_straighter(case.record[channel][case.judged][end:], case.habits.get(channel)):
         return None
-    return round(float(case.record.time_s[case.judged.start + end]), 9)
+    return End.of(case, ends, -2.0 * likelier)
 
 
 def _is_as_lively(case: Case, channel: str, end: int) -> bool:

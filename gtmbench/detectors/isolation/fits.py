@@ -16,7 +16,7 @@ from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, axis_of
 
-_HOPELESS = 200.0  # of -2 log likelihood
+HOPELESS = 200.0  # of -2 log likelihood
 _LARGEST_DEG = 720.0  # by which an angle may read wrong
 
 
@@ -40,16 +40,16 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
     suspects = likely_suspects_in(case, channels)
     ranking: list[FittedHypothesis] = []
     for axis in _likely_first([Fitter(suspect, without) for suspect in suspects]):
-        most = min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS
+        most = min((fit.bic for fit in ranking), default=np.inf) + HOPELESS
         if all(_leaves_more(fitter, most) for fitter in axis):
             continue
         for fitter in axis:
-            if fitter.suspect.at_least <= min((fit.bic for fit in ranking), default=np.inf) + _HOPELESS:
+            if fitter.suspect.at_least <= min((fit.bic for fit in ranking), default=np.inf) + HOPELESS:
                 ranking += _fitted(fitter, penalty)
     ranking.sort(key=lambda fit: fit.bic)
     is_open = bool(ranking) and ranking[0].is_absorbing and not ranking[0].left.heals(case.monitor)
     if is_open and "cross-axis" not in set(without):
-        swaps = _swaps(case, suspects, ranking[0].bic + _HOPELESS)
+        swaps = _swaps(case, suspects, ranking[0].bic + HOPELESS)
         ranking = sorted([*ranking, *swaps], key=lambda fit: fit.bic)
     return ranking
 
@@ -62,7 +62,7 @@ def hopeless(case: Case, ranking: Sequence[FittedHypothesis], suspects: Sequence
     if not ranking or not case.is_telling:
         return set()
     best = ranking[0]
-    near = {fit.channel for fit in ranking if fit.bic <= best.bic + _HOPELESS}
+    near = {fit.channel for fit in ranking if fit.bic <= best.bic + HOPELESS}
     return {name for name in suspects if name not in near and name not in axis_of(best.channel)}
 
 

@@ -309,13 +309,18 @@ class Fitter:
         straighter = is_straighter(suspect.measured[suspect.judged], case.habits.get(suspect.channel))
         return straighter and case.is_told_by_lines(suspect.channel)
 
-    @cached_property
+    @property
     def is_at_limit(self) -> bool:
         """Whether its greatest and smallest readings come again and again: coarse ones may never run straighter."""
+        return self.limit > 0.0
+
+    @cached_property
+    def limit(self) -> float:
+        """The magnitude of its greatest and smallest readings, where they come again and again; 0 otherwise."""
         judged = self.suspect.measured[self.suspect.judged]
         there = judged[np.isfinite(judged)]
         extreme = int(np.count_nonzero((there == there.max()) | (there == there.min()))) if len(there) else 0
-        return extreme >= max(_AGAIN, _PILED * len(there))
+        return float(np.abs(there).max()) if extreme >= max(_AGAIN, _PILED * len(there)) else 0.0
 
     @cached_property
     def straight_step(self) -> float:

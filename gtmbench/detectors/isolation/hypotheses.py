@@ -142,8 +142,9 @@ def _held(fitter: Fitter) -> Iterator[Fit]:
         return
     usual = float(np.median(held))
     if usual >= 2.0 and np.mean(np.abs(held - usual) <= 1.0) > _EVENLY:
-        hold_s = float(np.mean(held)) * fitter.period_s
-        error = partial(_scaled, "hold_s", fitter.period_s, 1.0 / len(held))
+        whole = held[1:]  # the first had begun before
+        hold_s = float(np.mean(whole)) * fitter.period_s
+        error = partial(_scaled, "hold_s", fitter.period_s, 0.5 / len(whole))  # both ends are known to a row
         yield fitter.fixed("stale", "replacing", fitter.stale(), {"hold_s": hold_s}, 1, error)
     else:
         free = 2 * int(np.count_nonzero(held > _REPEATED))
@@ -157,7 +158,13 @@ def _clipping(fitter: Fitter) -> Iterator[Fit]:
     virtual = fitter.virtual[fitter.suspect.sure :]
     reach = float(np.max(np.abs(virtual), initial=0.0))
     saturation = Search(
-        kind="saturation", family="clipping", name="limit", low=reach / 100.0, high=reach, undone=before_saturation
+        kind="saturation",
+        family="clipping",
+        name="limit",
+        low=reach / 100.0,
+        high=reach,
+        shown=fitter.limit,
+        undone=before_saturation,
     )
     if not fitter.is_straight:
         yield from saturation.fits(fitter)
@@ -175,7 +182,7 @@ def _clipping(fitter: Fitter) -> Iterator[Fit]:
             name="rate_limit",
             low=0.7 * step or slew / 100.0,
             high=1.4 * step or slew,
-            guess=step,
+            shown=step,
             step=rate_limited_step,
         ),
         Search(

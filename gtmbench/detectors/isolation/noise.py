@@ -161,7 +161,11 @@ class Noise:
 
     @cached_property
     def _walk(self) -> _Spectra:
-        return _Spectra.of(self._power / np.maximum(4.0 * np.square(np.sin(self._frequency / 2.0)), 1e-4), self._counts)
+        """Of a walk: where it ends isn't where it began, and a periodogram takes that step for as much power again."""
+        suspect = self._suspect
+        step = powers(suspect.paths, suspect.outputs, np.zeros(1), suspect.case.period_s, suspect.bend)
+        slopes = np.maximum(4.0 * np.square(np.sin(self._frequency / 2.0)), 1e-4)
+        return _Spectra.of((self._power + step) / slopes, self._counts)
 
     @cached_property
     def _counts(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -19,12 +20,13 @@ _TURNS = 5
 _FINER = 4
 _BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
 _AT_LIMIT = 1.0 - 1e-6
+_SHOWN = 1e-6  # of a parameter that readings show, its error
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """A kind with one parameter, searched between two values; a guess is tried, too.
+    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't).
 
     What it reads is said by the fault's own class, from where the fault is surely there and from the sensor's own
     reading there. Where errors would add up from sample to sample, `step` says it of every sample from its reading
@@ -38,7 +40,7 @@ class Search:
     name: str
     low: float
     high: float
-    guess: float = 0.0
+    shown: float = 0.0
     step: Callable[[float, FloatArray, FloatArray, float], FloatArray] | None = None
     undone: Callable[[float, FloatArray, FloatArray], FloatArray] | None = None
 
@@ -52,11 +54,21 @@ class Search:
             changes = np.array([self._changes(fitter, value) for value in values.tolist()])
             return suspect.deviances(fitter.left_of(changes))
 
-        grid = spaced(self.low, self.high, _GRID)
-        grid = np.sort(np.append(grid, self.guess)) if self.low < self.guess < self.high else grid
-        value = _least(tried, grid, fitter.half_explained)
-        error = partial(_curved, self.name, tried, value)
+        if self.low < self.shown < self.high:
+            value, error = self.shown, partial(dict[str, float], {self.name: _SHOWN * self.shown})
+        else:
+            value = _least(tried, spaced(self.low, self.high, _GRID), fitter.half_explained)
+            wander = 0.0 if self.name.endswith("_s") else suspect.wander
+            error = partial(self._error, tried, value, wander)
         yield fitter.fixed(self.kind, self.family, self._changes(fitter, value), {self.name: value}, 1, error)
+
+    def _error(self, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
+        """Return the parameter's standard error, or that its value is a bound: the search's own end."""
+        if value >= self.high * _AT_LIMIT:
+            return {self.name: math.inf}
+        if value * _AT_LIMIT <= self.low:
+            return {self.name: -math.inf}
+        return _curved(self.name, tried, value, wander)
 
     def _changes(self, fitter: Fitter, value: float) -> FloatArray:
         suspect, virtual = fitter.suspect, fitter.virtual
@@ -118,12 +130,15 @@ def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth:
     return float(values[np.argmin(scores)])
 
 
-def _curved(name: str, tried: Callable[[FloatArray], FloatArray], value: float) -> Parameters:
-    """Return the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise."""
+def _curved(name: str, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
+    """Return the distance at which -2 log likelihood has risen by 1, from a parabola; NaN where it doesn't rise.
+
+    What the sensor should have read wanders, and with it any limit of that.
+    """
     steps = 0.002 * value * 2.0 ** np.arange(9)
     scores = tried(np.concatenate([[value], value + steps, value - steps]))
     rises = 0.5 * (scores[1 : 1 + len(steps)] + scores[1 + len(steps) :]) - scores[0]
     for step, rise in zip(steps.tolist(), rises.tolist(), strict=True):
         if rise > 0.5:
-            return {name: float(step / np.sqrt(rise))}
+            return {name: float(np.hypot(step / np.sqrt(rise), wander))}
     return {name: float("nan")}

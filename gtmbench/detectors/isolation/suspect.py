@@ -17,13 +17,14 @@ from gtmbench.detectors.isolation.health import MOST, energy, greatest
 from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.errors import InputError
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray
 
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
 _LIKELIEST = 8.9  # of -2 log likelihood a row: its noise has gone (3.5), its gain nearly (4.6), any gain will do (0.8)
 _FAR_DEG = 5.0
+_LEAST_GAIN = 0.05  # of a whitening filter for what is slow
 _LINEAR_DEG = (
     1.0  # of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
 )
@@ -199,6 +200,22 @@ class Suspect:
         return np.where(np.isfinite(self.virtual), self.virtual, np.nan_to_num(self.measured))
 
     @cached_property
+    def wander(self) -> float:
+        """How far what an angle should have read may be off on average, for it is its gyro's integral.
+
+        A gyro whose noise has a deviation s over long spans, a sample, is off by s^2 Ts (t / 2 + t^2 / (3 B)) in the
+        mean over t, where its bias is known from B seconds.
+        """
+        gyro = axis_of(self.channel)[0]
+        if self.channel not in ANGLES or self.bend is not None or gyro not in self.case.monitor.whiteners:
+            return 0.0
+        whitener, period_s = self.case.monitor.whiteners[gyro], self.case.period_s
+        slow = whitener.deviation / max(abs(float(whitener.coefficients.sum())), _LEAST_GAIN)
+        since_s = float(self.time_s[self.judged.stop - 1] - self.time_s[self.onset])
+        baseline_s = self.case.monitor.bank.statistic.baseline_s
+        return float(slow * np.sqrt(period_s * (since_s / 2.0 + since_s**2 / (3.0 * baseline_s))))
+
+    @cached_property
     def outputs(self) -> tuple[str, ...]:
         """The whitened residuals that it enters, its own innovations last."""
         if self.bend is not None:
@@ -286,18 +303,24 @@ class Suspect:
         """Return what changes of its readings, shape (changes, rows), add: shape (changes, outputs, rows judged)."""
         return self._free_of_bend(self._added(changes) / self._tolerance)
 
+    def shown_in(self, changes: FloatArray, rows: slice) -> dict[str, FloatArray]:
+        """Return what changes add to each whitened residual in some rows from `start` on, shape (changes, rows)."""
+        waves = self._effects.of(changes, rows)
+        start = self.case.start
+        for output, wave in waves.items():
+            spread = self.case.spread(output)
+            if not isinstance(spread, float):
+                wave /= spread[start + rows.start : start + rows.stop]
+        return waves
+
     def _added(self, changes: FloatArray) -> FloatArray:
         clean = changes if np.isfinite(changes).all() else np.nan_to_num(changes)
         shown = np.empty((len(changes), len(self.outputs), self.judged.stop - self.judged.start))
         block = max(_BLOCK // changes.shape[1], 1)
         for first in range(0, len(changes), block):
-            waves = self._effects.of(clean[first : first + block], self.judged)
+            waves = self.shown_in(clean[first : first + block], self.judged)
             for i, output in enumerate(self.outputs):
                 shown[first : first + block, i] = waves[output]
-        for i, output in enumerate(self.outputs):
-            spread = self.case.spread(output)
-            if not isinstance(spread, float):
-                shown[:, i] /= spread[self.case.judged]
         return shown
 
     def _free_of_bend(self, values: FloatArray) -> FloatArray:

@@ -39,6 +39,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.detectors.isolation.onset import EARLIER_S, dated
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
 from gtmbench.detectors.monitor.arming import Arming
@@ -314,6 +315,9 @@ class AlarmLogic:
         if leader is None and (fault.is_undecided or fault.may_end):
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
+            if outcome.judgement is not None and outcome.judgement.failed:
+                earlier = self._case(fault, rows_of(EARLIER_S, self._monitor))
+                outcome = replace(outcome, judgement=dated(earlier, outcome.judgement))
         self._apply(outcome, fault, fault if leader is None else leader)
 
     def _apply(self, outcome: Outcome, fault: OpenFault, leader: OpenFault) -> None:
@@ -346,12 +350,12 @@ class AlarmLogic:
         alarm = fault.alarm
         return fault if alarm.looks_again_s == again_s else replace(fault, alarm=replace(alarm, looks_again_s=again_s))
 
-    def _case(self, fault: OpenFault) -> Case:
-        """Cut out what a review with this row needs."""
+    def _case(self, fault: OpenFault, earlier: int = 0) -> Case:
+        """Cut out what a review with this row needs; from so many rows `earlier` on, to find its onset."""
         others = self._open.values()
         suspects = suspects_of(self._bank, trusted(fault, others))
         stop = self.row + 1
-        start, sure = fault.start, fault.row + 2
+        start, sure = max(fault.start - earlier, self._memory.first), fault.row + 2
         if fault.is_late:
             sure = max(sure, stop - rows_of(_WINDOW_S, self._monitor))
             start = max(start, sure - self._history)
@@ -383,8 +387,9 @@ class AlarmLogic:
         for each in closed:
             del self._open[each.number]
             alarm = each.alarm if each.alarm.looks_again_s is None else replace(each.alarm, looks_again_s=None)
-            if closing.ended_s is not None:
-                alarm = replace(alarm, ended_s=closing.ended_s, end_known_s=closing.known_s)
+            if closing.end is not None:
+                ended_s, between_s = closing.end
+                alarm = replace(alarm, ended_s=ended_s, ended_between_s=between_s, end_known_s=closing.known_s)
             if alarm is not each.alarm:
                 self._put(alarm)
         rows = range(fault.crossing.onset_row, self.row + 1)

@@ -18,9 +18,10 @@ from gtmbench.detectors.isolation.diagnosis import (
     looks_like_motion,
     only_doubts,
 )
-from gtmbench.detectors.isolation.ended import ended_s, fault_of, quiet_since_s
+from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
+from gtmbench.detectors.isolation.probability import kind_margin, with_probability
 from gtmbench.detectors.isolation.several import SEVERAL, SHOWN, judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
 
@@ -35,13 +36,15 @@ class Closing:
 
     Attributes
     ----------
-    ended_s, known_s : float or None
-        When it had gone, and when that was known; None where there is nothing to tell of it.
+    end : End or None
+        When it had gone; None where there is nothing to tell of it.
+    known_s : float or None
+        When that was known.
     anew : bool
         Whether the noise has changed, so that from now on it is learnt anew.
     """
 
-    ended_s: float | None = None
+    end: End | None = None
     known_s: float | None = None
     anew: bool = False
 
@@ -99,7 +102,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
-    judged = _in_motion(fault, case, _settling(fault, case, judged), first)
+    judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
     if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
         return Outcome()
     return Outcome(
@@ -107,7 +110,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         ruled_out=frozenset(hopeless(case, ranking, case.suspects) - set(judged.candidates)),
         held=_decisive(ranking, judged),
         closing=_closing(case, judged, row - fault.row),
-        is_decided=_is_decided(fault, judged, row),
+        is_decided=_is_decided(fault, ranking, judged, row),
     )
 
 
@@ -128,7 +131,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
     return judged
 
 
-def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
+def _is_decided(fault: OpenFault, ranking: Sequence[FittedHypothesis], judged: Judgement, row: int) -> bool:
     """Tell whether an alarm is decided: two looks in a row name one sensor and one kind of fault, without a doubt.
 
     The kind decisively, or until the looks have become long. A sensor that reads one value may yet move.
@@ -141,20 +144,21 @@ def _is_decided(fault: OpenFault, judged: Judgement, row: int) -> bool:
         or (last.sensor, last.kind) != (judged.sensor, judged.kind)
     ):
         return False
-    least_s = _SURE_S if judged.kind_margin > DECISIVE else _LONG_S
-    return since >= rows_of(least_s, fault.monitor) and judged.kind_margin < float("inf")
+    margin = kind_margin(ranking, judged)
+    least_s = _SURE_S if margin > DECISIVE else _LONG_S
+    return since >= rows_of(least_s, fault.monitor) and margin < float("inf")
 
 
 def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:
     """Return how a fault is closed that has ended: by what was decisive of it, or once it is quiet; None if neither."""
     if fault.held is not None:
         lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
-        ended = ended_s(case, fault.held, lasting)
+        end = end_of(case, fault.held, lasting)
     else:
         last = fault.alarm.last
-        quiet = [quiet_since_s(case, name) for name in (() if last is None else last.failed)]
-        ended = max((each for each in quiet if each is not None), default=None) if None not in quiet else None
-    return None if ended is None else Closing(ended_s=ended, known_s=case.end_s)
+        quiet = [quiet_since(case, name) for name in (() if last is None else last.failed)]
+        end = max((each for each in quiet if each is not None), default=None) if None not in quiet else None
+    return None if end is None else Closing(end=end, known_s=case.end_s)
 
 
 def _is_worse(case: Case, judged: Judgement, last: Judgement | None) -> bool:
@@ -195,9 +199,9 @@ def _was_named_before(turned: Excursion | None, last: Judgement | None) -> bool:
     return turned is not None and last is not None and last.sensor is not None and last.time_s < turned.start_s
 
 
-def _decisive(ranking: Iterable[FittedHypothesis], judged: Judgement) -> FittedHypothesis | None:
+def _decisive(ranking: Sequence[FittedHypothesis], judged: Judgement) -> FittedHypothesis | None:
     """Return the hypothesis of a kind that is told decisively, where it reads something definite."""
-    if judged.sensor is None or judged.kind_margin <= DECISIVE:
+    if judged.sensor is None or kind_margin(ranking, judged) <= DECISIVE:
         return None
     named = next((fit for fit in ranking if (fit.channel, fit.kind) == (judged.sensor, judged.kind)), None)
     return None if named is None or fault_of(named) is None else named
@@ -210,7 +214,7 @@ def _closing(case: Case, judged: Judgement, since: int) -> Closing | None:
     if not judged.candidates:
         return Closing()
     if judged.doubt and _has_calmed(case):
-        return Closing(ended_s=case.end_s, known_s=case.end_s)
+        return Closing(end=End(case.end_s, None), known_s=case.end_s)
     is_given_up = judged.doubt and since >= rows_of(HORIZONS_S[-1], case.monitor)
     return Closing() if is_given_up else None  # should it calm later, watching goes on
 

@@ -244,6 +244,7 @@ def _finding(alarm: Alarm, watch: Watch | None) -> Mapping[str, Any]:
         "began_s": began_s(alarm),
         "isolated_s": alarm.isolated_s,
         "ended_s": alarm.ended_s,
+        "ended_between_s": alarm.ended_between_s,
         "end_known_s": alarm.end_known_s,
         "residual": alarm.source,
         "test": alarm.test,

@@ -149,8 +149,8 @@ def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
     told = {found.get(estimate["name"], estimate["name"]): estimate for estimate in row["parameters"]}
     for header in own:
         estimate = told.pop(header, {})
-        columns |= {f"found_{header}": estimate.get("value")}
-        columns |= {f"error_of_{header}": estimate.get("error"), f"true_{header}": estimate.get("true")}
+        columns |= {f"found_{header}": estimate.get("value"), f"least_{header}": estimate.get("low")}
+        columns |= {f"most_{header}": estimate.get("high"), f"true_{header}": estimate.get("true")}
     return columns | {"found_else": named({header: estimate["value"] for header, estimate in told.items()})}
 
 

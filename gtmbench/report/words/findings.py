@@ -11,11 +11,11 @@ from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import judgement_of
 from gtmbench.report.words.timeline import fault_text
+from gtmbench.report.words.units import percent_text
 from gtmbench.values.channels import OF_OWN_RATE, SENSORS
 
 COLUMNS = ("from (s)", "to (s)", "what", "how likely", "shown by", "why it names nobody")
 _SENSORS = frozenset((*SENSORS, *OF_OWN_RATE))
-_SURE = 0.995  # above, whole percents say 100, which nothing is
 
 
 def finding_rows(judged: Judged | None, course: CourseJudged | None = None) -> list[tuple[str, ...]]:
@@ -83,17 +83,13 @@ def chances_text(finding: Finding) -> str:
     >>> chances_text(Finding(ranked=(bias,), size=2.0, interval=(1.9, 2.1), chances=chances, **told))
     'bias of q 93 %, drift of theta 7 %'
     """
-    return ", ".join(f"{_cause(suspect, kind)} {_percent(chance)}" for suspect, kind, chance in finding.chances)
+    return ", ".join(f"{_cause(suspect, kind)} {percent_text(chance)}" for suspect, kind, chance in finding.chances)
 
 
 def _cause(suspect: str, kind: str) -> str:
     named = kind.replace("_", " ")
     is_sensor = gyro_and_imu(suspect)[0] in _SENSORS
     return f"{named} of {suspect}" if is_sensor else named  # what isn't a sensor's says itself whose it is
-
-
-def _percent(chance: float) -> str:
-    return "over 99 %" if chance > _SURE else f"{100.0 * chance:.2g} %"
 
 
 def _what(finding: Finding) -> str:

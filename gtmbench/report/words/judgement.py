@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -15,13 +14,14 @@ from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
-from gtmbench.report.words.units import per_second, with_error
+from gtmbench.report.words.units import per_second, percent_text, with_interval
 from gtmbench.study.score import first_after
 from gtmbench.study.trial import Injection, Trial
 from gtmbench.values.channels import unit_of
+from gtmbench.values.record import Span
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
-_ONSET = "onset_s"
+_ONSET, _CLOSE_S = "onset_s", 0.1  # an interval that short isn't told
 _PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
 _BEFORE = {_ONSET: "from ", "value": "at "}
 _FLOWN_ON = {
@@ -116,40 +116,45 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
 def estimate_text(
     kind: str,
     parameters: Mapping[str, float],
-    errors: Mapping[str, float],
+    intervals: Mapping[str, Span],
     unit: str,
     injected: Fault | None = None,
 ) -> str:
-    """Write the parameters of a kind of fault with their standard errors and units.
+    """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units.
 
-    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.91}, {"slope": 0.00012, "onset_s": 0.2}, "deg/s")
+    >>> import math
+    >>> known = {"slope": (0.0498, 0.05002), "onset_s": (299.7, 300.12)}
+    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.91}, known, "deg/s")
     '0.0499 ± 0.0001 deg/s², from 299.9 ± 0.2 s'
-    >>> estimate_text("lag", {"lag_s": 0.2}, {"lag_s": 0.01}, "deg"), estimate_text("stuck", {"value": 0.0}, {}, "deg")
-    ('0.20 ± 0.01 s', 'at 0 deg')
+    >>> estimate_text("lag", {"lag_s": 1.0}, {"lag_s": (1.0, math.inf)}, "deg")
+    'at least 1 s'
+    >>> estimate_text("stuck", {"value": 0.0}, {}, "deg")
+    'at 0 deg'
     """
     units = parameter_units(kind, parameters, unit, injected)
     return ", ".join(
-        f"{_BEFORE.get(name, '')}{_figure(name, value, errors.get(name, math.nan))} {units[name]}".rstrip()
+        f"{_BEFORE.get(name, '')}{_figure(name, value, intervals.get(name))} {units[name]}".rstrip()
         for name, value in parameters.items()
     )
 
 
-def _figure(name: str, value: float, error: float) -> str:
-    """Write a value with its error; a time of the record without one to hundredths, as all times are."""
-    return f"{value:.2f}" if name == _ONSET and not math.isfinite(error) else with_error(value, error)
+def _figure(name: str, value: float, interval: Span | None) -> str:
+    """Write a value with its interval; a time of the record that is known closely to hundredths, as all times are."""
+    is_close = interval is None or interval[1] - interval[0] < _CLOSE_S
+    return f"{value:.2f}" if name == _ONSET and is_close else with_interval(value, interval)
 
 
 def kind_text(
     kind: str,
     parameters: Mapping[str, float],
-    errors: Mapping[str, float],
+    intervals: Mapping[str, Span],
     unit: str,
     partner: str | None = None,
     injected: Fault | None = None,
 ) -> str:
     """Say what kind of fault: with its parameters, and the other sensor of one that mixes two.
 
-    >>> kind_text("misalignment", {"angle_deg": 5.0}, {"angle_deg": 0.1}, "deg/s", "q")
+    >>> kind_text("misalignment", {"angle_deg": 5.0}, {"angle_deg": (4.9, 5.1)}, "deg/s", "q")
     'misalignment 5.0 ± 0.1 deg towards q'
     >>> kind_text("swap", {}, {}, "deg/s", "q"), kind_text("unknown", {}, {}, "deg/s")
     ('swap with q', 'unknown kind')
@@ -157,29 +162,38 @@ def kind_text(
     if kind == UNKNOWN:
         return "unknown kind"
     other = "" if partner is None else _beside(kind, partner)
-    estimate = estimate_text(kind, parameters, errors, unit, injected)
+    estimate = estimate_text(kind, parameters, intervals, unit, injected)
     return " ".join(part for part in (kind.replace("_", " "), estimate, other) if part)
 
 
 def judgement_text(judged: Judgement) -> str:
-    """Say what a judgement says: who, or between whom it is and why, and what kind of fault with which parameters.
+    """Say what a judgement says: who, or between whom it is and why, what kind of fault and how large, and how sure.
 
-    >>> judgement_text(Judgement(time_s=9.0, sensor="p", candidates=("p",), kind="swap", partner="q"))
-    'p and q have changed places'
+    >>> judgement_text(Judgement(time_s=9.0, sensor="p", candidates=("p",), kind="swap", partner="q", probability=0.97))
+    'p and q have changed places (sensor 97 %)'
     """
     who = judged.verdict + (f" - {judged.reason}" if judged.reason else "")
     if judged.together:
-        return "; ".join([who, *(f"{of}: {_kind_of(each)}" for each in judged.together for of in each.candidates[:1])])
+        each = [f"{one.candidates[0]}: {_kind_of(one)}{_sure(one)}" for one in judged.together if one.candidates]
+        return "; ".join([who, *each]) + _sure(judged)
     if judged.kind is None or judged.swapped:
-        return who
+        return who + _sure(judged)
     kind = _kind_of(judged)
-    return f"{who}; {kind}" if judged.sensor is not None else f"{who}; if {judged.candidates[0]}, {kind}"
+    told = f"{who}; {kind}" if judged.sensor is not None else f"{who}; if {judged.candidates[0]}, {kind}"
+    return told + _sure(judged)
 
 
 def _kind_of(judged: Judgement) -> str:
     """Say what kind of fault the likeliest sensor of a judgement has."""
     likeliest = judged.candidates[0] if judged.candidates else ""
-    return kind_text(judged.kind or UNKNOWN, judged.parameters, judged.errors, unit_of(likeliest), judged.partner)
+    return kind_text(judged.kind or UNKNOWN, judged.parameters, judged.intervals, unit_of(likeliest), judged.partner)
+
+
+def _sure(judged: Judgement) -> str:
+    """Say how probable sensor and kind are, where that is known."""
+    known = {"sensor": judged.probability, "kind": judged.kind_probability}
+    shares = [f"{name} {percent_text(chance)}" for name, chance in known.items() if chance is not None]
+    return f" ({', '.join(shares)})" if shares else ""
 
 
 def alarm_text(alarm: Alarm) -> str:

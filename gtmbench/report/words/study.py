@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from gtmbench.bench.loop_flight import OUT_OF_LOOP
@@ -79,9 +80,9 @@ def _kind(trial: Trial) -> str:
     if trial.kind is None:
         return "-"
     values = {estimate.name: estimate.value for estimate in trial.parameters}
-    errors = {estimate.name: estimate.error for estimate in trial.parameters}
+    intervals = {each.name: (each.low, each.high) for each in trial.parameters if not math.isnan(each.low)}
     likeliest = trial.candidates[0] if trial.candidates else trial.channel
-    kind = kind_text(trial.kind, values, errors, unit_of(likeliest), trial.partner, trial.injected)
+    kind = kind_text(trial.kind, values, intervals, unit_of(likeliest), trial.partner, trial.injected)
     return kind + ("" if trial.kind_right or trial.kind == UNKNOWN else " (wrong)")
 
 

@@ -153,7 +153,7 @@ def fault_text(sensor: str, judged: Judgement | None) -> str:
     if judged.kind is None or judged.kind == UNKNOWN or judged.swapped:
         return ""
     parameters = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
-    return kind_text(judged.kind, parameters, judged.errors, unit_of(judged.sensor or sensor), judged.partner)
+    return kind_text(judged.kind, parameters, judged.intervals, unit_of(judged.sensor or sensor), judged.partner)
 
 
 def sensor_row(verdict: LogVerdict, sensor: str) -> SensorRow:

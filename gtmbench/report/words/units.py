@@ -4,6 +4,11 @@ from __future__ import annotations
 
 import math
 
+from gtmbench.values.record import Span
+
+_SURE = 0.995  # above, whole percents say 100, which nothing is
+_LOPSIDED = 0.2  # of an interval's half width: a value so near to its middle is in the middle
+
 
 def capitalised(text: str) -> str:
     """Write a sentence's beginning with a capital; the rest stays as it is.
@@ -32,16 +37,37 @@ def with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
-def with_error(value: float, error: float) -> str:
-    """Write a value to the first digit of its error; without an error, or with next to none, to three digits.
+def with_interval(value: float, interval: Span | None) -> str:
+    """Write a value with the interval that holds it, to the first digit of its width; without one, to three digits.
 
-    >>> with_error(4.4786, 0.0297), with_error(123.4, 20.0), with_error(-9.4325, 2e-17)
-    ('4.48 ± 0.03', '123 ± 20', '-9.43')
+    An interval about the value is written as ±, one that is lopsided by its ends, a bound as that.
+
+    >>> with_interval(4.4786, (4.449, 4.508)), with_interval(-9.4325, None), with_interval(1.0, (1.0, math.inf))
+    ('4.48 ± 0.03', '-9.43', 'at least 1')
+    >>> with_interval(4.4786, (4.1, 4.5)), with_interval(0.01, (0.0, 0.01))
+    ('4.5 (4.1 to 4.5)', 'at most 0.01')
     """
-    if not (math.isfinite(error) and error > 1e-6 * abs(value)):
+    low, high = (value, value) if interval is None else interval
+    if math.isinf(high):
+        return f"at least {low:.3g}"
+    if low == 0.0 < high == value:
+        return f"at most {high:.3g}"
+    half = 0.5 * (high - low)
+    if not (math.isfinite(half) and half > 1e-5 * abs(value)):
         return f"{value:.3g}"
-    digits = min(max(-math.floor(math.log10(error)), 0), 9)
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
+    digits = min(max(-math.floor(math.log10(half)), 0), 9)
+    if abs(value - 0.5 * (low + high)) <= _LOPSIDED * half:
+        return f"{value:.{digits}f} ± {half:.{digits}f}"
+    return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"
+
+
+def percent_text(probability: float) -> str:
+    """Write a probability as one reads it.
+
+    >>> percent_text(0.873), percent_text(0.9987)
+    ('87 %', 'over 99 %')
+    """
+    return "over 99 %" if probability > _SURE else f"{100.0 * probability:.2g} %"
 
 
 def duration_text(hours: float) -> str:

@@ -67,7 +67,9 @@ def test_every_fault_of_a_gyro_is_named_and_measured(monitor, truth, healthy, ch
         parameters = {"value": broken[channel][-1]}
     for name, value in parameters.items():
         share = 0.0 if name == "onset_s" else 0.05 * abs(value)
-        assert abs(finding.last.parameters[name] - value) <= 5.0 * finding.last.errors[name] + share + 1e-9
+        low, high = finding.last.intervals[name]
+        assert low <= finding.last.parameters[name] <= high
+        assert low - (high - low) - share <= value <= high + (high - low) + share
 
 
 def test_a_family_that_is_left_out_names_no_kind_and_raises_the_same_alarms(monitor, truth, healthy):

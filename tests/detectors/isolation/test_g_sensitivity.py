@@ -54,8 +54,9 @@ def chunks(record, size):
 def test_it_is_named_with_its_axis_and_measured(monitor, healthy, channel):
     judged = last(monitor.watch(leaking(healthy, channel)))
     assert (judged.sensor, judged.kind, judged.partner) == (channel, "g_sensitivity", "nz")
-    assert abs(judged.parameters["coefficient"] - COEFFICIENT) < 4.0 * judged.errors["coefficient"]
-    assert judged.errors["coefficient"] < 0.02 * COEFFICIENT
+    low, high = judged.intervals["coefficient"]
+    assert low < COEFFICIENT < high
+    assert high - low < 0.1 * COEFFICIENT
 
 
 def test_no_bank_needs_an_accelerometer_for_it_and_one_that_reads_nothing_is_none(monitor, healthy):

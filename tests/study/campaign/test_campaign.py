@@ -325,7 +325,7 @@ def test_shards_and_processes_come_to_the_same_bytes_as_one_run(cli, tmp_path):
         "verdict": "Shard 1/3 is done: 5 of 8 flights stand in out/, --resume collects them.",
         "exit_code": 0,
         "findings": [],
-        "schema_version": 4,
+        "schema_version": 5,
         "command": "campaign-shard",
         "out": "out",
         "shard": "1/3",

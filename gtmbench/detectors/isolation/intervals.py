@@ -1,0 +1,55 @@
+"""Intervals that hold the parameters of a fault with a probability of 95 %, a model's error included."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gtmbench.detectors.isolation.fitter import Fit
+from gtmbench.values.record import FloatArray
+
+Interval = tuple[float, float]
+TAIL = 0.025  # of the probability, on either side of an interval
+QUANTILE = 1.96  # deviations on either side: 95 % of a normal distribution
+MODEL_ERROR = 1.4  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
+_WALK_ERROR = 2.0  # more for a random walk: the step from its begin to its end is one number at all frequencies
+_PLAY_ERROR = 1.5  # more for a play, of which each side has to be found
+
+
+def intervals_of(fit: Fit) -> dict[str, Interval]:
+    """Return the interval of each parameter of a fit that the rows tell; a search that ended at a bound has one side.
+
+    An error of +inf says that the parameter is at least its value, one of -inf that it is at most that.
+    """
+    more = {"random_walk": _WALK_ERROR, "hysteresis": _PLAY_ERROR}.get(fit.kind, 1.0)
+    return {
+        name: interval(fit.parameters[name], more * error)
+        for name, error in fit.errors().items()
+        if not math.isnan(error)
+    }
+
+
+def rows_between(deviances: FloatArray, kappa: float) -> tuple[int, int, int]:
+    """Return the row before which a change came in 2.5, 50 and 97.5 %, by -2 log likelihood D of each row.
+
+    With a flat prior p ~ exp(-(D - min D) / (2 kappa)), kappa for the model's error.
+
+    >>> rows_between(np.array([90.0, 60.0, 0.0, 0.0, 80.0]), 1.0)
+    (2, 2, 3)
+    """
+    share = np.cumsum(np.exp(-0.5 * (deviances - deviances.min()) / kappa))
+    low, row, high = np.searchsorted(share / share[-1], [TAIL, 0.5, 1.0 - TAIL]).tolist()
+    return low, row, high
+
+
+def interval(value: float, error: float) -> Interval:
+    """Return the interval about a value, by its standard error by residuals of unit noise.
+
+    >>> interval(2.0, 0.0), interval(2.0, math.inf), interval(2.0, -math.inf)
+    ((2.0, 2.0), (2.0, inf), (0.0, 2.0))
+    """
+    if math.isinf(error):
+        return (value, math.inf) if error > 0.0 else (0.0, value)
+    half = QUANTILE * MODEL_ERROR * error
+    return (value - half, value + half)
