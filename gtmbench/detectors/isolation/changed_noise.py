@@ -17,6 +17,7 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.statistics.learnt_noise import BLOCK_S
+from gtmbench.faults.shaping import Quantisation
 from gtmbench.values.record import FloatArray
 
 NOISE_WANDERS = "the noise wanders"
@@ -40,7 +41,7 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
     decisive : float
         Of BIC.
     """
-    if not told.candidates or not ranking:
+    if not told.candidates or not ranking or _is_rounded(case, told):
         return told
     best = ranking[0]
     is_noise = _explains_as_well(ranking, best, told, decisive)
@@ -61,6 +62,12 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
         reason=f"it is {times:.2g} times what was learnt",
         doubt=NOISE_CHANGED,
     )
+
+
+def _is_rounded(case: Case, told: Judgement) -> bool:
+    """Tell whether a sensor reads multiples of a quantum that read none before: no noise does that."""
+    habit = case.habits.get(str(told.sensor))
+    return told.kind == Quantisation.kind and habit is not None and not habit.is_counted
 
 
 def _explains_as_well(

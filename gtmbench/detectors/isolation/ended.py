@@ -22,10 +22,13 @@ from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.replacing import Stuck
+from gtmbench.faults.shaping import Saturation
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, IntArray, Span
 
 _END = 20.0  # nats
+_SHOWN, _LATER = 40.0, 12  # nats, with which a fault would have shown; ends that are tried until then
+_EXACT = 1e-6  # of a limit
 _STEP = 2  # rows between ends that are tried
 _KAPPA = 4.0  # for the model's error, as of onsets
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
@@ -44,13 +47,12 @@ class End(NamedTuple):
 
     @classmethod
     def of(cls, case: Case, ends: IntArray, deviances: FloatArray) -> End:
-        """Return the likeliest of rows judged, by -2 log likelihood of each that the fault ended before it."""
-        order = np.argsort(ends)
-        low, _, high = (int(ends[order][at]) for at in rows_between(deviances[order], _KAPPA))
-        first, times_s = case.judged.start, case.record.time_s
-        low_s, high_s = float(times_s[first + low]) - _STEP * case.period_s, float(times_s[first + high])
-        time_s = float(times_s[first + int(ends[np.argmin(deviances)])])
-        return cls(round(time_s, 9), (round(low_s, 9), round(high_s, 9)))
+        """Return the end by -2 log likelihood of some of the rows judged, in order, that it was before each."""
+        rows = np.arange(ends[0], ends[-1] + 1)
+        low, row, high = (int(rows[at]) for at in rows_between(np.interp(rows, ends, deviances), _KAPPA))
+        times_s = case.record.time_s[case.judged.start :]
+        low_s, time_s, high_s = (float(times_s[at]) for at in (low, row, high))
+        return cls(round(time_s, 9), (round(low_s - _STEP * case.period_s, 9), round(high_s, 9)))
 
 
 def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
@@ -87,8 +89,10 @@ def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
     since = rows - clear  # whitening remembers the fault
     if since * case.period_s < _CLEAR_S:
         return None
-    # whitening smears the end: of the rows before, the one that explains most
-    ends = np.arange(max(2 * ended + 1 - clear, 0), ended + 1)[::-_STEP]
+    # whitening smears the end over the rows before, and it shows only where the fault would have, had it lasted
+    late = ended + int(np.argmax(np.cumsum(gain[ended:]) > _SHOWN))
+    before = np.arange(max(2 * ended + 1 - clear, 0), ended + 1, _STEP)
+    ends = np.unique(np.concatenate([before, np.linspace(ended, late, _LATER).astype(int)]))
     trials = np.where(np.arange(len(added)) < (suspect.judged.start + ends)[:, np.newaxis], added, 0.0)
     deviances = suspect.deviances(suspect.white - suspect.shown(trials))
     ended = int(ends[np.argmin(deviances)])
@@ -97,7 +101,21 @@ def end_of(case: Case, best: FittedHypothesis, rival: float) -> End | None:
     healthy = healthy and not is_straighter(suspect.measured[suspect.judged][clear:], case.habits.get(best.channel))
     if not healthy or gain[ended:].sum() < _END or lasting > rival - DECISIVE:
         return None
-    return End.of(case, ends, deviances)
+    return _at_limit(case, best) or End.of(case, ends, deviances)
+
+
+def _at_limit(case: Case, best: FittedHypothesis) -> End | None:
+    """Return the end of a saturation by the readings: after the last at its limit, before the first beyond; or None."""
+    if best.kind != Saturation.kind:
+        return None
+    sizes, limit = np.abs(case.record[best.channel][case.start :]), best.parameters["limit"]
+    met = np.flatnonzero(np.abs(sizes - limit) <= _EXACT * limit)
+    last = int(met[-1]) if len(met) else 0
+    passed = last + np.flatnonzero(sizes[last:] > limit * (1.0 + _EXACT))
+    if not last or not len(passed):
+        return None
+    low_s, high_s = (round(float(case.record.time_s[case.start + at]), 9) for at in (last, int(passed[0])))
+    return End(round(0.5 * (low_s + high_s), 9), (low_s, high_s))
 
 
 def quiet_since(case: Case, channel: str) -> End | None:

@@ -12,9 +12,10 @@ from gtmbench.values.record import FloatArray
 Interval = tuple[float, float]
 TAIL = 0.025  # of the probability, on either side of an interval
 QUANTILE = 1.96  # deviations on either side: 95 % of a normal distribution
-MODEL_ERROR = 1.4  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
+MODEL_ERROR = 1.3  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
 _WALK_ERROR = 2.0  # more for a random walk: the step from its begin to its end is one number at all frequencies
 _PLAY_ERROR = 1.5  # more for a play, of which each side has to be found
+_SLOPE_ERROR = 1.7  # more for a drift: noise that is slow looks like one
 
 
 def intervals_of(fit: Fit) -> dict[str, Interval]:
@@ -22,7 +23,7 @@ def intervals_of(fit: Fit) -> dict[str, Interval]:
 
     An error of +inf says that the parameter is at least its value, one of -inf that it is at most that.
     """
-    more = {"random_walk": _WALK_ERROR, "hysteresis": _PLAY_ERROR}.get(fit.kind, 1.0)
+    more = {"random_walk": _WALK_ERROR, "hysteresis": _PLAY_ERROR, "drift": _SLOPE_ERROR}.get(fit.kind, 1.0)
     return {
         name: interval(fit.parameters[name], more * error)
         for name, error in fit.errors().items()

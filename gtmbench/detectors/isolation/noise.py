@@ -23,7 +23,7 @@ _LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts m
 _CHANCE, _KNOWN = 1.0, 0.02  # of a bin, by chance half; of a spectrum
 _TURNS = 4
 _BAND, _BAND_HZ = 0.1, 0.2  # a band's half width: of its frequency, and beside that
-_SPIKE = 40.0  # of -2 log likelihood, that a spike explains
+_SPIKE = 20.0  # of -2 log likelihood, that a spike explains
 
 Indices = np.ndarray[Any, np.dtype[np.int_]]
 

@@ -33,7 +33,8 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 EARLIER_S = 15.0  # before the case: how far back an onset is looked for
 _AFTER_S = 3.0  # from where the fault is sure on: later rows say nothing of its onset
-_KAPPA, _KAPPA_LATE = 8.0, 32.0  # a late reading is off by a small difference, and so the model's error weighs more
+_KAPPA, _KAPPA_WALK = 8.0, 2.0  # of a walk the likelihood is exact, but for its gain
+_KAPPA_LATE = 32.0  # a late reading is off by a small difference, so that the model's error weighs more
 _FLOOR = 9.2  # of D / kappa over its least: a hundredth of the likelihood, and less isn't looked at closer
 _TRIED = 24  # onsets at a time
 _HELD = ("jam", "stuck", "hardover")
@@ -214,7 +215,7 @@ def _of_walk(suspect: Suspect, gain: float, deviation: float) -> Onset | None:
         factor = np.linalg.cholesky(covariance)
         deviances.append(np.square(np.linalg.solve(factor, means)).sum() + 2.0 * np.log(np.diag(factor)).sum())
     curve = np.repeat(deviances, rows)
-    return _median(suspect, 0, curve)
+    return _median(suspect, 0, curve, _KAPPA_WALK)
 
 
 # ---- what the fault adds ----

@@ -2,7 +2,7 @@
 
 Log odds grow with the time t judged and with the margin m, by how much BIC whatever else there is explains worse:
 
-    log(p / (1 - p)) = a + b log(1 + t / 0.1 s) + c log(1 + m / 10),    p at most `MOST_PROBABLE`.
+    log(p / (1 - p)) = a + b log(1 + t / 0.1 s) + c sign(m) log(1 + |m| / 10),    p at most `MOST_PROBABLE`.
 
 The BIC alone isn't a probability: residuals aren't white to the last nat, and models are models. The figures are fitted
 by ``experiments/believed_names.py --fit`` to flights of their own, and held against others by its report.
@@ -27,6 +27,7 @@ from gtmbench.values.record import FloatArray
 
 NAMES = 0.99  # the least probability with which a sensor is named
 HELD = ("jam", "stuck", "hardover")  # kinds that others look like until these have moved
+_SHOWN = ("quantisation", "stale")
 _SOON_S = 0.1
 _FAR = 1e4  # of BIC: further apart says no more
 
@@ -45,7 +46,7 @@ class Odds(NamedTuple):
         [0.5, 0.667]
         """
         odds = self.at_once + self.by_time * np.log1p(judged_s / _SOON_S)
-        odds = odds + self.by_margin * np.log1p(np.clip(margins, 0.0, _FAR) / 10.0)
+        odds = odds + self.by_margin * np.sign(margins) * np.log1p(np.minimum(np.abs(margins), _FAR) / 10.0)
         return np.asarray(np.minimum(1.0 / (1.0 + np.exp(-odds)), MOST_PROBABLE))
 
 
@@ -53,7 +54,7 @@ class Odds(NamedTuple):
 NAMED = Odds(1.56, 1.91, 0.43)
 SUSPECTED = Odds(3.27, 2.86, 0.26)
 TOGETHER = Odds(0.64, 0.75, 0.06)
-KIND = Odds(-0.21, 0.15, 0.29)
+KIND = Odds(-0.71, 0.37, 1.0)
 KIND_HELD = Odds(-0.01, 0.75, 0.08)
 
 
@@ -129,10 +130,15 @@ def _margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
 
 
 def kind_margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
-    """Return by how much BIC the next kind of the likeliest sensor is worse than the one that is told; inf without."""
+    """Return by how much BIC the next kind of the likeliest sensor is worse than the one that is told.
+
+    It is infinite where no other kind is left, and where the readings themselves show it as no other kind's do.
+    """
     likeliest = judged.sensor or next(iter(judged.candidates), None)
     own = [fit for fit in ranking if fit.channel == likeliest and fit.kind != UNKNOWN]
     told = _least(fit.bic for fit in own if fit.kind == judged.kind)
+    if judged.kind in _SHOWN:
+        return math.inf
     return _least(fit.bic for fit in own if fit.kind != judged.kind) - told if told < math.inf else 0.0
 
 

@@ -13,8 +13,11 @@ from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, Track
 from gtmbench.detectors.statistics.learnt_noise import lasting, lasting_rows, second_order
 from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Steadiness, glr, ordinary_powers
+from gtmbench.detectors.statistics.whitening import LOUD
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.values.record import FloatArray
+
+_MAY_BE_SPIKE = 2.0  # over the threshold, so that it is worked out as that of a chunk
 
 
 class RowByRow:
@@ -66,7 +69,8 @@ class RowByRow:
             if line.is_early:
                 line.read(derived[line.output])
             line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
-        return self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
+        scores = self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
+        return [_MAY_BE_SPIKE if line.is_loud else score for line, score in zip(self._lines, scores, strict=True)]
 
     def pass_over(self) -> None:
         """Nothing comes of the sample taken."""
@@ -125,7 +129,7 @@ class _Line:
         self.is_early = output in PSEUDO_INPUTS
         self.is_late = track.ahead > operator.noncausal_order  # a derivative needs the next sample
         self.taps = len(operator.markov)
-        self.white, self.is_there = math.nan, False
+        self.white, self.is_there, self.is_loud = math.nan, False, False
         self._memory, self._column = memory, -1 if self.is_early else monitor.bank.channels.index(output)
         self._y = _Window(max(track.ahead, 1), 1)  # of an early one, its output from the row that is judged on
         self._markov = np.ascontiguousarray(operator.markov[::-1, 0, :]).ravel()  # oldest row first
@@ -148,12 +152,13 @@ class _Line:
         e = self._memory.put_one(self.output, row, read - hat if math.isfinite(hat) else math.nan)
         self._alike -= 1
         latest = self._e.push(e)
-        self.is_there = False
+        self.is_there = self.is_loud = False
         if self.is_learnt:
             white = float(self._whitening.dot(latest)) - self._mean
             self.is_there = math.isfinite(white) and self.track.is_heard(row)
             self.white = white
             self._sizes.append(abs(white))
+            self.is_loud = self.is_there and self._sizes[-1] > LOUD  # or so it seems, without its neighbours
             if self._sizes[-1] > self._most:
                 most = max(self._loudest if abs(white) > 2.0 * self._most else self._most, lasting(self._sizes))
                 self.white = min(max(white, -most), most)

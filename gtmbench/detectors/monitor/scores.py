@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
+from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
 from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, over
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.method.windowed_alarms import rising
@@ -322,7 +323,13 @@ class Track:
         for first in range(self._judged, end, _BLOCK):
             self._judged = min(first + _BLOCK, end)
             at = range(first - begin, self._judged - begin)
-            self._put(first, self._test.of(given, self._period_s, self._tolerance, at=at, carried=self._carried))
+            self._put(first, self._scores(given, at))
+
+    def _scores(self, given: Given, at: range) -> Iterator[RawScore]:
+        """Give the scores of some samples: the bank's own test, and behind whitening that of spikes."""
+        yield from self._test.of(given, self._period_s, self._tolerance, at=at, carried=self._carried)
+        if self._test.name == "glr":
+            yield from spike_scores(given.loud, self._period_s, self._looks_back, at)
 
     def _put(self, first: int, raw_scores: Iterable[RawScore]) -> None:
         """Put the greatest of the scores of samples from the `first` on beside their rows."""
@@ -330,7 +337,7 @@ class Track:
         told = int(np.searchsorted(rows, max(self._from, self.first)))
         greatest = np.full(len(rows), -np.inf)
         for raw in raw_scores:
-            score = over(raw.values, self._thresholds[raw.label])
+            score = over(raw.values, self._thresholds.get(raw.label, THRESHOLD))
             if np.fmax.reduce(score) > 1.0:
                 higher = told + np.flatnonzero(score[told:] > np.maximum(greatest[told:], 1.0))
                 reach = raw.reach if isinstance(raw.reach, int) else raw.reach[higher]
@@ -419,16 +426,16 @@ def bank_alarms(monitor: CalibratedBank, record: Record) -> list[Crossing]:
 
 def _matrix(given: Given) -> FloatArray:
     """Return samples as rows: values, how steady and how slow their noise is; of uncertain operators all else, too."""
-    noise = (given.values, given.unsteady, given.slow)
+    noise = (given.values, given.unsteady, given.slow, given.loud)
     if given.values is given.plain:
         return np.column_stack(noise)
     return np.column_stack([*noise, given.plain, given.uncertain, *given.means.values()])
 
 
 def _given_of(samples: FloatArray, windows: list[int]) -> Given:
-    values, unsteady, slow = (np.ascontiguousarray(samples[:, i]) for i in range(3))
+    values, unsteady, slow, loud = (np.ascontiguousarray(samples[:, i]) for i in range(4))
     plain, uncertain, means = (values, values, {})
-    if samples.shape[1] > 3:
-        plain, uncertain = samples[:, 3], samples[:, 4]
-        means = dict(zip(windows, samples[:, 5:].T, strict=False))
-    return Given(values=values, plain=plain, means=means, uncertain=uncertain, unsteady=unsteady, slow=slow)
+    if samples.shape[1] > 4:
+        plain, uncertain = samples[:, 4], samples[:, 5]
+        means = dict(zip(windows, samples[:, 6:].T, strict=False))
+    return Given(values=values, plain=plain, means=means, uncertain=uncertain, unsteady=unsteady, slow=slow, loud=loud)

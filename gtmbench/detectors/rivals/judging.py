@@ -148,7 +148,7 @@ class Judge:
         if not at:
             return scores, looks_back
         _, values, unsteady, slow = np.ascontiguousarray(samples.T)
-        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady, slow=slow)
+        given = Given(values=values, plain=values, means={}, uncertain=values, unsteady=unsteady, slow=slow, loud=slow)
         greatest = np.full(len(at), -math.inf)
         for test in self._statistic.of(given, self._period_s, self._judging.tolerance, at=at, carried=self._carried):
             over_one = over(test.values, self._judging.thresholds[test.label])

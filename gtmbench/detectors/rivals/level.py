@@ -37,7 +37,8 @@ class Level(Statistic):
         """Return the rows where there is a value, and the values."""
         there = np.flatnonzero(~np.isnan(raw))
         values = np.clip(raw[there], 0.0, _MOST)
-        return there, Given(values=values, plain=values, means={}, uncertain=values, unsteady=values, slow=values)
+        noise = dict.fromkeys(("uncertain", "unsteady", "slow", "loud"), values)
+        return there, Given(values=values, plain=values, means={}, **noise)
 
     def of(
         self,

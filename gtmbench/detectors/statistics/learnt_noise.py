@@ -52,7 +52,7 @@ from gtmbench.detectors.statistics.noise_model import (
     NoiseModel,
 )
 from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
-from gtmbench.detectors.statistics.whitening import White, Whitener
+from gtmbench.detectors.statistics.whitening import LOUD, White, Whitener, loud_in
 from gtmbench.values.record import BoolArray, FloatArray
 
 IntArray = np.ndarray[tuple[int], np.dtype[np.int_]]
@@ -71,6 +71,7 @@ _ORDER_S, _ORDERS = 0.08, (2, 16)  # of the second filter: as long as a sensor's
 _HEAVY, _GROSS = 3.5, 8.0  # the clip below which the tail is heavy; deviations of a gross outlier
 _LOUDEST = 5.0  # deviations that one counts for where the tail is Gaussian, so that it isn't noise
 _ECHO_S, _APART_S, _OF_ECHO = 0.25, 1.0, 1.0  # of operators and filters; until the next; deviations it may count for
+_MEDIAN = 0.6745  # deviations: half of a normal noise's samples are smaller
 _LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: it counts as so often its median does
 
 # suspicions: a window that departs by so many nats stops the learning; white noise does so once in exp(12) looks
@@ -379,6 +380,15 @@ class NoiseFollower:
             clip[beyond] = np.maximum(clip[beyond], _OF_LASTING * np.median(before, axis=1))
         return _within(z, clip) * scale, np.array(outliers, dtype=int), own
 
+    def _loud_in(self, sizes: FloatArray, scale: FloatArray) -> FloatArray:
+        """Return 1 of rows that are loud by themselves, by their sizes before they were clipped."""
+        loud = loud_in(sizes * scale)
+        rows = np.flatnonzero(loud)
+        if len(rows):
+            around = np.lib.stride_tricks.sliding_window_view(np.concatenate([self._loud, sizes]), self._lasting)[rows]
+            loud[rows] = sizes[rows] * scale[rows] > loudness(np.median(around, axis=1) * scale[rows])
+        return loud
+
     # ---- rows ----
 
     def _opened(self) -> White:
@@ -388,9 +398,10 @@ class NoiseFollower:
         if told == rows:
             return White.joined([])
         model, spread = self._current(), self._given[self.order :, 1]
-        z, _, _ = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
+        z, _, sizes = self._whitened(self._behind_calibrated(self._given), spread, model.taps, model.clip, model.scale)
         unsteady, slow = (np.full(rows - told, of[0]) for of in (model.unsteady, model.slow))
-        return White(values=(z * spread)[told:], unsteady=unsteady, slow=slow)
+        loud = self._loud_in(sizes, np.full(rows, model.scale[0]))[told:]
+        return White(values=(z * spread)[told:], unsteady=unsteady, slow=slow, loud=loud)
 
     def _advance(self, blocks: int) -> tuple[White, int]:
         """Whiten complete blocks and learn from them; return them, and how many are done: up to a change of state.
@@ -426,6 +437,7 @@ class NoiseFollower:
             done, self._ends = blocks, ends
             self._remember(learnt.new)
         rows = done * self._block
+        loud = self._loud_in(sizes, np.repeat(model.scale, self._block))
         self._white = joined[rows : rows + len(self._white)]
         self._loud = np.concatenate([self._loud, sizes[:rows]])[rows:]
         outliers = outliers[outliers < rows]
@@ -434,7 +446,7 @@ class NoiseFollower:
         self._open = None
         self._past.append((self.row - self._told, model.first(done), self._calibrated.mean))
         unsteady, slow = (np.repeat(of, self._block) for of in (model.unsteady, model.slow))
-        return White(values=z * spread, unsteady=unsteady, slow=slow), done
+        return White(values=z * spread, unsteady=unsteady, slow=slow, loud=loud), done
 
     def _remember(self, table: FloatArray) -> None:
         """Add blocks to what was learnt; those that miss half of their rows tell nothing."""
@@ -497,6 +509,15 @@ def _filled(values: FloatArray) -> FloatArray:
     """Return values, 0 where they are missing."""
     there = np.isfinite(values)
     return values if there.all() else np.where(there, values, 0.0)
+
+
+def loudness(usual: FloatArray) -> FloatArray:
+    """Return beyond how many deviations samples are loud whose neighbours' usual sizes are so much.
+
+    >>> loudness(np.array([0.5, 1.349])).round(2).tolist()
+    [4.0, 8.0]
+    """
+    return np.asarray(LOUD * np.maximum(usual / _MEDIAN, 1.0))
 
 
 def _loudest(clip: FloatArray) -> FloatArray:

@@ -81,8 +81,8 @@ class Spread:
 class Given:
     """What a statistic is made of: a residual over its spread, and as it is; `means` as in `Spread`.
 
-    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known; `unsteady`
-    and `slow` as in `White`.
+    `uncertain` is the share of the variance of `values` that an operator's error has, 0 where all is known; `unsteady`,
+    `slow` and `loud` as in `White`.
     """
 
     values: FloatArray
@@ -91,6 +91,7 @@ class Given:
     uncertain: FloatArray
     unsteady: FloatArray
     slow: FloatArray
+    loud: FloatArray
 
     @cached_property
     def sums(self) -> _Sums:
@@ -191,10 +192,11 @@ class Statistic:
         clipped = plain[there]
         np.clip(clipped, -most, most, out=clipped)
         own = slice(None) if len(there) == len(plain) else there  # what needn't be copied isn't
-        unsteady, slow = white.unsteady[own], white.slow[own]
+        unsteady, slow, loud = white.unsteady[own], white.slow[own], white.loud[own]
         if spread is None:
             known = np.broadcast_to(0.0, len(there))
-            return there, Given(values=clipped, plain=clipped, means={}, uncertain=known, unsteady=unsteady, slow=slow)
+            noise = {"uncertain": known, "unsteady": unsteady, "slow": slow, "loud": loud}
+            return there, Given(values=clipped, plain=clipped, means={}, **noise)
         by = spread.raw if self.name == "energy" else spread.white
         return there, Given(
             values=np.clip((plain / by)[own], -most, most),
@@ -203,6 +205,7 @@ class Statistic:
             uncertain=(1.0 - 1.0 / np.square(spread.white))[own],
             unsteady=unsteady,
             slow=slow,
+            loud=loud,
         )
 
     def of(

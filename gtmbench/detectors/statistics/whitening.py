@@ -12,6 +12,8 @@ from gtmbench.errors import InputError
 from gtmbench.method.autoregressive import autocovariance, innovations, yule_walker
 from gtmbench.values.record import FloatArray, frozen
 
+LOUD = 4.0  # deviations: normal noise of 100 Hz has one beyond in 160 s
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whitener:
@@ -64,6 +66,11 @@ class Whitener:
         return np.asarray(self.deviation**2 / np.square(np.abs(turns @ self.coefficients)))
 
 
+def loud_in(sizes: FloatArray) -> FloatArray:
+    """Return 1 where a sample is beyond `LOUD` deviations, otherwise 0."""
+    return np.asarray(np.abs(sizes) > LOUD, dtype=np.float64)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class White:
     """A whitened residual, and how steady the noise is that it is measured by.
@@ -76,32 +83,35 @@ class White:
         sigma^2: the variance of the logarithm of the noise's power, beyond chance; 0 of noise that is known.
     slow : shape (rows,)
         The variance of a mean that no averaging takes away; 0 where the noise is as white as it should be.
+    loud : shape (rows,)
+        1 where a sample was beyond `LOUD` deviations before it was clipped, otherwise 0.
     """
 
     values: FloatArray = field(repr=False)
     unsteady: FloatArray = field(repr=False)
     slow: FloatArray = field(repr=False)
+    loud: FloatArray = field(repr=False)
 
     @classmethod
     def steady(cls, values: FloatArray) -> White:
         """Return one of noise that is known."""
         nothing = np.broadcast_to(0.0, len(values))
-        return cls(values=values, unsteady=nothing, slow=nothing)
+        return cls(values=values, unsteady=nothing, slow=nothing, loud=loud_in(values))
 
     def __len__(self) -> int:
         return len(self.values)
 
     def between(self, rows: slice) -> White:
         """Return some rows."""
-        return White(values=self.values[rows], unsteady=self.unsteady[rows], slow=self.slow[rows])
+        of = {name: values[rows] for name, values in vars(self).items()}
+        return White(**of)
 
     @staticmethod
     def joined(parts: Sequence[White]) -> White:
         """Return parts that follow each other as one."""
+        names = ("values", "unsteady", "slow", "loud")
         return White(
-            values=np.concatenate([part.values for part in parts] or [np.zeros(0)]),
-            unsteady=np.concatenate([part.unsteady for part in parts] or [np.zeros(0)]),
-            slow=np.concatenate([part.slow for part in parts] or [np.zeros(0)]),
+            **{name: np.concatenate([getattr(part, name) for part in parts] or [np.zeros(0)]) for name in names}
         )
 
 

@@ -1,0 +1,74 @@
+"""Spikes: rare and large samples are found, a tail that is always heavy isn't, and chunks change nothing."""
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.detectors.statistics.spikes import THRESHOLD, spike_scores
+from gtmbench.detectors.statistics.whitening import loud_in
+from tests.helpers import monitors
+
+PERIOD_S, LOOKS_BACK = 0.01, 8000
+
+
+def greatest(values):
+    """Return the greatest score of whitened samples."""
+    scores = list(spike_scores(loud_in(values), PERIOD_S, LOOKS_BACK, range(len(values))))
+    return max(float(score.values.max()) for score in scores)
+
+
+def with_spikes(rate_hz, since_s, seconds=200.0, seed=1):
+    random = np.random.default_rng(seed)
+    values = random.standard_normal(round(seconds / PERIOD_S))
+    since = np.arange(len(values)) * PERIOD_S >= since_s
+    return values + 6.0 * since * (random.random(len(values)) < rate_hz * PERIOD_S)
+
+
+@pytest.mark.parametrize("rate_hz", [0.5, 1.0, 3.0])
+def test_spikes_that_begin_are_found(rate_hz):
+    assert greatest(with_spikes(rate_hz, 120.0)) > THRESHOLD
+
+
+@pytest.mark.parametrize("rate_hz", [0.02, 0.5, 3.0])
+def test_spikes_that_were_always_there_tell_nothing(rate_hz):
+    assert max(greatest(with_spikes(rate_hz, 0.0, 300.0, seed)[8000:]) for seed in range(4)) < THRESHOLD
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_normal_noise_and_one_burst_are_no_spikes(seed):
+    values = with_spikes(0.0, 0.0, 300.0, seed)
+    assert greatest(values) < 0.7 * THRESHOLD
+    values[15_000:15_300] *= 8.0  # three seconds of whatever
+    assert greatest(np.where(np.arange(len(values)) % 5, values, 0.0)) < 4.0 * THRESHOLD
+
+
+def test_the_score_of_a_sample_is_the_same_whatever_is_asked_for_with_it():
+    values = loud_in(with_spikes(1.0, 60.0))
+    whole = [score.values for score in spike_scores(values, PERIOD_S, LOOKS_BACK, range(len(values)))]
+    for start in (9000, 12_345):
+        piece = values[start - LOOKS_BACK : start + 500]
+        for own, all_ in zip(
+            spike_scores(piece, PERIOD_S, LOOKS_BACK, range(LOOKS_BACK, len(piece))), whole, strict=True
+        ):
+            np.testing.assert_array_equal(own.values, all_[start : start + 500])
+
+
+def test_a_gyro_with_rare_spikes_is_named_and_its_stream_says_the_same():
+    record = monitors.record(12_000, seed=21)
+    fault = gb.Spikes(channel="r", onset_s=150.0, size=2.2, rate_hz=1.0, seed=3)
+    broken = gb.inject(record, fault)
+    monitor = monitors.monitor("C")
+    watch = monitor.watch(broken)
+    assert watch.faults[0].test.startswith("spikes")
+    assert watch.faults[0].sensor in (None, "r")
+    stream, told = monitor.stream(), {}
+    for row, values in enumerate(broken.values):
+        piece = gb.Record(
+            values[np.newaxis],
+            channels=broken.channels,
+            sample_period_s=broken.sample_period_s,
+            start_s=float(broken.time_s[row]),
+        )
+        told |= {alarm.number: alarm for alarm in stream.push(piece)}
+    assert [told[number] for number in sorted(told)] == list(watch.alarms)
+    assert not monitor.watch(record).alarms
