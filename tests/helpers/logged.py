@@ -62,7 +62,16 @@ def short():
 def unexplained():
     """The same, with an alarm that nothing is left to explain of."""
     (*_, alarm), healthy = jammed().alarms, short()
-    last = replace(alarm.judgements[-1], sensor=None, candidates=(), kind=None, parameters={}, intervals={})
+    last = replace(
+        alarm.judgements[-1],
+        sensor=None,
+        candidates=(),
+        kind=None,
+        parameters={},
+        intervals={},
+        probability=None,
+        kind_probability=None,
+    )
     false = replace(alarm, time_s=20.0, onset_s=19.0, judgements=(replace(last, time_s=21.0),))
     return replace(healthy, watches=(replace(healthy.watches[0], alarms=(false,)),))
 

@@ -280,7 +280,8 @@ def test_a_kind_of_ones_own_is_told_without_a_table():
     fault = Wobble(channel="p", onset_s=1.0)
     assert fault_text(fault) == "wobble and drift of p"
     assert (
-        estimate_text("unheard of", {"depth": 2.0, "onset_s": 1.0}, {"depth": 0.1}, "deg/s") == "2.0 ± 0.1, from 1.00 s"
+        estimate_text("unheard of", {"depth": 2.0, "onset_s": 1.0}, {"depth": (1.9, 2.1)}, "deg/s")
+        == "2.0 ± 0.1, from 1.00 s"
     )
     assert estimate_text(fault.kind, {"depth": 2.0}, {}, "deg/s", fault) == "2 deg/s"
 

@@ -51,6 +51,6 @@ def interval(value: float, error: float) -> Interval:
     ((2.0, 2.0), (2.0, inf), (0.0, 2.0))
     """
     if math.isinf(error):
-        return (value, math.inf) if error > 0.0 else (0.0, value)
+        return (float(value), math.inf) if error > 0.0 else (0.0, float(value))
     half = QUANTILE * MODEL_ERROR * error
-    return (value - half, value + half)
+    return (float(value - half), float(value + half))

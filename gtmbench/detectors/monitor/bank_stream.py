@@ -112,7 +112,7 @@ class BankStream:
         if rows is None or scores is None:  # it begins, or there is something that only the arrays' functions take
             return self._take(np.array([row]), np.isfinite([row[:own]]))
         logic.missing.take_one(row[:own])
-        if logic.is_quiet(scores):
+        if logic.is_quiet(scores) and not rows.may_be_spike:
             rows.pass_over()
             logic.take(scores)
             return ()

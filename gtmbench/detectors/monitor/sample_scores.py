@@ -17,8 +17,6 @@ from gtmbench.detectors.statistics.whitening import LOUD
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.values.record import FloatArray
 
-_MAY_BE_SPIKE = 2.0  # over the threshold, so that it is worked out as that of a chunk
-
 
 class RowByRow:
     """Everything from a sample to the scores that it makes known, for banks with likelihood ratios.
@@ -69,8 +67,12 @@ class RowByRow:
             if line.is_early:
                 line.read(derived[line.output])
             line.take([derived[name] if name in derived else x[self._channels[name]] for name in line.inputs], at)
-        scores = self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
-        return [_MAY_BE_SPIKE if line.is_loud else score for line, score in zip(self._lines, scores, strict=True)]
+        return self._ratios.scores([line.white for line in self._lines], [line.is_there for line in self._lines])
+
+    @property
+    def may_be_spike(self) -> bool:
+        """Whether the sample taken is loud, so that the test of spikes has to be asked."""
+        return any(line.is_loud for line in self._lines)
 
     def pass_over(self) -> None:
         """Nothing comes of the sample taken."""

@@ -42,7 +42,7 @@ def spike_scores(loud: FloatArray, sample_period_s: float, looks_back: int, at: 
     apart = max(round(_APART_S / sample_period_s), 1)
     spikes = np.flatnonzero(_firsts(loud[: at.stop] > 0.5, apart))
     for window_s in _WINDOWS_S:
-        score, reach = np.zeros(len(at)), np.zeros(len(at), dtype=int)
+        score, reach = np.full(len(at), np.nan), np.zeros(len(at), dtype=int)  # it exists where one comes
         for row in spikes[spikes >= at.start].tolist():
             start, since = (max(row + 1 - rows, 0) for rows in (looks_back - apart, round(window_s / sample_period_s)))
             before, first, last = np.searchsorted(spikes, [start, since, row + 1]).tolist()

@@ -55,7 +55,7 @@ def with_interval(value: float, interval: Span | None) -> str:
     half = 0.5 * (high - low)
     if not (math.isfinite(half) and half > 1e-5 * abs(value)):
         return f"{value:.3g}"
-    digits = min(max(-math.floor(math.log10(half)), 0), 9)
+    digits = min(max(-math.floor(math.log10(half * (1.0 + 1e-9))), 0), 9)
     if abs(value - 0.5 * (low + high)) <= _LOPSIDED * half:
         return f"{value:.{digits}f} ± {half:.{digits}f}"
     return f"{value:.{digits}f} ({low:.{digits}f} to {high:.{digits}f})"

@@ -151,8 +151,8 @@ def test_several_are_told_in_words_each_with_its_own_kind():
     (alarm,) = watched(gb.inject(broken, gb.Drift(channel="r", slope=0.3, **AT)))
     text = judgement_text(alarm.last)
     assert text.startswith("p and r failed")
-    assert "p: bias 1.998 ± 0.009 deg/s" in text
-    assert "r: drift 0.300" in text
+    assert "p: bias 2.00 ± 0.02 deg/s, from 60.0" in text
+    assert "r: drift 0.30" in text
 
 
 @pytest.mark.parametrize(("quantum", "noise"), [(0.1, 0.05), (3.0, 1.0), (0.25, 0.3)])

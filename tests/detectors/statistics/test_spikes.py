@@ -14,7 +14,7 @@ PERIOD_S, LOOKS_BACK = 0.01, 8000
 def greatest(values):
     """Return the greatest score of whitened samples."""
     scores = list(spike_scores(loud_in(values), PERIOD_S, LOOKS_BACK, range(len(values))))
-    return max(float(score.values.max()) for score in scores)
+    return max(float(np.fmax.reduce(score.values, initial=0.0)) for score in scores)
 
 
 def with_spikes(rate_hz, since_s, seconds=200.0, seed=1):
