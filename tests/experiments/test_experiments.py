@@ -44,6 +44,11 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
         r"# Several sensors hit at once\n\n\*\*Quick: ",
         r"\| common cause +\| all gyros warm up +\| 1 +\| 1 +\| 0 ",  # detected, and no healthy sensor named
     ),
+    "believed_names": (
+        r"# Names that can be believed\n\n\*\*Quick: ",
+        r"\| 0.99 to 1 +\| 0.99\d +\| (9\d|100).\d % ",  # stated, and how often it came true
+        r"\| stuck +\| 1 +\| 100.0 % ",  # its onset is told, and in its interval
+    ),
     "other_sensors": (
         r"# Other sensors, other tests\n\n\*\*Quick: ",
         r"\| 1 s +\| 100.0 % .* of 1 ",

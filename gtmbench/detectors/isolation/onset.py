@@ -32,7 +32,9 @@ from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, FloatArray
 
 EARLIER_S = 15.0  # before the case: how far back an onset is looked for
-_AFTER_S = 3.0  # from where the fault is sure on: later rows say nothing of its onset
+LATER_S = 3.0  # from where the fault is sure on: later rows say nothing of its onset
+_CLOSE_S = 0.1  # an onset that is known so closely isn't looked for again
+_NEAR_S = 4.0  # before the test's estimate, of all but a drift
 _KAPPA, _KAPPA_WALK = 8.0, 2.0  # of a walk the likelihood is exact, but for its gain
 _KAPPA_LATE = 32.0  # a late reading is off by a small difference, so that the model's error weighs more
 _FLOOR = 9.2  # of D / kappa over its least: a hundredth of the likelihood, and less isn't looked at closer
@@ -67,18 +69,20 @@ class Onset(NamedTuple):
     high_s: float
 
 
-def dated(case: Case, judged: Judgement) -> Judgement:
+def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) -> Judgement:
     """Return a judgement with the onset of each fault that it names, in its parameters and intervals.
 
     Parameters
     ----------
-    case : Case
-        That begins `EARLIER_S` before the one that was judged.
+    begin : callable
+        Gives the case from `EARLIER_S` before the one that was judged to `LATER_S` after its alarm.
     judged : Judgement
+    last : Judgement or None
+        The one before: what it told closely of the same sensor and kind stands.
     """
     if judged.together:
-        return replace(judged, together=tuple(dated(case, each) for each in judged.together))
-    onset = None if judged.sensor is None else onset_of(case, judged)
+        return replace(judged, together=tuple(dated(begin, each, None) for each in judged.together))
+    onset = _told(judged, last) or (None if judged.sensor is None else onset_of(begin(), judged))
     if onset is None:
         return judged
     return replace(
@@ -86,6 +90,14 @@ def dated(case: Case, judged: Judgement) -> Judgement:
         parameters=judged.parameters | {"onset_s": onset.time_s},
         intervals=judged.intervals | {"onset_s": (onset.low_s, onset.high_s)},
     )
+
+
+def _told(judged: Judgement, last: Judgement | None) -> Onset | None:
+    """Return the onset that a judgement before told closely, of the same sensor and kind; None where none did."""
+    if last is None or (last.sensor, last.kind) != (judged.sensor, judged.kind) or "onset_s" not in last.intervals:
+        return None
+    low_s, high_s = last.intervals["onset_s"]
+    return Onset(last.parameters["onset_s"], low_s, high_s) if high_s - low_s < _CLOSE_S else None
 
 
 def onset_of(case: Case, judged: Judgement) -> Onset | None:
@@ -102,7 +114,9 @@ def onset_of(case: Case, judged: Judgement) -> Onset | None:
     path = next((each for each in suspect.paths if each.output == channel and each.is_alone), None)
     if judged.kind == "random_walk" and path is not None:
         return _of_walk(suspect, float(path.kernel.sum()), judged.parameters["gain"])
-    return _likeliest(suspect, _deviance(suspect, judged), _KAPPA_LATE if judged.kind == "delay" else _KAPPA)
+    near = round(_NEAR_S / case.period_s)
+    first = 0 if judged.kind == "drift" else max(suspect.onset - near, 0)
+    return _likeliest(suspect, _deviance(suspect, judged), first, _KAPPA_LATE if judged.kind == "delay" else _KAPPA)
 
 
 def _deviance(suspect: Suspect, judged: Judgement) -> Callable[[list[int]], FloatArray]:
@@ -181,7 +195,7 @@ def _first_of_run(true: BoolArray, row: int) -> int | None:
 
 def _of_spikes(suspect: Suspect, judged: Judgement) -> Onset | None:
     """Return the onset of spikes that come by chance: the time until the first one is exponential."""
-    habit = suspect.case.habits.get(suspect.channel)
+    habit, rate_hz = suspect.case.habits.get(suspect.channel), judged.parameters["rate_hz"]
     if habit is None:
         return None
     white = suspect.case.white[own(suspect.channel)][suspect.case.start :][: suspect.judged.stop]
@@ -190,7 +204,6 @@ def _of_spikes(suspect: Suspect, judged: Judgement) -> Onset | None:
     if not len(rows):
         return None
     first_s = float(suspect.time_s[rows[0]])
-    rate_hz = len(rows) / max(float(suspect.time_s[len(white) - 1]) - first_s, suspect.case.period_s)
     low_s, time_s, high_s = (round(first_s + float(np.log(tail)) / rate_hz, 9) for tail in (TAIL, 0.5, 1.0 - TAIL))
     return Onset(time_s, low_s, high_s)
 
@@ -214,8 +227,8 @@ def _of_walk(suspect: Suspect, gain: float, deviation: float) -> Onset | None:
         covariance = np.eye(blocks) / rows + step * np.minimum.outer(since, since)
         factor = np.linalg.cholesky(covariance)
         deviances.append(np.square(np.linalg.solve(factor, means)).sum() + 2.0 * np.log(np.diag(factor)).sum())
-    curve = np.repeat(deviances, rows)
-    return _median(suspect, 0, curve, _KAPPA_WALK)
+    low, row, high = (rows * at for at in rows_between(np.array(deviances), _KAPPA_WALK))
+    return _between(suspect, low, row + rows // 2, high + rows - 1) if low else None
 
 
 # ---- what the fault adds ----
@@ -278,7 +291,7 @@ def _tone(suspect: Suspect, frequency_hz: float) -> FloatArray:
 
 def _rows(suspect: Suspect) -> slice:
     """Return the rows whose residuals tell of the onset, from the suspect's first on."""
-    stop = suspect.sure + round(_AFTER_S / suspect.case.period_s)
+    stop = suspect.sure + round(LATER_S / suspect.case.period_s)
     return slice(0, min(stop, suspect.judged.stop))
 
 
@@ -324,9 +337,10 @@ def _undone(changes: Sequence[tuple[Suspect, Added]]) -> Callable[[list[int]], F
     return deviance
 
 
-def _likeliest(suspect: Suspect, deviance: Callable[[list[int]], FloatArray], kappa: float) -> Onset | None:
-    """Return the median of the onset and its interval: over onsets ever closer where they are likely."""
-    low, high, step = 0, suspect.sure, max(suspect.sure // _TRIED, 1)
+def _likeliest(suspect: Suspect, deviance: Callable[[list[int]], FloatArray], first: int, kappa: float) -> Onset | None:
+    """Return the median of the onset and its interval: over onsets from a row on, ever closer where they are likely."""
+    low, high = first, suspect.sure
+    step = max((high - low) // _TRIED, 1)
     known: dict[int, float] = {}
     while True:
         onsets = [row for row in range(low, high + 1, step) if row not in known]
@@ -335,14 +349,10 @@ def _likeliest(suspect: Suspect, deviance: Callable[[list[int]], FloatArray], ka
             break
         least = min(known.values())
         likely = [row for row, of in known.items() if of < least + 2.0 * _FLOOR * kappa]
-        low, high = max(min(likely) - step, 0), min(max(likely) + step, suspect.sure)
+        low, high = max(min(likely) - step, first), min(max(likely) + step, suspect.sure)
         step = min((high - low) // _TRIED, step - 1) if high - low > 2 * _TRIED else 1
     rows = np.arange(low, high + 1)
     tried = np.array(sorted(known))
-    return _median(suspect, low, np.interp(rows, tried, [known[row] for row in tried.tolist()]), kappa)
-
-
-def _median(suspect: Suspect, first: int, deviances: FloatArray, kappa: float = _KAPPA) -> Onset | None:
-    """Return the median of the onset and its interval by D of each row from a first on; None where it has no begin."""
-    low, row, high = (first + at for at in rows_between(deviances, kappa))
-    return _between(suspect, low, row, high) if low > 0 else None
+    curve = np.interp(rows, tried, [known[row] for row in tried.tolist()])
+    low, row, high = (low + at for at in rows_between(curve, kappa))
+    return _between(suspect, low, row, high) if low > first else None

@@ -5,7 +5,7 @@ Log odds grow with the time t judged and with the margin m, by how much BIC what
     log(p / (1 - p)) = a + b log(1 + t / 0.1 s) + c sign(m) log(1 + |m| / 10),    p at most `MOST_PROBABLE`.
 
 The BIC alone isn't a probability: residuals aren't white to the last nat, and models are models. The figures are fitted
-by ``experiments/believed_names.py --fit`` to flights of their own, and held against others by its report.
+by ``experiments/believed_names.py --fit`` to flights of their own, and compared with others in its report.
 """
 
 from __future__ import annotations

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
-from gtmbench.detectors.isolation.onset import EARLIER_S, dated
+from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S, dated
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
 from gtmbench.detectors.monitor.arming import Arming
@@ -316,8 +317,8 @@ class AlarmLogic:
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
             if outcome.judgement is not None and outcome.judgement.failed:
-                earlier = self._case(fault, rows_of(EARLIER_S, self._monitor))
-                outcome = replace(outcome, judgement=dated(earlier, outcome.judgement))
+                judged = dated(partial(self._beginning, fault), outcome.judgement, fault.alarm.last)
+                outcome = replace(outcome, judgement=judged)
         self._apply(outcome, fault, fault if leader is None else leader)
 
     def _apply(self, outcome: Outcome, fault: OpenFault, leader: OpenFault) -> None:
@@ -350,11 +351,16 @@ class AlarmLogic:
         alarm = fault.alarm
         return fault if alarm.looks_again_s == again_s else replace(fault, alarm=replace(alarm, looks_again_s=again_s))
 
-    def _case(self, fault: OpenFault, earlier: int = 0) -> Case:
-        """Cut out what a review with this row needs; from so many rows `earlier` on, to find its onset."""
+    def _beginning(self, fault: OpenFault) -> Case:
+        """Cut out what tells of a fault's onset."""
+        stop = fault.row + rows_of(LATER_S, self._monitor) + self._history
+        return self._case(fault, rows_of(EARLIER_S, self._monitor), min(stop, self.row + 1))
+
+    def _case(self, fault: OpenFault, earlier: int = 0, stop: int | None = None) -> Case:
+        """Cut out what a review with this row needs: from so many rows `earlier` on, up to a row, by default this."""
         others = self._open.values()
         suspects = suspects_of(self._bank, trusted(fault, others))
-        stop = self.row + 1
+        stop = self.row + 1 if stop is None else stop
         start, sure = max(fault.start - earlier, self._memory.first), fault.row + 2
         if fault.is_late:
             sure = max(sure, stop - rows_of(_WINDOW_S, self._monitor))
