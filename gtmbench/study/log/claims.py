@@ -33,8 +33,10 @@ _SHORT_S = 0.5  # of what wasn't armed: a statistic looks back as far
 
 
 def began_s(alarm: Alarm) -> float:
-    """Return when a fault began: as its kind's fit tells, or else the alarm's test."""
-    return alarm.onset_s if alarm.last is None else alarm.last.parameters.get("onset_s", alarm.onset_s)
+    """Return when a fault began: as its last judgement estimates it, of several the first, or else the alarm's test."""
+    judged = () if alarm.last is None else (alarm.last, *alarm.last.together)
+    onsets_s = [each.parameters["onset_s"] for each in judged if "onset_s" in each.parameters]
+    return min(onsets_s, default=alarm.onset_s)
 
 
 def of_alarm(
