@@ -20,7 +20,7 @@ from gtmbench.values.record import Record, Span
 
 _APART = 3  # of a kind and a channel stand for themselves
 _MOST_REMARKS = 36
-_SINCE = re.compile(r"times are since the first, (\d{4}-\d\d-\d\d) (\d\d:\d\d:\d\d\.\d+) UTC")
+_SINCE = re.compile(r"times are since the first, ((?:\d{4}-\d\d-\d\d )?\d\d:\d\d:\d\d\.\d{3}(?: UTC)?)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +147,12 @@ class FlightLog:
         hole that is longer than a sample.
     out_of_range : tuple of OutOfRange
         Which readings no sensor reads, a channel each: they are missing.
+    zero_stamp : str
+        What its own stamps read at 0 s, where they are dates or times of day or count from 1970: ``2026-05-04
+        11:59:10.020``, with ``UTC`` behind it where that is known; "" where they count from when a logger was
+        switched on.
     zero_utc : datetime64 or None
-        When its clock reads 0 s, where its stamps are dates or count from 1970.
+        That date, where it is UTC.
     periods_s : mapping
         How far apart each channel's samples are in the log, at the median, whatever the record's rate.
 
@@ -192,10 +196,16 @@ class FlightLog:
         return card(f"FlightLog {self.path.name}", facts, columns=("from (s)", "remark", "channel", "text"), rows=rows)
 
     @property
-    def zero_utc(self) -> np.datetime64 | None:
-        """When its clock reads 0 s; None where its stamps are no dates."""
+    def zero_stamp(self) -> str:
+        """What its own stamps read at 0 s; "" where they are no dates or times of day."""
         told = next(filter(None, map(_SINCE.search, self.method)), None)  # every format's reader says it so
-        return None if told is None else np.datetime64(f"{told[1]}T{told[2]}", "ms")
+        return "" if told is None else told[1]
+
+    @property
+    def zero_utc(self) -> np.datetime64 | None:
+        """When its clock reads 0 s; None where its stamps aren't known to be UTC."""
+        date, utc, _ = self.zero_stamp.partition(" UTC")
+        return np.datetime64(date, "ms") if utc and " " in date else None
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -65,7 +65,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     taken = {column.name for column in told.columns}
     rest = tuple(other for other in raw.series if other.name not in taken)
     timed = replace(raw, series=rest, time=(told.name, told.stated), time_guessed=told.guessed)
-    since = since or ((since_text(told.since_s),) if told.since_s else ())
+    since = since or ((since_text(told.since_s, is_utc=told.is_utc),) if told.since_s else ())
     return timed.with_clocks(clocks, told.note, *since)
 
 
@@ -90,6 +90,11 @@ class _Told:
         return self.since_s or self.columns[0].since_s
 
     @property
+    def is_utc(self) -> bool:
+        """Whether its dates are UTC: those of a spreadsheet, and texts without a zone, may be anywhere's."""
+        return self.stated != _DAY and (not self.columns[0].told or self.columns[0].told.endswith("UTC"))
+
+    @property
     def name(self) -> str:
         return " + ".join(column.name for column in self.columns)
 
@@ -97,7 +102,8 @@ class _Told:
     def note(self) -> str:
         if len(self.columns) > 1:
             return f"time: columns '{self.name}'"
-        return f"time: column '{self.name}' in {self.stated}{f', by {self.guessed}' if self.guessed else ''}"
+        told = f", {self.columns[0].told}" if self.columns[0].told else f" in {self.stated}"
+        return f"time: column '{self.name}'{told}{f', by {self.guessed}' if self.guessed else ''}"
 
 
 def _told_time(raw: RawLog, mapped: str | None) -> _Told:
@@ -158,7 +164,8 @@ def _on_one_clock(told: Mapping[str, _Told]) -> tuple[dict[str, FloatArray], tup
         return in_seconds({table: each.stamps for table, each in told.items()}, units.pop())
     stamps = {table: each.origin_s - first_s + each.stamps / each.per_second for table, each in told.items()}
     clocks, since = in_seconds(stamps, 1.0)
-    return clocks, since or ((since_text(first_s),) if first_s else ())
+    is_utc = all(each.is_utc for each in told.values())
+    return clocks, since or ((since_text(first_s, is_utc=is_utc),) if first_s else ())
 
 
 def _of_as_many_rows(raw: RawLog, table: str, told: Mapping[str, _Told]) -> str | None:
@@ -221,7 +228,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     names = _by_lower_name(raw)
     pairs = [(series, _SECONDS) for series in raw.series if _beyond_seconds(series, names)]
     for certain in (exact, pairs, sure):
-        if len(certain) == 1 and not (certain[0][0].was_clock and stands_mostly(certain[0][0])):
+        if len(certain) == 1 and not (certain[0][0].told and stands_mostly(certain[0][0])):
             return certain[0]
     stepped = [(series, meaning) for series, _ in looks if (meaning := by_steps(series)) is not None]
     whole = [each for each in _of_shortest_name(stepped) if _is_whole(each[0])]
@@ -252,7 +259,7 @@ def _sure(raw: RawLog, looks: Sequence[tuple[RawSeries, Guess]]) -> list[tuple[R
     """Return the columns that tell the time by their names and units, or by what stands in them."""
     named = [(series, told.meaning) for series, told in looks if told.meaning is not None]
     known = {series.name for series, _ in named}
-    sure = [*named, *((each, _SECONDS) for each in raw.series if each.was_clock and each.name not in known)]
+    sure = [*named, *((each, _SECONDS) for each in raw.series if each.told and each.name not in known)]
     if raw.is_nameless:  # a date without a header, the same in every row, is a fact about the log
         sure = [each for each in sure if np.ptp(np.nan_to_num(each[0].values())) > 0]
     return sure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
@@ -17,12 +19,21 @@ _MOST_SIGNALS = 6
 
 
 def faults_of(watched: WatchedLog) -> dict[str, list[Alarm]]:
-    """Return the alarms that tell of a fault, by their verdict: one that lasts is told of in every segment."""
+    """Return the alarms that tell of a fault, by their verdict: one that lasts is told of in every segment.
+
+    Those of sensors that the verdict calls failed come first: they are shown large.
+    """
     faults: dict[str, list[Alarm]] = {}
-    for alarm in watched.alarms:
+    for alarm in failed_first(watched.verdict, watched.alarms):
         if not alarm.has_passed:
             faults.setdefault(alarm.verdict, []).append(alarm)
     return faults
+
+
+def failed_first(verdict: LogVerdict, alarms: Iterable[Alarm]) -> list[Alarm]:
+    """Return alarms in time, those of failed sensors before all others."""
+    failed = {sensor for sensor, _ in verdict.failed}
+    return sorted(alarms, key=lambda alarm: alarm.sensor not in failed)
 
 
 def disarmed_by(alarm: Alarm, watch: Watch) -> list[str]:

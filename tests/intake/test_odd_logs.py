@@ -1,20 +1,28 @@
 """Logs as loggers, spreadsheets and scripts leave them: read without a question where one reading fits, else asked.
 
-Most headers follow public documentation and code: OnSpeed, WitMotion, INAV's and Betaflight's blackbox_decode, OpenLog
-Artemis, MetaWear, X-Plane, Sense HAT, AppLift. The flight is the same everywhere, so that what is read is known.
+The flight is the same everywhere, so that what is read is known.
 """
+
+import re
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import gtmbench as gb
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import GYROS
 from tests.helpers.log_makers import flight
+from tests.helpers.odd_logs import ALL, GX, ODD, RAD, SIX, START, frame, numbered, saved, written
 
-START = pd.Timestamp("2026-05-04 11:59:50.020")
-G = 9.80665
-SIX = (*GYROS, *ATTITUDE)
+# their y points to the left and z up: read so, and alike, for nothing shows which way is down
+LEFT_AND_UP = ("Crazyflie: y to the left, z up, and pitch turned", "Betaflight: facts above the table, gyros alone")
+# what no reading of the log alone settles, and how the question begins
+ASKED = {
+    "SensorLog: a phone whose x points to the right": "two readings fit alike: --map 'p=",
+    "Sensor Logger: z before y before x, gyros alone": "nothing looks like p, q or r: --map p=",
+    "Razor: no header": "no header: columns are called by their numbers, as in --map",
+    "two lines of names": "column 'gyro' stands there twice; rename one of them",
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,95 +33,6 @@ def truth():
     noise = np.random.default_rng(69).standard_normal((len(table), 6)) * [0.1, 0.1, 0.1, 0.01, 0.01, 0.01]
     table[list(SIX)] += noise
     return table.assign(time_s=np.arange(len(table)) / 50.0)
-
-
-def stamps(truth, how):
-    return [(START + pd.Timedelta(seconds=s)).strftime(how)[:-3] for s in truth.time_s]
-
-
-def frame(truth, names, rate=1.0, angle=1.0):
-    factors = (*(rate,) * 3, *(angle,) * 3)
-    return {name: truth[own] * by for name, own, by in zip(names, SIX, factors, strict=False)}
-
-
-def numbered(truth, per_second, first=0):
-    return np.round(first + truth.time_s * per_second).astype(np.int64)
-
-
-GX = ("gx", "gy", "gz", "roll", "pitch", "yaw")
-RAD = np.pi / 180.0
-# of each: what it is, the header and columns, and how it is written
-ODD = {
-    "OnSpeed: no heading": lambda t: {
-        "timeStamp": numbered(t, 1e3, 81_234),
-        "imuTemp": 40.1,
-        **frame(t, ("RollRate", "PitchRate", "YawRate")),
-        "Pitch": t.theta,
-        "Roll": t.phi,
-    },
-    "WitMotion: a name and a temperature beside": lambda t: {
-        "time": stamps(t, "%Y-%m-%dT%H:%M:%S.%f"),
-        "DeviceName": "HC-06(00:0C:BF:19:3F:0D)",
-        **frame(t, ("AsX(°/s)", "AsY(°/s)", "AsZ(°/s)", "AngleX(°)", "AngleY(°)", "AngleZ(°)")),
-        "T(°)": 33.1,
-    },
-    "INAV: tenths of a degree": lambda t: {
-        "loopIteration": numbered(t, 16),
-        "time (us)": numbered(t, 1e6, 41_512_387),
-        **frame(t, [f"gyroADC[{k}]" for k in range(3)]),
-        **{f"attitude[{k}]": np.round(10 * (t[name] % 360 if k == 2 else t[name])) for k, name in enumerate(ATTITUDE)},
-    },
-    "OpenLog Artemis: date and time in two columns, gyros alone": lambda t: {
-        "rtcDate": stamps(t, "%m/%d/%Y000"),
-        "rtcTime": stamps(t, "%H:%M:%S.%f"),
-        **frame(t, ("gX", "gY", "gZ")),
-    },
-    "MetaWear: three times, gyros alone": lambda t: {
-        "epoch (ms)": numbered(t, 1e3, 1_714_564_800_000),
-        "time (01:00)": stamps(t, "%Y-%m-%dT%H:%M:%S.%f"),
-        "elapsed (s)": t.time_s,
-        **frame(t, ("x-axis (deg/s)", "y-axis (deg/s)", "z-axis (deg/s)")),
-    },
-    "X-Plane: three times, Q before P": lambda t: {
-        "_real,_time": t.time_s + 12.5,
-        "_totl,_time": t.time_s + 100.0,
-        "____Q,rad/s": t.q * RAD,
-        "____P,rad/s": t.p * RAD,
-        "____R,rad/s": t.r * RAD,
-        "pitch,__deg": t.theta,
-        "_roll,__deg": t.phi,
-        "hding,_true": t.psi % 360,
-    },
-    "Sense HAT: all angles from 0 to 360": lambda t: {
-        "temp": 24.1,
-        **{name: t[own] % 360 for name, own in (("yaw", "psi"), ("pitch", "theta"), ("roll", "phi"))},
-        **frame(t, ("gyro_x", "gyro_y", "gyro_z"), RAD),
-        "datetime": stamps(t, "%Y-%m-%d %H:%M:%S.%f"),
-    },
-    "whole seconds only": lambda t: {"timestamp": stamps(t, "%Y-%m-%dT%H:%M:%S000"), **frame(t, GX)},
-    "an index that pandas saved": lambda t: {"": stamps(t, "%Y-%m-%d %H:%M:%S.%f"), **frame(t, GX)},
-    "durations that pandas saved": lambda t: {
-        "": [f"0 days 00:{int(s // 60):02d}:{s % 60:09.6f}" for s in t.time_s],
-        **frame(t, GX, RAD, RAD),
-    },
-    "numbers that pandas saved, beside a time": lambda t: {"": range(len(t)), "t": numbered(t, 1e3), **frame(t, GX)},
-    "days first": lambda t: {"Time": stamps(t, "%d.%m.%Y %H:%M:%S.%f"), **frame(t, GX)},
-    "12 hours over noon": lambda t: {
-        "time": [f"{clock} {half}" for clock, half in zip(stamps(t, "%I:%M:%S.%f"), stamps(t, "%p000"), strict=True)],
-        **frame(t, GX),
-    },
-    "MATLAB's seconds": lambda t: {"Time": [f"{s:.2f} sec" for s in t.time_s], **frame(t, GX, RAD, 1.0)},
-    "days of a spreadsheet": lambda t: {"Date/Time": 46_146.4309 + t.time_s / 86_400.0, **frame(t, GX)},
-    "hundredths of a degree": lambda t: {"time_us": numbered(t, 1e6, 10_000_000), **frame(t, GX, RAD, 100.0)},
-    "rad, with an attitude that is too calm in deg": lambda t: {"t": t.time_s, **frame(t, GX, RAD, RAD)},
-    "deg, and gyros alone": lambda t: {"t": t.time_s, **frame(t, ("gx", "gy", "gz"))},
-}
-
-
-def saved(columns, path):
-    table = pd.DataFrame(columns)
-    table.to_csv(path, index=False, header=["" if name == "" else name for name in table], float_format="%.12g")
-    return path
 
 
 def check(log, truth):
@@ -130,10 +49,38 @@ def check(log, truth):
         )
 
 
-@pytest.mark.parametrize("case", ODD)
+@pytest.mark.parametrize("case", [case for case in ALL if case not in ASKED])
 def test_an_odd_log_is_read_without_a_question(tmp_path, truth, case):
-    log = gb.open_log(saved(ODD[case](truth), tmp_path / "log.csv"))
-    check(log, truth)
+    of_axes = truth.assign(**{name: -truth[name] for name in ("q", "r", "theta", "psi") if case in LEFT_AND_UP})
+    check(gb.open_log(written(case, truth, tmp_path / "log.csv")), of_axes)
+
+
+@pytest.mark.parametrize("case", ASKED)
+def test_what_nothing_settles_is_asked(tmp_path, truth, case):
+    with pytest.raises(gb.InputError, match=re.escape(ASKED[case])):
+        gb.open_log(written(case, truth, tmp_path / "log.csv"), needs=GYROS)
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Three minutes of a simulated flight, healthy, and with a pitch gyro that breaks."""
+    flight = gb.fly(excitation="multisine+turbulence", duration_s=180, seed=11)
+    record = gb.decimate(gb.measure(flight, noise="t2", seed=11), 2).select(SIX)
+    broken = gb.inject(record, gb.Bias(channel="q", onset_s=110.0, size=5.0))
+    tables = [each.frame().reset_index() for each in (record, broken)]
+    return [table.assign(time_s=table.time_s - table.time_s[0]) for table in tables]
+
+
+@pytest.mark.verdicts
+@pytest.mark.parametrize("case", [case for case in ALL if case not in ASKED])
+def test_an_odd_log_gets_a_verdict_and_nobody_healthy_is_accused(tmp_path, flown, case):
+    """Gyros alone tell no fault from a new motion: they end with 3, and with the size that would show."""
+    codes = []
+    for name, table in zip(("healthy", "broken"), flown, strict=True):
+        watched = gb.watch_log(written(case, table, tmp_path / f"{name}.csv"), "auto")
+        assert {sensor for sensor, _ in watched.verdict.failed} <= {"q"}
+        codes.append(watched.verdict.exit_code)
+    assert codes == ([0, 1] if {"phi", "theta"} <= set(watched.log.channels) else [3, 3])
 
 
 @pytest.mark.parametrize("index", ["dates", "durations"])

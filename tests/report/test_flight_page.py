@@ -4,12 +4,14 @@ import re
 from functools import cache
 
 import numpy as np
+import pandas as pd
 import pytest
 from markupsafe import escape
 
 import gtmbench as gb
+from gtmbench.report.axes import round_values
 from gtmbench.report.page.flight import flight_page
-from gtmbench.report.page.traces import panel, round_values
+from gtmbench.report.page.traces import panel
 from gtmbench.report.words.verdict import verdict_text
 from tests.helpers.browsers import Seen, clipped, looking_at
 from tests.helpers.hostile import refused
@@ -167,6 +169,31 @@ def test_a_browser_shows_it_without_complaint_and_without_scrolling_sideways(ope
 @pytest.mark.parametrize(("width", "printed"), [(375, False), (1280, False), (1280, True)])
 def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
     assert clipped(opened(width), printed=printed) == []
+
+
+@pytest.mark.browser
+def test_beyond_an_hour_times_are_hours_with_the_log_s_stamps_beside(opened, folder, tmp_path):
+    table = pd.read_csv(folder / "flight.csv")
+    began = pd.Timestamp("2026-05-04 22:30:00.020")
+    far_s = table["time_s"] + np.where(np.arange(len(table)) > 500, 3600.0, 0.0)  # a gap of an hour
+    table["time_s"] = [(began + pd.Timedelta(seconds=time_s)).isoformat(" ", "milliseconds") for time_s in far_s]
+    table.to_csv(tmp_path / "late.csv", index=False)
+    (tmp_path / "late.html").write_text(flight_page(gb.watch_log(tmp_path / "late.csv", "auto"), COMMAND))
+    assert clipped(opened(375, at=tmp_path / "late.html"), printed=True) == []
+    tab = opened(375, at=tmp_path / "late.html")
+    assert tab.locator(".x span").last.inner_text() == "1:00:00"
+    assert clipped(tab) == []
+    tab.get_by_role("button", name=re.compile("^Fault at")).first.click()
+    assert all(re.fullmatch(r"1:\d\d:\d\d", name) for name in tab.locator(".x span").all_inner_texts())
+    pitch = tab.locator("figure.panel", has_text="Pitch gyro (q)")
+    pitch.locator("svg").focus()  # which scrolls: a mouse that rests over another panel would read there
+    tab.mouse.move(1, 1)
+    tab.keyboard.press("ArrowRight")
+    said = re.match(r"(\d+\.\d\d) s \((\d\d:\d\d:\d\d\.\d)\)", pitch.locator("output").inner_text())
+    stamped = pd.Timestamp(f"2026-05-04 {said[2]}")
+    zero = began + pd.Timedelta(seconds=far_s[0])  # times are since the first stamp
+    assert abs((stamped - zero).total_seconds() - float(said[1])) < 0.11
+    assert tab.complaints == []
 
 
 @pytest.mark.browser

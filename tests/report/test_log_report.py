@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import gtmbench as gb
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.report.figures.log import log_figure, write_log_figure
 from gtmbench.report.figures.panels import thinned
+from gtmbench.report.log_findings import failed_first
 from gtmbench.report.recording.write import write_log_recording
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
@@ -349,3 +351,9 @@ def test_logs_of_any_names_and_lengths_are_recorded_without_a_word(case, read, t
     write_log_recording(case(), tmp_path / "log.rrd")
     assert capfd.readouterr().err == ""  # rerun warns of entity paths that aren't escaped
     assert set(case().log.channels) <= set(read(case).series)
+
+
+def test_what_failed_is_shown_before_what_only_alarmed():
+    alarms = [SimpleNamespace(sensor=sensor, time_s=time_s) for sensor, time_s in ((None, 1.0), ("r", 2.0), ("q", 3.0))]
+    verdict = SimpleNamespace(failed=[("q", None)])
+    assert [alarm.time_s for alarm in failed_first(verdict, alarms)] == [3.0, 1.0, 2.0]

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import date
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.formats.raw import date_text
+from gtmbench.intake.formats.raw import RawSeries, date_text
 from gtmbench.intake.units import unit
 
 _MOSTLY = 0.9  # of the cells of a column
 _FIRST = 20  # cells by which a column is known
 _DAY_NS, _HOUR_NS, _MINUTE_NS, _S_NS = (round(1e9 * s) for s in (86400, 3600, 60, 1))
 _HALF_NS = 12 * _HOUR_NS
+_PARTS_NS = {"hour": _HOUR_NS, "minute": _MINUTE_NS, "second": _S_NS, "ms": 1_000_000, "us": 1000}
 _EPOCH = date(1970, 1, 1).toordinal()
 _DATE = (
     r"(?=\d{4}|\d{1,2}[-./]\d{1,2}[-./]\d\d)(?P<one>\d{1,4})(?P<mark>[-./])(?P<two>\d{1,2})(?P=mark)(?P<three>\d{1,4})"
@@ -27,8 +29,9 @@ _CLOCK = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?P<f>[.,:]\d{1,9})?
 _TEXT = re.compile(
     rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,\s]\s*|$))?"
     rf"(?:{_CLOCK}(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?)?"
-    r"(?:\s*(?:Z|UTC|GMT|(?P<zone>[+-]\d\d):?(?P<zone_m>\d\d)?))?"
+    r"(?:\s*(?:(?P<utc>Z|UTC|GMT)|(?P<zone>[+-]\d\d):?(?P<zone_m>\d\d)?))?"
 )
+_WITHOUT_MARKS = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)")  # ISO's basic format
 _COUNTED = re.compile(r"(?P<count>[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)")  # MATLAB's "0.02 sec"
 
 
@@ -52,6 +55,8 @@ class ClockTexts:
         Since 1970, since midnight, or since the beginning.
     there : array of bool
         Which cells could be read.
+    is_utc : bool
+        Whether a zone stands beside them, which is taken off.
     doubt : str
         What else the texts may mean; "" for nothing.
     """
@@ -59,6 +64,7 @@ class ClockTexts:
     told: Told
     nanoseconds: NDArray[np.int64]
     there: NDArray[np.bool_]
+    is_utc: bool = False
     doubt: str = ""
 
     @property
@@ -78,15 +84,20 @@ class ClockTexts:
         if self.told is Told.DURATION:
             return "durations"
         first = np.datetime64(int(self.nanoseconds[self.there][0]), "ns")
-        said = date_text(first) if self.told is not Told.CLOCK else f"{str(first.astype('datetime64[ms]'))[11:]}"
+        of_day = bool(self.doubt) or self.told is Told.CLOCK  # the date is open, or there is none
+        said = date_text(first, is_utc=self.is_utc)[11 * of_day :]
         return f"{self.told}: times are since the first, {said}{f'; {self.doubt}' if self.doubt else ''}"
 
     def on(self, days: ClockTexts) -> ClockTexts:
         """Return times of day on the dates of another column: that of the first cell, as midnights are counted here."""
         first = int(days.nanoseconds[days.there][0])
-        return ClockTexts(
-            told=Told.STAMP, nanoseconds=self.nanoseconds + first, there=self.there, doubt=days.doubt or self.doubt
-        )
+        doubt = days.doubt or self.doubt
+        return replace(self, told=Told.STAMP, nanoseconds=self.nanoseconds + first, doubt=doubt)
+
+    def series(self, name: str) -> RawSeries:
+        """Return the column of a log that it is, in seconds."""
+        load = partial(np.asarray, self.seconds)
+        return RawSeries(name=name, load=load, unit="s", since_s=self.since_s, told=self.note)
 
 
 def clock_texts(cells: Sequence[Any]) -> ClockTexts | None:
@@ -100,20 +111,37 @@ def clock_texts(cells: Sequence[Any]) -> ClockTexts | None:
     (<Told.DURATION: 'duration'>, None)
     """
     texts = ["" if cell is None or cell != cell else str(cell).strip() for cell in cells]
+    if any(map(_WITHOUT_MARKS.match, texts[:_FIRST])):
+        texts = [_WITHOUT_MARKS.sub(r"\1-\2-\3 \4:\5:\6", text, count=1) for text in texts]
     first = [text for text in texts if text][:_FIRST]
     if not first or sum(_is_clock(text) or _is_counted(text) for text in first) < _MOSTLY * len(first):
         return None
     return _counted(texts) if _is_counted(first[0]) else _read(texts)
 
 
-def clock_of_dates(dates: NDArray[Any]) -> ClockTexts | None:
+def clock_of_parts(parts: Mapping[str, NDArray[np.float64]]) -> ClockTexts:
+    """Return the time of day that hours, minutes and seconds in columns of their own tell, with what is beyond these.
+
+    >>> of = {"hour": np.array([23, 0]), "minute": np.array([59, 0]), "second": np.array([59.5, 0.5])}
+    >>> clock_of_parts(of).seconds
+    array([0., 1.])
+    """
+    nanoseconds = sum((np.nan_to_num(values) * _PARTS_NS[name] for name, values in parts.items()), np.zeros(1))
+    there = np.all([np.isfinite(values) for values in parts.values()], axis=0)
+    clocks = np.rint(nanoseconds).astype(np.int64)
+    clocks[there] = _beyond_midnight(clocks[there], _DAY_NS)
+    return ClockTexts(told=Told.CLOCK, nanoseconds=clocks, there=there)
+
+
+def clock_of_dates(dates: NDArray[Any], *, is_utc: bool) -> ClockTexts | None:
     """Return what dates tell, NaT where one is missing; None without any.
 
-    >>> clock_of_dates(np.array(["NaT", "1970-01-02", "1970-01-03"], dtype="datetime64[ns]")).seconds
+    >>> clock_of_dates(np.array(["NaT", "1970-01-02", "1970-01-03"], dtype="datetime64[ns]"), is_utc=False).seconds
     array([   nan,     0., 86400.])
     """
     there = ~np.isnat(dates)
-    return _mostly(Told.STAMP, dates.astype("datetime64[ns]").astype(np.int64), there, there.tolist())
+    told = _mostly(Told.STAMP, dates.astype("datetime64[ns]").astype(np.int64), there, there.tolist())
+    return told and replace(told, is_utc=is_utc)
 
 
 def clock_of_durations(nanoseconds: NDArray[np.int64], there: NDArray[np.bool_]) -> ClockTexts | None:
@@ -149,12 +177,12 @@ def _counted(texts: Sequence[str]) -> ClockTexts | None:
 
 
 def _mostly(
-    told: Told, nanoseconds: NDArray[np.int64], there: NDArray[np.bool_], cells: Iterable[object], doubt: str = ""
+    told: Told, nanoseconds: NDArray[np.int64], there: NDArray[np.bool_], cells: Iterable[object]
 ) -> ClockTexts | None:
     filled = sum(map(bool, cells))
     if not there.any() or np.count_nonzero(there) < _MOSTLY * filled:
         return None
-    return ClockTexts(told=told, nanoseconds=nanoseconds, there=there, doubt=doubt)
+    return ClockTexts(told=told, nanoseconds=nanoseconds, there=there)
 
 
 def _read(texts: Sequence[str]) -> ClockTexts | None:
@@ -168,11 +196,13 @@ def _read(texts: Sequence[str]) -> ClockTexts | None:
     if known[0]["mark"] is None:
         is_duration = known[0]["days"] is not None
         clocks[there] = clocks[there] if is_duration else _run_on(clocks[there], known)
-        return _mostly(Told.DURATION if is_duration else Told.CLOCK, clocks, there, texts)
-    days, doubt = _days(known)
-    clocks[there] += days
-    told = Told.STAMP if any(each["h"] is not None for each in known) else Told.DAY
-    return _mostly(told, clocks, there, texts, doubt)
+        told, doubt = Told.DURATION if is_duration else Told.CLOCK, ""
+    else:
+        days, doubt = _days(known)
+        clocks[there] += days
+        told = Told.STAMP if any(each["h"] is not None for each in known) else Told.DAY
+    read = _mostly(told, clocks, there, texts)
+    return read and replace(read, is_utc=bool(known[0]["utc"] or known[0]["zone"]), doubt=doubt)
 
 
 def _of_day(found: re.Match[str]) -> int:
@@ -201,6 +231,10 @@ def _run_on(clocks: NDArray[np.int64], known: Sequence[re.Match[str]]) -> NDArra
     elif not any(each["half"] for each in known) and max(int(each["h"]) for each in known) <= 12:
         back = np.diff(clocks).min(initial=0)
         period = _HALF_NS if -_HALF_NS <= back < -_HALF_NS // 2 else period
+    return _beyond_midnight(clocks, period)
+
+
+def _beyond_midnight(clocks: NDArray[np.int64], period: int) -> NDArray[np.int64]:
     over = np.diff(clocks) < -(period // 2)
     turns = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(over, dtype=np.int64)])
     return np.asarray(clocks + period * turns, dtype=np.int64)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import count_lines
-from gtmbench.intake.formats.clock_texts import ClockTexts, Told, clock_of_dates, clock_texts
+from gtmbench.intake.formats.clock_texts import ClockTexts, Told, clock_of_dates, clock_of_parts, clock_texts
 from gtmbench.intake.formats.csv_layout import Layout, layout_of, more_cells
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import RawLog, RawSeries
@@ -25,6 +25,12 @@ if TYPE_CHECKING:
 
 _MOSTLY = 0.9  # of a column's cells are numbers (or dates), and it is a column of numbers whose others are missing
 _ISO = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d")
+_ZONE = re.compile(r"(Z|[+-]\d\d:?(\d\d)?)\s*$")  # behind the time of day
+_PARTS = {
+    **{name: part for part in ("hour", "minute", "second") for name in (part, f"{part}s")},
+    **dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "usec", "microsecond", "microseconds"), "us"),
+}
 _INDEX = "index"  # what a column without a name is that tells the time
 
 
@@ -45,24 +51,12 @@ def read_csv(path: Path) -> RawLog:
     frame, notes = _without_headers(frame, next(filter(None, layout.names)), layout.names)
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")
-    places = [place for place, name in enumerate(layout.names) if name]
-    clocks = {place: told for place in places if (told := _clock(frame[place])) is not None}
-    if layout.names[:1] == ("",) and len(layout.names) > 1 and (told := _clock(frame[0])) is not None:
-        clocks[0] = told  # the index that pandas saves
-    days, own = ([place for place, each in clocks.items() if each.told is told] for told in (Told.DAY, Told.CLOCK))
-    if len(days) == len(own) == 1:
-        clocks[own[0]] = clocks[own[0]].on(clocks[days[0]])
-    series, ignored = [], [layout.names[place] for place in days]
-    for place in sorted({*places, *clocks} - {*days}):
+    clocks, within = _clocks(frame, layout.names)
+    series, ignored = [], [layout.names[place] for place in within if layout.names[place] not in _PARTS]
+    for place in sorted({*(place for place, name in enumerate(layout.names) if name), *clocks} - {*within}):
         name = layout.names[place] or _INDEX
         if place in clocks:
-            told = clocks[place]
-            notes.append(f"column '{name}': {told.note}")
-            series.append(
-                RawSeries(
-                    name=name, load=partial(np.asarray, told.seconds), unit="s", since_s=told.since_s, was_clock=True
-                )
-            )
+            series.append(clocks[place].series(name))
             continue
         values, note = _numbers(_without_thousands(frame[place], "." if layout.decimal == "," else ","))
         if note:
@@ -80,6 +74,23 @@ def read_csv(path: Path) -> RawLog:
         rate_hz=layout.rate_hz,
         facts=layout.facts,
     )
+
+
+def _clocks(frame: pd.DataFrame, names: Sequence[str]) -> tuple[dict[int, ClockTexts], list[int]]:
+    """Return the columns that tell times, and those that are in these: a date beside a time of day, or its minutes."""
+    places = [place for place, name in enumerate(names) if name or place == 0 < len(names) - 1]  # pandas' index, too
+    clocks = {place: told for place in places if (told := _clock(frame[place])) is not None}
+    days, own = ([place for place, each in clocks.items() if each.told is told] for told in (Told.DAY, Told.CLOCK))
+    if len(days) == len(own) == 1:
+        clocks[own[0]] = clocks[own[0]].on(clocks[days[0]])
+    parts = {part: place for place in places if (part := _PARTS.get(names[place].lower()))}
+    if clocks or not {"hour", "minute", "second"} <= parts.keys():
+        return clocks, days
+    values = {part: frame[place] for part, place in parts.items() if frame[place].dtype.kind in "iuf"}
+    if len(values) < len(parts):
+        return clocks, days
+    told = clock_of_parts({part: column.to_numpy(np.float64) for part, column in values.items()})
+    return {parts["hour"]: told}, [place for part, place in parts.items() if part != "hour"]
 
 
 def _frame(path: Path, layout: Layout) -> pd.DataFrame:
@@ -120,10 +131,11 @@ def _clock(column: pd.Series[Any]) -> ClockTexts | None:
     if pd.api.types.is_numeric_dtype(column.dtype):
         return None
     filled = column.dropna()
-    if len(filled) and _ISO.match(str(filled.iloc[0])):  # by far the quickest
+    first = str(filled.iloc[0]) if len(filled) else ""
+    if _ISO.match(first):  # by far the quickest
         dates = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True).dt.tz_localize(None).to_numpy()
         if np.count_nonzero(~np.isnat(dates)) >= _MOSTLY * len(filled):
-            return clock_of_dates(dates)
+            return clock_of_dates(dates, is_utc=_ZONE.search(first) is not None)
     return clock_texts(column.tolist())
 
 

@@ -42,23 +42,16 @@ def read_excel(path: Path, part: str = "") -> RawLog:
         check_columns(facts["headers"][sheet])
         clocks = {name: told for name, values in sheets[sheet].items() if (told := _clock(values)) is not None}
         series = [
-            RawSeries(
-                name=name,
-                load=partial(np.asarray, clocks[name].seconds if name in clocks else values),
-                unit="s" if name in clocks else "",
-                since_s=clocks[name].since_s if name in clocks else 0.0,
-                was_clock=name in clocks,
-            )
+            clocks[name].series(name) if name in clocks else RawSeries(name=name, load=partial(np.asarray, values))
             for name, values in sheets[sheet].items()
         ]
-    notes = [f"column '{name}': {told.note}" for name, told in clocks.items()]
-    return RawLog(kind=_KIND, series=tuple(series), notes=(f"sheet '{sheet}'", *notes))
+    return RawLog(kind=_KIND, series=tuple(series), notes=(f"sheet '{sheet}'",))
 
 
 def _clock(values: NDArray[Any]) -> ClockTexts | None:
     """Return what a column of dates, times of day or durations tells; None of numbers."""
     if values.dtype.kind == "M":
-        return clock_of_dates(values)
+        return clock_of_dates(values, is_utc=False)
     return clock_texts(values.tolist()) if values.dtype.kind == "U" else None
 
 

@@ -11,7 +11,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.clock_texts import clock_texts
 from gtmbench.intake.formats.dialects import dialects
 from gtmbench.intake.formats.limits import check_values, reading
-from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, since_text
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries
 
 _KIND = "KITTI's oxts"
 _FIRST = "0000000000.txt"
@@ -36,7 +36,7 @@ def read_kitti(path: Path) -> RawLog:
         kind=_KIND,
         series=series,
         clocks={"": np.asarray(told.seconds)},
-        notes=(since_text(told.since_s),),
+        notes=(told.note,),
         is_nameless=True,
     )
     known = [dialect for dialect in dialects() if dialect.name == _KIND and dialect.found_in(raw)]

@@ -25,7 +25,7 @@ def read_parquet(path: Path) -> RawLog:
     """Read a table's schema; its columns follow when they are asked for."""
     import pyarrow.parquet as pq
 
-    series, ignored, notes = [], [], []
+    series, ignored = [], []
     with reading(path, "Parquet table"):
         metadata, schema = pq.read_metadata(path), pq.read_schema(path)
         check_columns(schema.names)
@@ -34,22 +34,13 @@ def read_parquet(path: Path) -> RawLog:
         for field in schema:
             told = _clock(path, field) if _is_clock(field.type) else None
             if told is not None:
-                series.append(
-                    RawSeries(
-                        name=field.name,
-                        load=partial(np.asarray, told.seconds),
-                        unit="s",
-                        since_s=told.since_s,
-                        was_clock=True,
-                    )
-                )
-                notes.append(f"column '{field.name}': {told.note}")
+                series.append(told.series(field.name))
             elif _is_number(field.type):
                 series.append(RawSeries(name=field.name, load=partial(_column, path, field.name, None)))
             else:
                 ignored.append(field.name)
     batches = partial(_batches, path)
-    return RawLog(kind="Parquet", series=tuple(series), ignored=tuple(ignored), notes=tuple(notes), batches=batches)
+    return RawLog(kind="Parquet", series=tuple(series), ignored=tuple(ignored), batches=batches)
 
 
 def _batches(path: Path, names: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:
@@ -107,7 +98,7 @@ def _clock(path: Path, field: pa.Field) -> ClockTexts | None:
     import pyarrow as pa
 
     if pa.types.is_timestamp(field.type):
-        return clock_of_dates(_column(path, field.name, "datetime64[ns]"))
+        return clock_of_dates(_column(path, field.name, "datetime64[ns]"), is_utc=field.type.tz is not None)
     nanoseconds = _column(path, field.name, "timedelta64[ns]")
     return clock_of_durations(nanoseconds.astype(np.int64), ~np.isnat(nanoseconds))
 

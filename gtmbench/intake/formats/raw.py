@@ -61,8 +61,8 @@ class RawSeries:
         The columns that it is worked out of, where the file itself has no such column.
     since_s : float
         Of a column of dates, which becomes seconds since its first one: when that is, in seconds since 1970.
-    was_clock : bool
-        Whether its values were dates, times of day or durations before they became seconds.
+    told : str
+        What its values were before they became seconds: dates, times of day or durations; "" for numbers.
     """
 
     name: str
@@ -72,7 +72,7 @@ class RawSeries:
     meaning: Meaning | None = None
     made_of: tuple[str, ...] = ()
     since_s: float = 0.0
-    was_clock: bool = False
+    told: str = ""
 
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
@@ -244,21 +244,21 @@ def origin_of(stamps: NDArray[Any], per_second: float) -> Any | None:
     return late[0] if 2 * len(late) > len(known) else None
 
 
-def since_text(origin_s: float) -> str:
-    """Say when stamps begin that count from 1970, as a date.
+def since_text(origin_s: float, *, is_utc: bool = True) -> str:
+    """Say when stamps begin that count from 1970, or that are dates of no stated zone.
 
     >>> since_text(1714564800.25)
     'stamps count from 1970: times are since the first, 2024-05-01 12:00:00.250 UTC'
     """
     said = f"{origin_s:.6g} s"
     if origin_s < _LAST_DATE_S:
-        said = date_text(np.datetime64(round(origin_s * 1e3), "ms"))
-    return f"stamps count from 1970: times are since the first, {said}"
+        said = date_text(np.datetime64(round(origin_s * 1e3), "ms"), is_utc=is_utc)
+    return f"stamps {'count from 1970' if is_utc else 'are dates'}: times are since the first, {said}"
 
 
-def date_text(date: np.datetime64) -> str:
+def date_text(date: np.datetime64, *, is_utc: bool) -> str:
     """Return a date and a time of day to a millisecond."""
-    return str(date.astype("datetime64[ms]")).replace("T", " ") + " UTC"
+    return str(date.astype("datetime64[ms]")).replace("T", " ") + " UTC" * is_utc
 
 
 def euler_deg(quaternion: Sequence[NDArray[Any]], angle: str) -> FloatArray:

@@ -12,6 +12,7 @@ import numpy as np
 from gtmbench.checks import printable
 from gtmbench.engine.curves import Curve
 from gtmbench.intake.events import EventKind, of_kind
+from gtmbench.report.axes import is_long, round_times, time_title
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
     about,
@@ -119,7 +120,9 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, span: Span) -> None:
         axis.tick_params(labelbottom=axis is axes[-1])
     for axis in axes[1:]:
         _marked(axis, watched)
-    axes[-1].set_xlabel("time (s)")
+    if is_long(span):
+        axes[-1].set_xticks(*zip(*round_times(span), strict=True))
+    axes[-1].set_xlabel(time_title(span))
 
 
 def _timelines(axis: Axes, watched: WatchedLog) -> None:

@@ -7,6 +7,8 @@ const panels = [...all.querySelectorAll(".panel")].map((figure) => ({
   said: figure.querySelector("output"), isLog: figure.dataset.log === "1", lines: null,
 }));
 let view = whole, cursor = null;
+const hours = begins + whole[1] >= 3600, stepsS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800, 21600, 43200, 86400];
+const [, date, zero, zone] = all.dataset.zero.match(/^(\S+ )?(\S+?)( UTC)?$/) ?? [];  // what the log's stamps read at 0 s
 
 // A line's points, read from its path once.
 function linesOf(panel) {
@@ -33,9 +35,9 @@ function placeOf(times, time) {
   return low;
 }
 
-function roundValues([low, high]) {
+function roundValues([low, high], steps = []) {
   const apart = (high - low) / 3, unit = 10 ** Math.floor(Math.log10(apart));
-  const step = Math.max(...[1, 2, 5].map((each) => each * unit).filter((each) => each <= apart));
+  const step = steps.findLast((each) => each <= apart) ?? Math.max(...[1, 2, 5].map((each) => each * unit).filter((each) => each <= apart));
   const values = [];
   for (let count = Math.ceil(low / step - 1e-9); count * step <= high + 1e-9 * step; count++) values.push(Number((count * step).toPrecision(10)));
   return values;
@@ -54,6 +56,20 @@ function label(axis, side, values, [low, high], name) {
     tick.textContent = name(value);
     return tick;
   }));
+}
+
+// A time as hours, minutes and seconds.
+function inHours(time, digits) {
+  const tenths = Math.round(Math.abs(time) * 10 ** digits), seconds = tenths / 10 ** digits;
+  const rest = (seconds % 60).toFixed(digits).padStart(digits ? 3 + digits : 2, "0");
+  return `${time < 0 && tenths ? "-" : ""}${Math.floor(seconds / 3600)}:${String(Math.floor(seconds / 60) % 60).padStart(2, "0")}:${rest}`;
+}
+
+// What stands beside seconds: the log's own stamp, else hours.
+function beside(time) {
+  if (!zero) return hours ? ` (${inHours(time, 0)})` : "";
+  const at = new Date(Date.parse(`${(date ?? "1970-01-01 ").trim()}T${zero}Z`) + 1000 * time).toISOString();
+  return ` (${at.slice(11, 21)}${zone ?? ""})`;
 }
 
 const short = (value) => String(Number(value.toPrecision(6)));
@@ -89,7 +105,8 @@ function show(from, to) {
     label(panel.axis, "bottom", marks, [low, high], (value) => short(panel.isLog ? 10 ** value : value));
   }
   const clock = view.map((time) => time + begins);
-  label(all.querySelector(".x"), "left", roundValues(clock), clock, (value) => String(Number(value.toPrecision(12))));
+  const named = (time) => (hours ? inHours(time, width < 3 ? 1 : 0) : String(Number(time.toPrecision(12))));
+  label(all.querySelector(".x"), "left", roundValues(clock, hours ? stepsS : []), clock, named);
   point(cursor);
 }
 
@@ -112,7 +129,7 @@ function point(time) {
       if (!times.length || Math.abs(times[near] - time) > Math.max(0.02 * (view[1] - view[0]), 0.2)) return `${name} -`;
       return `${name} ${short(panel.isLog ? 10 ** values[near] : values[near]).slice(0, 8)}`;
     });
-    panel.said.textContent = `${(time + begins).toFixed(2)} s: ${read.join(", ")}`;
+    panel.said.textContent = `${(time + begins).toFixed(2)} s${beside(time + begins)}: ${read.join(", ")}`;
   }
 }
 

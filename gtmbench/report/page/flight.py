@@ -11,6 +11,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.intake.formats.registry import split_part
+from gtmbench.report.axes import time_title
 from gtmbench.report.log_findings import (
     about,
     faults_of,
@@ -36,7 +37,7 @@ from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import gps_lines, sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
-from gtmbench.report.words.times import time_text
+from gtmbench.report.words.times import beside_text, time_text
 from gtmbench.report.words.units import capitalised, duration_text
 from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.study.log.claims import began_s
@@ -77,7 +78,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
     >>> page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page
     (True, False, True)
     """
-    span = whole_of(watched)
+    span, zero = whole_of(watched), watched.log.zero_stamp
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     close = [about(fault, span) for fault in faults]
     title, *cells = certificate_table(watched.certificate) or [[]]
@@ -93,15 +94,20 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         span=(0.0, round(span[1] - span[0], 3)),
         start_s=span[0],
         ticks=time_ticks(span),
+        time_title=time_title(span),
+        zero=zero,
         panels=panels(watched, span, close),
         marks=marks(watched),
         lanes=[(sensor, sensor_text(sensor), bands(watched, sensor)) for sensor in told_sensors(watched.verdict)],
         states=list(STATES.items()),
         windows=[(f"Fault at {time_text(began_s(fault))}", *near) for fault, near in zip(faults, close, strict=True)],
-        alarms=[_alarm_row(alarm) for alarm in watched.alarms[:_MOST_ROWS]],
+        alarms=[_alarm_row(alarm, zero) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         explained=(FINDING_COLUMNS, finding_rows(watched.judged, watched.course)),
-        events=[(f"{event.time_s:.2f}", event_name(event)) for event in watched.log.events[:_MOST_ROWS]],
+        events=[
+            (_told_s(event.time_s, watched.log.zero_stamp), event_name(event))
+            for event in watched.log.events[:_MOST_ROWS]
+        ],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
         table_of=(HEAD, timeline_rows(watched.verdict)),
         told=watched.verdict.timeline.told,
@@ -190,13 +196,14 @@ def _evidence_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> 
 
 def bands(watched: WatchedLog, sensor: str) -> list[Mark]:
     """Return a sensor's timeline, a band a span; none of a sensor that has no timeline."""
-    start_s = whole_of(watched)[0]
+    start_s, zero = whole_of(watched)[0], watched.log.zero_stamp
     return [
         Mark(
             start_s=each.start_s - start_s,
             end_s=each.end_s - start_s,
             look=each.state.name.lower(),
-            name=f"{sensor}, {each.start_s:.1f} to {each.end_s:.1f} s: {each.state}{span_text(sensor, each)}",
+            name=f"{sensor}, {each.start_s:.1f} to {each.end_s:.1f} s{beside_text(zero, each.start_s, each.end_s)}: "
+            f"{each.state}{span_text(sensor, each)}",
         )
         for each in watched.verdict.timeline.sensors.get(sensor, ())
     ]
@@ -215,11 +222,14 @@ def marks(watched: WatchedLog) -> list[Mark]:
     ]
 
 
-def _alarm_row(alarm: Alarm) -> tuple[str, ...]:
-    ended = "" if alarm.ended_s is None else f"{alarm.ended_s:.2f}"
-    named = "" if alarm.isolated_s is None else f"{alarm.isolated_s:.2f}"
+def _alarm_row(alarm: Alarm, zero_stamp: str) -> tuple[str, ...]:
     what = "nothing is left to explain: a false alarm" if alarm.has_passed else alarm_text(alarm)
-    return f"{began_s(alarm):.2f}", f"{alarm.time_s:.2f}", named, ended, what
+    times = (began_s(alarm), alarm.time_s, alarm.isolated_s, alarm.ended_s)
+    return *("" if time_s is None else _told_s(time_s, zero_stamp) for time_s in times), what
+
+
+def _told_s(time_s: float, zero_stamp: str) -> str:
+    return f"{time_s:.2f}{beside_text(zero_stamp, time_s)}"
 
 
 def _alarms_said(watched: WatchedLog) -> str:

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.report.axes import round_times, round_values
 from gtmbench.report.figures.panels import thinned
 from gtmbench.values.record import FloatArray, Span
 
 _POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault
 _DIGITS = 4  # of a value, of the panel's height
-_TICKS = 3  # at least, on an axis
 _EDGE = 0.04  # of an axis
 
 
@@ -135,22 +135,9 @@ def panel(
     )
 
 
-def round_values(span: Span) -> list[float]:
-    """Return round values within a span, three to eight of them.
-
-    >>> round_values((0.0, 60.0)), round_values((-0.31, 0.28))
-    ([0.0, 20.0, 40.0, 60.0], [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2])
-    """
-    apart = (span[1] - span[0]) / _TICKS
-    unit = 10.0 ** math.floor(math.log10(apart))
-    step = max(each * unit for each in (1.0, 2.0, 5.0) if each * unit <= apart)
-    first, last = math.ceil(span[0] / step - 1e-9), math.floor(span[1] / step + 1e-9)
-    return [float(f"{count * step:.10g}") for count in range(first, last + 1)]
-
-
 def time_ticks(span: Span) -> list[Tick]:
     """Return round instants of a log's clock, as shares of a span."""
-    return [Tick(share=(time_s - span[0]) / (span[1] - span[0]), name=f"{time_s:g}") for time_s in round_values(span)]
+    return [Tick(share=(time_s - span[0]) / (span[1] - span[0]), name=name) for time_s, name in round_times(span)]
 
 
 def _reach(values: FloatArray) -> Span:

@@ -13,7 +13,15 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, whole_of
+from gtmbench.report.log_findings import (
+    about,
+    faults_of,
+    residuals_of,
+    scores_of,
+    signals_of,
+    told_sensors,
+    whole_of,
+)
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES
@@ -25,6 +33,7 @@ from gtmbench.values.channels import ATTITUDE, unit_of
 from gtmbench.values.record import Record, Span
 
 _BESIDE = 3  # trials on a page
+_LANE = 0.55  # of a sensor's bar, where scores have a height of 2
 _MOST_SIGNALS = 6  # of a log on a page
 _EYE = (-1.1, 0.7, -0.6)  # of who looks at the aircraft, in its lengths: behind, to the right, above
 _LEGEND = 0.3  # of a plot's span, before its beginning
@@ -334,7 +343,9 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
         time_view=_time_axis(span),
     )
     signal_grid = signal_plots(signals, what, span)
-    return beside(rrb.Vertical(scores, signal_grid, states, row_shares=[3, 5, 2]), event_log("/events"), name)
+    lanes = _LANE * len(told_sensors(watched.verdict))  # every sensor's is seen without scrolling
+    shares = [2.0, 4.0, max(lanes, 1.0)]
+    return beside(rrb.Vertical(scores, signal_grid, states, row_shares=shares), event_log("/events"), name)
 
 
 def _log_sensors(watched: WatchedLog, span: Span) -> rrb.Container:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -292,10 +292,12 @@ def log_marks(recording: rr.RecordingStream, root: str, marks: Iterable[tuple[st
             log_mark(recording, f"{root}/{name}", time_s, 1.0, name, *_MARKS[name])
 
 
-def log_events(recording: rr.RecordingStream, entity: str, events: Iterable[Event]) -> None:
-    """Log what happened, in words, in time."""
+def log_events(
+    recording: rr.RecordingStream, entity: str, events: Iterable[Event], beside: Callable[[float], str] = lambda _: ""
+) -> None:
+    """Log what happened, in words, in time; with what stands beside the seconds, such as a log's own stamps."""
     for time_s, severity, text in sorted(events):
-        log_text(recording, entity, time_s, severity, f"{time_s:z.2f} s  {text}")
+        log_text(recording, entity, time_s, severity, f"{time_s:z.2f} s{beside(time_s)}  {text}")
 
 
 def log_text(recording: rr.RecordingStream, entity: str, time_s: float, severity: str, text: str) -> None:

@@ -66,6 +66,7 @@ A watched log, on the log's clock; no line runs over a gap between samples or se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -123,7 +124,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, tr
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.timeline import span_text
-from gtmbench.report.words.times import dated_text
+from gtmbench.report.words.times import beside_text, stamped_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import began_s
@@ -324,7 +325,7 @@ def write_log_recording(watched: WatchedLog, path: Path) -> None:
         for alarm in watched.alarms[:MOST_ALARMS]:
             log_marks(recording, "", [("began", began_s(alarm)), ("alarm", alarm.time_s), ("named", alarm.isolated_s)])
         _log_states(recording, watched)
-        log_events(recording, "/events", _log_story(watched))
+        log_events(recording, "/events", _log_story(watched), partial(beside_text, watched.log.zero_stamp))
         _log_outcome(recording, watched)
 
 
@@ -367,7 +368,7 @@ def _log_outcome(recording: rr.RecordingStream, watched: WatchedLog) -> None:
 def _log_story(watched: WatchedLog) -> list[Event]:
     """Return remarks, what the log tells of, states of sensors, alarms and the outcome."""
     remarks, alarms = watched.log.remarks, watched.alarms[:MOST_ALARMS]
-    dated = [(whole_of(watched)[0], "INFO", text) for text in dated_text(watched.log, watched.verdict)]
+    dated = [(whole_of(watched)[0], "INFO", text) for text in stamped_text(watched.log, watched.verdict)]
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     timeline = watched.verdict.timeline

@@ -46,7 +46,7 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
     """
     own = {
         "outcome": watched.verdict.outcome.name.lower(),
-        "timeline": timeline_table(watched.verdict),
+        "timeline": timeline_table(watched.verdict, watched.log.zero_stamp),
         "reasons": watched.reasons,
         "explained": [_explained(each) for part in (watched.judged, watched.course) if part for each in part.found],
         "certificate": _certificate(watched.certificate),
@@ -145,6 +145,7 @@ def _log(log: FlightLog) -> Mapping[str, Any]:
         "path": str(log.path),
         "channels": [{"name": name, "unit": unit_of(name)} for name in log.channels],
         "sample_period_s": log.sample_period_s,
+        "zero_stamp": log.zero_stamp,
         "zero_utc": None if log.zero_utc is None else f"{log.zero_utc}Z",
         "segments_s": [(segment.start_s, segment.end_s) for segment in log.segments],
         "method": log.method,
@@ -194,7 +195,7 @@ def score_results(scores: ScoredLog) -> dict[str, Any]:
     """Return a log that was scored on its own truth as one JSON-ready object; times are the log's."""
     own = {
         "outcome": scores.watched.verdict.outcome.name.lower(),
-        "timeline": timeline_table(scores.watched.verdict),
+        "timeline": timeline_table(scores.watched.verdict, scores.watched.log.zero_stamp),
         "log_verdict": verdict_text(scores.watched),
         "failures": [_scored(row) for row in scores.rows],
         "false_alarms": [{"alarm_s": alarm.time_s, "verdict": alarm.verdict} for alarm in scores.false_alarms],

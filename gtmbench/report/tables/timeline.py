@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from gtmbench.report.words.judgement import parameter_units
+from gtmbench.report.words.times import stamp_text
 from gtmbench.values.channels import unit_of
 from gtmbench.verdict.timeline import SensorSpan
 from gtmbench.verdict.verdict import LogVerdict
 
 
-def timeline_table(verdict: LogVerdict) -> Mapping[str, Any]:
+def timeline_table(verdict: LogVerdict, zero_stamp: str = "") -> Mapping[str, Any]:
     """Return the timeline of every sensor; `judged_s` is that of the asked sensor that is judged least."""
     timeline, scope = verdict.timeline, verdict.scope
     return {
@@ -27,11 +28,13 @@ def timeline_table(verdict: LogVerdict) -> Mapping[str, Any]:
             "judged_share": scope.judged,
         },
         "told": timeline.told,
-        "sensors": {name: [_span(name, span) for span in spans] for name, spans in timeline.sensors.items()},
+        "sensors": {
+            name: [_span(name, span, zero_stamp) for span in spans] for name, spans in timeline.sensors.items()
+        },
     }
 
 
-def _span(sensor: str, span: SensorSpan) -> Mapping[str, Any]:
+def _span(sensor: str, span: SensorSpan, zero_stamp: str) -> Mapping[str, Any]:
     judged, sizes = span.judgement, span.sizes
     unit = unit_of(sensor)
     kind, parameters = (None, {}) if judged is None else (judged.kind, judged.parameters)
@@ -39,6 +42,8 @@ def _span(sensor: str, span: SensorSpan) -> Mapping[str, Any]:
     return {
         "start_s": span.start_s,
         "end_s": span.end_s,
+        "start_stamp": stamp_text(zero_stamp, span.start_s, 3),
+        "end_stamp": stamp_text(zero_stamp, span.end_s, 3),
         "state": str(span.state),
         "reason": span.reason,
         "suspects": span.suspects,

@@ -62,7 +62,7 @@ def detail_lines(watched: WatchedLog) -> list[str]:
         *imu_lines(watched),
         *autopilot_lines(watched),
         *injection_lines(watched),
-        *span_lines(watched.timeline),
+        *span_lines(watched.timeline, watched.log.zero_stamp),
         *_excursion_lines(watched),
         *(f"note: {reason}" for reason in watched.reasons),
         *(f"note: {note}" for note in watched.check.notes),

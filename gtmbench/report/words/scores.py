@@ -47,7 +47,10 @@ def rate_words(found: Rate) -> str:
     >>> rate_words(Rate(events=0, hours=3.0, low=0.0, high=1.23))
     '0 [0, 1.2]'
     """
-    return "-" if found.value is None else f"{found.value:.2g} [{found.low:.2g}, {found.high:.2g}]"
+    if found.value is None:
+        return "-"
+    value, low, high = (f"{float(f'{each:.2g}'):g}" for each in (found.value, found.low, found.high))
+    return f"{value} [{low}, {high}]"
 
 
 def seconds_words(found: Estimate | None) -> str:

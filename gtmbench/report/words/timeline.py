@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import told_sensors
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.report.words.other_sensors import NAMES
-from gtmbench.report.words.times import clock_text, time_text
+from gtmbench.report.words.times import beside_text, clock_text, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
@@ -115,7 +115,7 @@ def factors_text(factors: tuple[float, float]) -> str:
         return f"a factor below {below}" if low > 0.0 else f"a factor of {below}"
     if not math.isfinite(low):
         return f"a factor above {above}"
-    if low <= 0.0:
+    if low == 0.0:
         return f"a factor of {below} or above {above}"
     return f"a factor of {below}" if high <= 2.0 - low + 1e-9 else f"a factor below {below} or above {above}"
 
@@ -251,23 +251,17 @@ def cut(text: str, width: int) -> str:
     return f"{whole.rstrip(' ,;')}..."
 
 
-def span_lines(timeline: Timeline) -> list[str]:
-    """Return every span of every sensor, a line a span, nothing of it shortened."""
+def span_lines(timeline: Timeline, zero_stamp: str = "") -> list[str]:
+    """Return every span of every sensor, a line a span, nothing of it shortened; with a log's stamps beside."""
     lines = ["timeline (times in s on the log's clock; sizes: the smallest error, factor and noise that would show):"]
     widest = max(map(len, timeline.sensors), default=0)
     for sensor, spans in timeline.sensors.items():
         for span in spans:
             text = span_text(sensor, span)
-            lines.append(
-                f"  {sensor:{widest}}  {span.start_s:z.2f} to {span.end_s:z.2f}{_long(span)}  {span.state}{text}"
-            )
+            beside = beside_text(zero_stamp, span.start_s, span.end_s)
+            times = f"{span.start_s:z.2f} to {span.end_s:z.2f}{beside}"
+            lines.append(f"  {sensor:{widest}}  {times}  {span.state}{text}")
     return lines if len(lines) > 1 else []
-
-
-def _long(span: SensorSpan) -> str:
-    """Return from when to when in hours, where it ends beyond an hour."""
-    hours = f" ({clock_text(span.start_s, 0)} to {clock_text(span.end_s, 0)})"
-    return hours if span.end_s >= _LONG_S else ""
 
 
 def span_text(sensor: str, span: SensorSpan) -> str:

@@ -17,7 +17,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
-from gtmbench.report.log_findings import alarm_bound, passed_alarms
+from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import gps_why
@@ -34,7 +34,7 @@ from gtmbench.report.words.timeline import (
     when_text,
     wrapped,
 )
-from gtmbench.report.words.times import dated_text, time_text
+from gtmbench.report.words.times import stamped_text, time_text
 from gtmbench.report.words.units import capitalised, counted, duration_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
@@ -228,7 +228,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
     """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
         ("Why", _why(watched)),
-        ("When", dated_text(watched.log, watched.verdict)),
+        ("When", stamped_text(watched.log, watched.verdict)),
         ("Not watched", _not_watched(watched)),
         ("How sure", _certainty(watched)),
         ("Read as", _read_as(watched)),
@@ -310,10 +310,11 @@ def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | N
 def _why(watched: WatchedLog) -> list[str]:
     if watched.check.causes:
         return [_sentence(cause.why) for cause in watched.check.causes[:1]]
-    told = [(alarm, watch) for alarm, watch in watched.raised if not alarm.has_passed]
+    by = {id(alarm): watch for alarm, watch in watched.raised if not alarm.has_passed}
+    told = failed_first(watched.verdict, [alarm for alarm, _ in watched.raised if id(alarm) in by])
     lines = []
-    for alarm, watch in told[:_MOST]:
-        source = source_text(alarm, watch) or "test statistic"
+    for alarm in told[:_MOST]:
+        source = source_text(alarm, by[id(alarm)]) or "test statistic"
         last = alarm.last
         why = "" if last is None else last.doubt if alarm.test == MISSING else last.reason
         reason = f": {why}" if why else ""

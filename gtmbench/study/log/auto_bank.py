@@ -53,7 +53,7 @@ def bank_for_logs(
     with naming(reads[0].path):
         if contents[0].no_time:
             raise InputError(contents[0].no_time)
-        if set(GYROS) <= set(there) and not {*ATTITUDE} & {*there, *lost}:
+        if set(GYROS) <= set(there) and not {"phi", "theta"} & {*there, *lost}:  # a heading alone tells no gyro's rate
             return BankDetector(bank=bank_of_gyros()), {}
         try:
             composed_bank(there)  # refused before samples are looked at
