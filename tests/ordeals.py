@@ -85,6 +85,7 @@ COMMANDS = {
     "inject": ["inject", "log.csv", "--fault", "fault.toml", "--out", "broken.csv", "--force"],
     "fly": ["fly", "--duration", "60", "--out", "f.parquet", "--force"],
     "report": ["campaign", "done", "--report", "html", "--out", "r.html", "--force"],
+    "diff": ["verify", "a.rrd", "--against", "b.rrd", "--overlay", "o.rrd", "--force"],
     "check": ["check", "mine.toml", "--update"],
     "page": ["monitor", "log.csv", "--report", "m.html", "--force"],
     "map": ["monitor", "log.csv", *WATCH, "--map", "map.toml", "--force"],
@@ -101,6 +102,7 @@ COMMANDS = {
 # what stays, for the next run to go on, or to be looked at
 KEPT = {"campaign": "out/", "fleet": "fleet/", "live": ("saved.tlog", "live.rrd")}
 FOUND = {
+    "diff": 1,
     "monitor": 3,
     "map": 3,
     "fleet": 3,

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from gtmbench.checks import number
-from gtmbench.cli.output import echo, print_json, print_table
+from gtmbench.cli.output import claim_file, echo, print_json, print_table
+from gtmbench.errors import InputError
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
@@ -25,37 +26,59 @@ class Limits(NamedTuple):
     absolute: float
 
 
-def compare_recordings(a: Path, b: Path, limits: Limits, *, as_json: bool, quiet: bool) -> int:
+def compare_recordings(
+    a: Path, b: Path, limits: Limits, overlay: Path | None, *, force: bool, as_json: bool, quiet: bool
+) -> int:
     """Compare two recordings, print how they differ, and return the exit code."""
     from gtmbench.report.recording.diff import Tolerance, compare
     from gtmbench.report.recording.read import read_recording, recording_in
 
     a, b = recording_in(a), recording_in(b)
     relative, absolute = number("--tolerance", limits.relative, 0.0), number("--absolute", limits.absolute, 0.0)
+    if overlay is not None:
+        _check_overlay(overlay, a, b, force=force)
     with progress_bar(silent=as_json or quiet) as tell:
-        tell(f"reading {a.name}", 0, 3)
+        total = 3 + (overlay is not None)
+        tell(f"reading {a.name}", 0, total)
         frame_a = read_recording(a)
-        tell(f"reading {b.name}", 1, 3)
+        tell(f"reading {b.name}", 1, total)
         frame_b = read_recording(b)
-        tell("comparing", 2, 3)
+        tell("comparing", 2, total)
         comparison = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
+        if overlay is not None:
+            from gtmbench.report.recording.overlay import write_overlay
+
+            tell("overlay", 3, total)
+            write_overlay(frame_a, frame_b, comparison, overlay, names=(str(a), str(b)))
     if as_json:
-        _print_json(comparison, a, b)
+        _print_json(comparison, a, b, overlay)
     elif not quiet:
         _print(comparison, a, b)
+        if overlay is not None:
+            echo(f"laid over each other: {overlay}    look at it: gtmbench view {overlay}")
     return 0 if comparison.equal else 1
 
 
-def _print_json(comparison: Comparison, a: Path, b: Path) -> None:
-    own = {"a": str(a), "b": str(b), "equal": comparison.equal, **asdict(comparison)}
+def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
+    if overlay.suffix != ".rrd":
+        raise InputError(f"--overlay is '{overlay}'; a recording ends in .rrd")
+    if overlay.exists() and any(given.exists() and overlay.samefile(given) for given in (a, b)):
+        raise InputError(f"--overlay is {overlay}, one of the two recordings; give another name")
+    claim_file(overlay, force=force, option="--overlay")
+
+
+def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
+    overlaid = None if overlay is None else str(overlay)
+    own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
     found = [
         *({"text": f"{_name(line)}: samples that differ: {_differing(line)}"} for line in comparison.lines),
         *({"text": f"{one.entity} {one.field}: {_cell(one.a)}, {_cell(one.b)}"} for one in comparison.verdicts),
         *({"text": f"only in {event.only_in}: {event.text}"} for event in comparison.told),
         *({"text": f"only in {which}: {' '.join(name)}"} for which, name in _alone(comparison)),
     ]
-    code = int(not comparison.equal)
-    print_json(envelope("verify-against", _summary(comparison), own, exit_code=code, findings=found))
+    print_json(
+        envelope("verify-against", _summary(comparison), own, exit_code=int(not comparison.equal), findings=found)
+    )
 
 
 def _alone(comparison: Comparison) -> list[tuple[str, tuple[str, str]]]:

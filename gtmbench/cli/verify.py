@@ -46,12 +46,21 @@ class _Told(NamedTuple):
 @click.option(
     "--absolute", default=0.0, metavar="ABS", help="With --against: absolute tolerance, in a series' own unit."
 )
+@click.option(
+    "--overlay",
+    type=click.Path(path_type=Path),
+    metavar="OUT.rrd",
+    help="With --against: write both into one recording.",
+)
+@click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
 def verify_command(
     paths: tuple[Path, ...],
     against: Path | None,
     tolerance: float,
     absolute: float,
+    overlay: Path | None,
+    force: bool,
     as_json: bool,
     quiet: bool,
 ) -> int:
@@ -70,9 +79,9 @@ def verify_command(
         if len(paths) > 1:
             raise InputError(f"--against compares one recording, and {len(paths)} are given")
         limits = Limits(relative=tolerance, absolute=absolute)
-        return compare_recordings(paths[0], against, limits, as_json=as_json, quiet=quiet)
-    if tolerance or absolute:
-        raise InputError("--tolerance and --absolute are of --against, which is missing")
+        return compare_recordings(paths[0], against, limits, overlay, force=force, as_json=as_json, quiet=quiet)
+    if tolerance or absolute or overlay is not None:
+        raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
     told = [each for path in paths for each in _told_of(path)]
     wrong = [each for each in told if each.wrong]
     code = _ALTERED if wrong else 0

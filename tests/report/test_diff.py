@@ -1,4 +1,4 @@
-"""Two recordings compared: equal runs are equal, and one bit is found."""
+"""Two recordings compared: equal runs are equal, one bit is found, and what is laid over each other is both."""
 
 import json
 
@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.report.recording.diff import Tolerance, compare
+from gtmbench.report.recording.overlay import TINTS, write_overlay
 from gtmbench.report.recording.write import write_recording
 from tests.cli.test_cli import SHORT
+from tests.report.test_viewer import VULKAN, missing
 
 
 @pytest.fixture(scope="module")
@@ -178,6 +180,10 @@ BAD = {
         "--tolerance is -1; it must be",
     ),
     "infinite": (["one.rrd", "one.rrd", "--absolute", "inf"], "--absolute is inf"),
+    "ending": (["one.rrd", "one.rrd", "--overlay", "over.txt"], "a recording ends in .rrd"),
+    "exists": (["one.rrd", "one.rrd", "--overlay", "garbage.rrd"], "give another --overlay, or --force"),
+    "itself": (["one.rrd", "one.rrd", "--overlay", "one.rrd", "--force"], "one of the two recordings"),
+    "no folder": (["one.rrd", "one.rrd", "--overlay", "no/over.rrd"], "doesn't exist"),
 }
 
 
@@ -191,3 +197,46 @@ def test_bad_input_is_one_line_and_exit_code_2(cli, name, paths, tmp_path):
     assert message in err
     assert {path.name for path in tmp_path.iterdir()} == {"one.rrd", "garbage.rrd"}
     assert (tmp_path / "one.rrd").read_bytes() == paths["one"].read_bytes()
+
+
+@pytest.mark.usefixtures("read_already")
+def test_an_overlay_holds_both_and_their_differences(cli, paths, frames, tmp_path):
+    code, out, err = cli("verify", paths["one"], "--against", paths["two"], "--overlay", "over.rrd")
+    assert (code, err) == (1, "")
+    assert "gtmbench view over.rrd" in out
+    over = gb.read_recording(tmp_path / "over.rrd")
+
+    def held(frame, entity):
+        return frame[frame.entity == entity].value.to_numpy()
+
+    a, b = held(frames["one"], "/trials/short/r/norm"), held(frames["two"], "/trials/short/r/norm")
+    np.testing.assert_array_equal(held(over, "/A/trials/short/r/norm/norm"), a)
+    np.testing.assert_array_equal(held(over, "/B/trials/short/r/norm/norm"), b)
+    np.testing.assert_array_equal(held(over, "/difference/trials/short/r/norm/norm"), b - a)
+    np.testing.assert_array_equal(held(over, "/both/truth/speed/tas"), held(frames["one"], "/truth/speed"))
+    assert len(held(over, "/A/truth/speed/tas")) == 0
+    texts = over[over.entity == "/events"].text.astype(str)
+    assert {text.split(":")[0] for text in texts} == {"both", "only A", "only B"}
+
+
+def test_an_overlay_of_equal_recordings_and_of_recordings_without_a_common_series(tmp_path, frames):
+    write_overlay(frames["one"], frames["again"], compare(frames["one"], frames["again"]), tmp_path / "equal.rrd")
+    equal = gb.read_recording(tmp_path / "equal.rrd")
+    assert {entity.split("/")[1] for entity in equal.entity.cat.categories} == {"both", "events"}
+    a, b = line([1.0, 2.0], "a b/c"), line([1.0], "q", "/other")
+    write_overlay(a, b, compare(a, b), tmp_path / "strange.rrd")
+    strange = gb.read_recording(tmp_path / "strange.rrd")
+    assert list(strange.value) == [1.0, 2.0, 1.0]
+    b = line([1.0, 2.0], "a b/c").assign(time_s=[7.0, 8.0])  # no difference anywhere: there is no common time
+    write_overlay(a, b, compare(a, b), tmp_path / "apart.rrd")
+    assert list(gb.read_recording(tmp_path / "apart.rrd").value) == [1.0, 2.0, 1.0, 2.0]
+
+
+@pytest.mark.viewer
+@pytest.mark.skipif(not VULKAN, reason="the viewer needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")  # of the viewer's own process handling
+def test_the_viewer_opens_an_overlay_with_the_differences(frames, tmp_path):
+    path = tmp_path / "over.rrd"
+    write_overlay(frames["one"], frames["two"], compare(frames["one"], frames["two"]), path)
+    colours = {which: tuple(int(tint[i : i + 2], 16) for i in (1, 3, 5)) for which, tint in TINTS.items()}
+    assert not missing({which: colours[which] for which in ("A", "B", "difference")}, path, 30.0)
