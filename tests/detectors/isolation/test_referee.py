@@ -162,8 +162,10 @@ def test_a_gust_that_comes_with_the_fault_changes_no_verdict(monitor, channel):
     blown = flown(seed=11, gusts=np.where(np.arange(6000) * 0.02 > ONSET_S, gusts, 0.0))
     broken = gb.inject(blown, gb.ScaleFactor(channel=channel, onset_s=ONSET_S, factor=1.3))
     refereed, alone = last(monitor.watch(broken)), last(monitor.watch(without(broken)))
-    assert refereed.errors == pytest.approx(alone.errors, rel=1e-9)  # more shapes are multiplied beside accelerometers
-    assert refereed == replace(alone, errors=refereed.errors)
+    # more shapes are multiplied beside accelerometers
+    assert refereed.errors == pytest.approx(alone.errors, rel=1e-9)
+    assert refereed.parameters == pytest.approx(alone.parameters, rel=1e-9)
+    assert refereed == replace(alone, errors=refereed.errors, parameters=refereed.parameters)
 
 
 @pytest.mark.parametrize("size", [1, 7, 100])
