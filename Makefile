@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: run check test verdicts nightly lint docs pictures bench experiments export-check release clean
+.PHONY: run check test verdicts nightly lint docs pictures bench experiments figures export-check release clean
 
 run: .venv/ready ## the main job: fly, break, watch, report, into out/
 	$(BIN)/gtmbench run --out out --force
@@ -41,6 +41,9 @@ pictures: .venv/ready ## the pictures of README, site and guides, drawn anew; a 
 
 experiments: .venv/ready ## every printed result and figure of the dissertation; rewrites the table in docs/reference/dissertation.md
 	$(BIN)/python experiments
+
+figures: .venv/ready ## figures of README and docs, filled in from the results of experiments
+	$(BIN)/python experiments/figures.py
 
 export-check: .venv/ready ## an exported monitor on qemu's Cortex-M4: flash, memory, instructions a call; says what to install where a tool is missing
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python experiments/on_board.py --check

@@ -12,6 +12,7 @@ import numpy as np
 
 import gtmbench as gb
 from dissertation.reproduction import Reproduction, reproduce
+from gtmbench.method.problem import Constant
 from gtmbench.report.figures.study import write_figures
 
 # what is printed, with the tolerance at which the model is held to it: name -> (value, tolerance)
@@ -50,11 +51,11 @@ def trim(page: Reproduction) -> None:
         page.number(f"4.4, trim, {name}", printed, getattr(trimmed, name), tolerance=tolerance, **words)
 
 
-def identify(record: gb.Record) -> gb.Transmissibility:
+def identify(record: gb.Record, constant: Constant = "estimated") -> gb.Transmissibility:
     """(4.13): the operator [p q beta] -> r, by PEM with a noncausal FIR model, 2,500 <= k <= 20,000."""
-    return gb.identify(
-        record.between(*LEARNT_S), inputs=["p", "q", "beta"], outputs=["r"], causal_order=R, noncausal_order=D
-    )
+    names = {"inputs": ["p", "q", "beta"], "outputs": ["r"]}
+    part = record.between(*LEARNT_S)
+    return gb.identify(part, **names, causal_order=R, noncausal_order=D, constant=constant)
 
 
 def markov_parameters(page: Reproduction, operator: gb.Transmissibility) -> None:
@@ -72,11 +73,32 @@ def markov_parameters(page: Reproduction, operator: gb.Transmissibility) -> None
 
 def prediction(page: Reproduction, operator: gb.Transmissibility, record: gb.Record) -> None:
     """One-step prediction of r, 28,000 <= k <= 28,500 (Fig. 4.2)."""
-    error = record["r"][SHOWN] - operator.predict(record)[SHOWN, 0]
-    share = float(np.sqrt(np.mean(error**2)) / np.std(record["r"]))
+    share = predicted(operator, record)
     note = "the text shows both curves and says no more; noise of SNR 50 alone is 0.02"
     result = "Fig. 4.2, error of the prediction over r"
     page.unprinted(result, f"{share:.3f} (RMS)", holds=share < 0.1, note=note, values=share)
+
+
+def predicted(operator: gb.Transmissibility, record: gb.Record) -> float:
+    """Return the RMS of the prediction's error over that of r."""
+    error = record["r"][SHOWN] - operator.predict(record)[SHOWN, 0]
+    return float(np.sqrt(np.mean(error**2)) / np.std(record["r"]))
+
+
+def constants(page: Reproduction, identified: gb.Record, record: gb.Record) -> None:
+    """(4.8) and (4.9) with a constant that is estimated, with the records' means removed, and as they are printed."""
+    ways: tuple[Constant, ...] = ("estimated", "records", "none")
+    found = {way: identify(identified, way) for way in ways}
+    rms = {way: float(operator.rms_residual[0]) for way, operator in found.items()}
+    shares = {way: predicted(operator, record) for way, operator in found.items()}
+    page.unprinted(
+        "(4.9), residual by its constant",
+        ", ".join(f"{value:.4f} ({way})" for way, value in rms.items()) + " deg/s",
+        holds=rms["estimated"] < rms["records"] < rms["none"],
+        note="(4.8) and (4.9) are printed without a constant; it is estimated in all other rows. Fig. 4.2's error is "
+        + ", ".join(f"{value:.3f} ({way})" for way, value in shares.items()),
+        values={"residual": rms, "Fig. 4.2": shares},
+    )
 
 
 def fault(
@@ -137,6 +159,7 @@ def main(page: Reproduction) -> None:
     operator = identify(identified)
     markov_parameters(page, operator)
     prediction(page, operator, healthy)
+    constants(page, identified, healthy)
     norm = gb.windowed_norm(gb.residual(operator, threshold_record), window=WINDOW)
     limit = gb.threshold(norm, start_s=200, end_s=480, factor=1.5)
     reference = flight.between(25, 300)

@@ -5,7 +5,7 @@ predicted and measured, and the error (6.34) of normalised Markov parameters aga
 what theory says of it: sqrt(2/pi) standard deviations. Short records lie above it: (6.34) divides by H_0-hat, which may
 come close to 0 there.
 
-The samples start when the outputs are stationary (assumption 1). Identification removes their means, which (6.4)
+The samples start when the outputs are stationary (assumption 1). Identification removes their means here, which (6.4)
 doesn't: right where N_2 has one (examples 4 and 5), and the realisation's mean of N_1 (examples 2 and 5) goes with it.
 
 Misprints: the exponent of (6.1) runs down, mu - i; (6.2) has H_0..H_mu, theta H_0..H_(mu-1), as here; (6.34) sums 201
@@ -61,12 +61,11 @@ def outputs(pair: Pair, samples: int, rng: np.random.Generator) -> gb.Record:
 def estimates(pair: Pair, lengths: list[int], runs: int, seed: int) -> FloatArray:
     """Return theta-hat of (6.4) from so many first samples of every realisation, shape (runs, lengths, MU)."""
     markov = np.empty((runs, len(lengths), MU))
+    orders = {"causal_order": MU - 1, "noncausal_order": 0, "constant": "records"}
     for run in range(runs):
         record = outputs(pair, max(lengths), np.random.default_rng([seed, run]))
         for i, length in enumerate(lengths):
-            operator = gb.identify(
-                record.between(0, length - 1), inputs=["y1"], outputs=["y2"], causal_order=MU - 1, noncausal_order=0
-            )
+            operator = gb.identify(record.between(0, length - 1), inputs=["y1"], outputs=["y2"], **orders)
             markov[run, i] = operator.markov[:, 0, 0]
     return markov
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.folders import atomic_folder, check_folder
 from gtmbench.files.plain import dumps, finite_or_none, plain
+from gtmbench.files.shipped import code_facts
 from theory.polynomials import read_polynomial, write_polynomial
 from theory.rational import Coefficients, PolynomialMatrix, entries
 
@@ -27,6 +28,7 @@ Agreement = Literal["agrees", "differs", "not printed"]
 _DPI = 100
 _MOST = 3  # polynomials in a cell; more are cut short, `values` has them all
 RESULTS = "results.json"
+LIBRARIES = ("numpy", "scipy", "sympy", "cvxpy", "jsbsim")  # their versions are kept with what they computed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +190,8 @@ def reproduce(steps: Callable[[Reproduction], None], script: str, description: s
             steps(page)
             results = {
                 "script": f"{name}.py",
+                "command": f"python experiments/{name}.py{' --quick' if page.quick else ''}",
+                "code": code_facts(LIBRARIES),
                 "quick": page.quick,
                 "figures": page.figures,
                 "rows": [asdict(row) for row in page.rows],

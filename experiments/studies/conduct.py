@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,12 @@ import click
 
 from gtmbench.errors import GtmbenchError
 from gtmbench.files.folders import atomic_folder, check_folder
+from gtmbench.files.plain import dumps
+from gtmbench.files.shipped import code_facts
 from gtmbench.jobs.progress import Progress, progress_bar
+from studies.tables import tables_in
+
+LIBRARIES = ("numpy", "scipy", "pandas", "jsbsim")  # their versions are kept with what they computed
 
 
 class Findings(NamedTuple):
@@ -54,6 +60,25 @@ class Campaign(NamedTuple):
 
 def _no_more(parser: argparse.ArgumentParser) -> None:
     """Add nothing."""
+
+
+def _run(given: argparse.Namespace) -> dict[str, object]:
+    """Return what a report's figures come from: the script, what it was given, versions and the code's digest."""
+    asked = {name: value for name, value in vars(given).items() if name not in ("out", "jobs")}
+    return {
+        "script": Path(sys.argv[0]).name,
+        "given": {name: _plain(value) for name, value in asked.items()},
+        "code": code_facts(LIBRARIES),
+    }
+
+
+def _plain(value: object) -> object:
+    """Return an argument as JSON has it; of a path its name alone, for folders lie elsewhere on another machine."""
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, Path):
+        return value.name
+    return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 
 
 def conducted(
@@ -97,6 +122,8 @@ def conducted(
         if given.out:
             with atomic_folder(given.out) as folder:
                 (folder / "report.md").write_text(findings.text, encoding="utf-8")
+                results = dumps({**_run(given), "tables": tables_in(findings.text)}, indent=1)
+                (folder / "results.json").write_text(results + "\n", encoding="utf-8")
                 findings.write(folder)
     except (GtmbenchError, OSError) as error:
         parser.error(str(error))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
@@ -55,3 +56,25 @@ def share_text(hits: int, trials: int) -> str:
         return "-"
     low, high = exact_interval(hits, trials)
     return f"{100 * hits / trials:.1f} % [{100 * low:.1f}, {100 * high:.1f}] of {trials}"
+
+
+def tables_in(text: str) -> list[list[dict[str, str]]]:
+    r"""Return the tables of a report: a list of lines each, by the names of the columns.
+
+    Examples
+    --------
+    >>> tables_in("# Report\n\n| fault | share |\n|---|---|\n| jam | 0.9 |\n")
+    [[{'fault': 'jam', 'share': '0.9'}]]
+    """
+    tables: list[list[dict[str, str]]] = []
+    names: list[str] = []
+    for line in text.splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip())[1:-1]] if line.startswith("|") else []
+        if cells and not names:
+            names = cells
+            tables.append([])
+        elif cells and set("".join(cells)) - set(":-"):
+            tables[-1].append(dict(zip(names, cells, strict=False)))
+        elif not cells:
+            names = []
+    return tables

@@ -9,7 +9,16 @@ import numpy as np
 
 from gtmbench.errors import ConvergenceWarning, InputError, RankWarning
 from gtmbench.method.estimators.least_squares import LeastSquares
-from gtmbench.method.problem import Estimate, Estimator, Problem, Records, Weights, operator_names, pose_problem
+from gtmbench.method.problem import (
+    Constant,
+    Estimate,
+    Estimator,
+    Problem,
+    Records,
+    Weights,
+    operator_names,
+    pose_problem,
+)
 from gtmbench.method.regression.triangle import rounding
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, frozen
@@ -24,12 +33,12 @@ def identify(
     noncausal_order: int,
     estimator: Estimator | None = None,
     weights: Weights = None,
+    constant: Constant = "estimated",
 ) -> Transmissibility:
     """Identify the operator from inputs to outputs, equations (4.8) and (4.9), or as another estimator defines it.
 
-    theta = argmin of the sum over k = r..l-d of ||y_o(k) - sum over i = -d..r of H_i y_i(k-i)||^2, the means of the
-    records removed. (Means are over k = 0..l, not over the equations; the bias from the ends decreases with the
-    length.)
+    theta = argmin of the sum over k = r..l-d of ||y_o(k) - c - sum over i = -d..r of H_i y_i(k-i)||^2. The printed
+    equations have no constant c, so they hold for signals about a trim that is known exactly.
 
     Parameters
     ----------
@@ -45,6 +54,10 @@ def identify(
         Factors of the squares in the sum, one a sample, 0 or more (with several records a list, one array each, None
         for all 1). A sample of weight 0 isn't used at all, so it may be missing. A sample of weight 2 counts twice, for
         standard errors, too: scale weights of 1/variance to a mean of 1.
+    constant : str
+        "estimated": c is one more unknown of every output, one for all records. "records": the means of the records,
+        over k = 0..l, are removed instead; the ends, which have no equation, then bias the parameters of short records.
+        "none": c = 0, as printed.
 
     Raises
     ------
@@ -74,7 +87,14 @@ def identify(
         raise InputError(f"estimator is {method!r}; give an object, such as gtmbench.LeastSquares()")
     u, y = operator_names(inputs, outputs)
     problem = pose_problem(
-        records, u, y, causal_order, noncausal_order, instruments=method.instruments, weights=weights
+        records,
+        u,
+        y,
+        causal_order,
+        noncausal_order,
+        instruments=method.instruments,
+        weights=weights,
+        constant=constant,
     )
     return operator_of(problem, method.estimate(problem), method)
 
@@ -103,7 +123,7 @@ def operator_of(problem: Problem, estimate: Estimate, estimator: Estimator) -> T
         causal_order=problem.causal_order,
         noncausal_order=problem.noncausal_order,
         input_means=frozen(problem.centre[skipped:split]),
-        output_means=frozen(problem.centre[split:]),
+        output_means=frozen(problem.centre[split:] + estimate.constant * output_rms),
         input_rms=frozen(rms),
         rank=estimate.rank,
         samples=estimate.equations,

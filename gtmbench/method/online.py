@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,16 @@ from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import LeastSquares
 from gtmbench.method.identify import operator_of
-from gtmbench.method.problem import Problem, check_parameters, operator_names, too_few
+from gtmbench.method.problem import (
+    Constant,
+    Problem,
+    about_zero,
+    check_constant_kind,
+    check_parameters,
+    operator_names,
+    too_few,
+    unknowns_of,
+)
 from gtmbench.method.regression.gram import written_out
 from gtmbench.method.regression.stretches import check_constant, merged, moments
 from gtmbench.method.regression.triangle import Triangle, absorb
@@ -27,9 +37,9 @@ class RecursiveIdentification:
     """Recursive least squares with forgetting: equation k weighs lambda^(l-k), l the last sample pushed.
 
     Its state is the triangular array R of [Phi, 1, y], updated by reflections (the square-root form of recursive least
-    squares, which never squares the data's condition), and the sums behind means and RMS values. The column of ones
-    allows the final means to be removed. So its result equals that of `identify` with weights lambda^(l-k), whatever
-    the pieces; with lambda = 1 it is the batch result.
+    squares, which never squares the data's condition), and the sums behind means and RMS values. The column of ones is
+    the constant's, and allows the final means to be removed. So its result equals that of `identify` with weights
+    lambda^(l-k), whatever the pieces; with lambda = 1 it is the batch result.
 
     Parameters
     ----------
@@ -41,6 +51,8 @@ class RecursiveIdentification:
         lambda, 0 < lambda <= 1: ``1 / (1 - lambda)`` samples are remembered.
     estimator : LeastSquares, optional
         With its ridge or truncation.
+    constant : str
+        As for `identify`.
 
     Raises
     ------
@@ -70,6 +82,7 @@ class RecursiveIdentification:
         noncausal_order: int,
         forgetting: float = 1.0,
         estimator: LeastSquares | None = None,
+        constant: Constant = "estimated",
     ) -> None:
         self.inputs: tuple[str, ...]
         self.outputs: tuple[str, ...]
@@ -80,6 +93,8 @@ class RecursiveIdentification:
         self.estimator: LeastSquares = LeastSquares() if estimator is None else estimator
         if not isinstance(self.estimator, LeastSquares):
             raise InputError(f"estimator is {self.estimator!r}; recursion is for gtmbench.LeastSquares(...)")
+        check_constant_kind(constant)
+        self.constant: Constant = constant
         lags, channels = self.causal_order + self.noncausal_order + 1, len(self.inputs) + len(self.outputs)
         check_parameters(lags, len(self.inputs))
         parameters = lags * len(self.inputs)
@@ -141,11 +156,7 @@ class RecursiveIdentification:
         """
         self._flush()
         lags, (samples, equations) = self.causal_order + self.noncausal_order + 1, self._counts
-        parameters = lags * len(self.inputs)
-        if self._moments is None or self._end is None or equations < parameters:
-            what = f"Markov parameters of '{self.outputs[0]}'"
-            raise too_few(samples, self.inputs, equations, parameters, what, lags)
-        weight, centre, squares = self._moments
+        nothing = np.zeros(len(self._origin))
         problem = Problem(
             stretches=(),  # the triangle stands for them
             instruments=(),
@@ -153,23 +164,37 @@ class RecursiveIdentification:
             outputs=self.outputs,
             causal_order=self.causal_order,
             noncausal_order=self.noncausal_order,
-            centre=centre,
-            scale=np.sqrt(squares / weight),
-            sample_period_s=self._end[1],
+            centre=nothing,
+            scale=nothing,
+            sample_period_s=0.0 if self._end is None else self._end[1],
+            constant=self.constant,
         )
-        check_constant(problem.channels, problem.centre, problem.scale)
-        estimate = self.estimator.reduced(problem, self._triangle(problem, centre - self._origin))
-        return operator_of(problem, estimate, self.estimator)
+        if self._moments is None or equations < problem.unknowns:
+            raise too_few(samples, self.inputs, equations, problem.unknowns, unknowns_of(problem), lags)
+        weight, centre, squares = self._moments
+        rms = np.sqrt(squares / weight)
+        check_constant(problem.channels, centre, rms)
+        centre, rms = about_zero(centre, rms) if self.constant == "none" else (centre, rms)
+        problem = replace(problem, centre=centre, scale=rms)
+        return operator_of(problem, self.estimator.reduced(problem, self._triangle(problem)), self.estimator)
 
-    def _triangle(self, problem: Problem, shift: FloatArray) -> Triangle:
+    def _triangle(self, problem: Problem) -> Triangle:
         """Return R of the centred, scaled equations: the column of ones takes the means away."""
-        count, size = len(self.inputs), problem.parameters
+        count, size, shift = len(self.inputs), problem.parameters, problem.centre - self._origin
         shifts = np.concatenate([np.tile(shift[:count], problem.lags), shift[count:]])
         scales = np.concatenate([np.tile(problem.scale[:count], problem.lags), problem.scale[count:]])
         centred = (np.delete(self._root, size, axis=1) - np.outer(self._root[:, size], shifts)) / scales
-        root = np.asarray(np.linalg.qr(centred, mode="r"))
+        means = np.zeros(centred.shape[1])
+        if problem.with_constant:
+            both = np.asarray(np.linalg.qr(np.column_stack([self._root[:, size], centred]), mode="r"))
+            means, centred = both[0, 1:] / both[0, 0], both[1:, 1:]
         return Triangle(
-            root=root, targets=len(self.outputs), equations=self._counts[1], weight=self._weight, solver="householder"
+            root=np.asarray(np.linalg.qr(centred, mode="r")),
+            targets=len(self.outputs),
+            equations=self._counts[1],
+            weight=self._weight,
+            solver="householder",
+            means=means,
         )
 
     def _flush(self) -> None:

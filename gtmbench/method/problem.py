@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gtmbench.checks import names, whole
+from gtmbench.checks import names, shown, whole
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.method.autoregressive import NoiseModel
 from gtmbench.method.regression.stretches import Stretch, check_constant, stretches
@@ -23,6 +23,7 @@ _MOST_PARAMETERS = 10_000  # 0.8 GB for their Gram matrix
 
 Records = Record | Sequence[Record]
 Weights = ArrayLike | Sequence[ArrayLike | None] | None
+Constant = Literal["estimated", "records", "none"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,9 +38,12 @@ class Problem:
     causal_order, noncausal_order : int
         r and d.
     centre, scale : shape (channels,)
-        Mean of every channel and RMS about it, in its unit; estimates are in units of `scale`.
+        Mean of every channel (0 if there is to be no constant) and RMS about it, in its unit; estimates are in units of
+        `scale`.
     sample_period_s : float
         Ts, in seconds.
+    constant : str
+        As `identify` takes it.
     """
 
     stretches: tuple[Stretch, ...] = field(repr=False)
@@ -51,6 +55,7 @@ class Problem:
     centre: FloatArray
     scale: FloatArray
     sample_period_s: float
+    constant: Constant = "estimated"
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -68,6 +73,16 @@ class Problem:
         return self.lags * len(self.inputs)
 
     @property
+    def with_constant(self) -> bool:
+        """Whether a constant is estimated with the Markov parameters."""
+        return self.constant == "estimated"
+
+    @property
+    def unknowns(self) -> int:
+        """Markov parameters of one output, and its constant."""
+        return self.parameters + self.with_constant
+
+    @property
     def equations(self) -> int:
         """How many equations the stretches give."""
         return self.windows(self.lags)
@@ -78,7 +93,9 @@ class Problem:
 
     def triangle(self) -> Triangle:
         """Reduce ``[Phi | y]`` (no instruments); columns of Phi: lag r to -d, input by input within."""
-        return triangle(self.stretches, len(self.inputs), self.causal_order, self.noncausal_order)
+        return triangle(
+            self.stretches, len(self.inputs), self.causal_order, self.noncausal_order, constant=self.with_constant
+        )
 
 
 def require_equations(problem: Problem, lags: int, unknowns: int, what: str) -> None:
@@ -99,7 +116,7 @@ def too_few(
         "" if longest is None else f" between gaps (an equation takes {lags} in a row, the longest run is {longest})"
     )
     return InputError(
-        f"{given}{pieces} give {equations} equations for {unknowns} {what}; record at least {unknowns + lags - 1} "
+        f"{given}{pieces} give {equations} equations for {what}; record at least {unknowns + lags - 1} "
         + ("samples" if longest is None else "samples in a row")
         + " or lower the orders"
     )
@@ -129,6 +146,8 @@ class Estimate:
         How many the estimator used.
     rank : int
     solver : str
+    constant : shape (outputs,)
+        What the operator adds; 0 unless it was estimated.
     rank_chosen : bool
         The rank was chosen, so that less than full is no surprise.
     noise_model : NoiseModel, optional
@@ -144,6 +163,7 @@ class Estimate:
     equations: int
     rank: int
     solver: str
+    constant: FloatArray | float = 0.0
     rank_chosen: bool = False
     noise_model: NoiseModel | None = None
     sensor_noise: FloatArray | None = None
@@ -205,6 +225,7 @@ def pose_problem(
     *,
     instruments: tuple[str, ...] = (),
     weights: Weights = None,
+    constant: Constant = "estimated",
 ) -> Problem:
     """Check everything that names don't tell and return what an estimator works on.
 
@@ -214,6 +235,7 @@ def pose_problem(
         Where channels are missing, constant, hold NaN, or the records are too short.
     """
     flights = as_records(records)
+    check_constant_kind(constant)
     given = [weights] if isinstance(records, Record) else weights
     parts, centre, rms = stretches(flights, (*instruments, *inputs, *outputs), _weights(flights, given))
     problem = Problem(
@@ -226,12 +248,32 @@ def pose_problem(
         centre=centre,
         scale=rms,
         sample_period_s=flights[0].sample_period_s,
+        constant=constant,
     )
     check_parameters(problem.lags, len(inputs))
-    target = f" of '{outputs[0]}'" if outputs else ""
-    require_equations(problem, problem.lags, problem.parameters, f"Markov parameters{target}")
+    require_equations(problem, problem.lags, problem.unknowns, unknowns_of(problem))
     check_constant(problem.channels, centre, rms)
-    return problem
+    if constant != "none":
+        return problem
+    centre, rms = about_zero(centre, rms)
+    return replace(problem, stretches=tuple(part.freed(centre, rms) for part in parts), centre=centre, scale=rms)
+
+
+def about_zero(centre: FloatArray, rms: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return means of 0, and the RMS values about them."""
+    return np.zeros_like(centre), np.hypot(centre, rms)
+
+
+def unknowns_of(problem: Problem) -> str:
+    """Say what the equations have to determine."""
+    target = f" of '{problem.outputs[0]}'" if problem.outputs else ""
+    return f"{problem.parameters} Markov parameters{' and a constant' if problem.with_constant else ''}{target}"
+
+
+def check_constant_kind(constant: Any) -> None:
+    """Refuse what isn't a way of treating the constant."""
+    if constant not in get_args(Constant):
+        raise InputError(f"constant is {shown(constant)}; it is 'estimated', 'records' or 'none'")
 
 
 def check_parameters(lags: int, inputs: int) -> None:

@@ -29,7 +29,7 @@ class Transmissibility:
     causal_order, noncausal_order : int
         r and d.
     input_means, output_means : shape (inputs,), shape (outputs,)
-        Means of the identification record, which the operator subtracts.
+        What is subtracted from the inputs, their means over the records, and the output that is predicted there.
     input_rms : shape (inputs,)
         RMS values of the identification record about these means.
     rank : int
@@ -125,6 +125,11 @@ class Transmissibility:
         return np.arange(-self.noncausal_order, self.causal_order + 1)
 
     @property
+    def constant(self) -> FloatArray:
+        """What the operator adds to the sum of H_i y_i(k-i), shape (outputs,), in the outputs' units."""
+        return np.asarray(self.output_means - self.markov.sum(axis=0) @ self.input_means)
+
+    @property
     def look_ahead_s(self) -> float:
         """The latency of its prediction: d Ts, in seconds."""
         return self.noncausal_order * self.sample_period_s
@@ -196,8 +201,8 @@ class Transmissibility:
     def predict(self, record: Record) -> FloatArray:
         """Return the one-step prediction, shape (samples, outputs), in the outputs' units.
 
-        y_o(k|theta) = sum over i = -d..r of H_i y_i(k - i), equation (4.4), for k = r..l-d; NaN at the other samples
-        and wherever a sample k - i is missing.
+        y_o(k|theta) = sum over i = -d..r of H_i y_i(k - i), equation (4.4), and the constant, for k = r..l-d; NaN at
+        the other samples and wherever a sample k - i is missing.
 
         Raises
         ------

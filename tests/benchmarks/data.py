@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 
 import gtmbench as gb
+from gtmbench.method.problem import Constant
 
 from .problem import Problem
 
@@ -31,9 +32,9 @@ def stretch() -> gb.Record:
     return measured().between(25, 199.99)
 
 
-def identify(record: gb.Record) -> gb.Transmissibility:
-    """The whole public call: 303 parameters."""
-    return gb.identify(record, inputs=INPUTS, outputs=OUTPUTS, causal_order=R, noncausal_order=D)
+def identify(record: gb.Record, constant: Constant = "estimated") -> gb.Transmissibility:
+    """The whole public call: 303 parameters and a constant."""
+    return gb.identify(record, inputs=INPUTS, outputs=OUTPUTS, causal_order=R, noncausal_order=D, constant=constant)
 
 
 def problem() -> Problem:

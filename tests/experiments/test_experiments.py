@@ -21,6 +21,7 @@ from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
 from gtmbench.faults.kinds import FAULTS
 from gtmbench.files.folders import SUMS
+from gtmbench.files.shipped import source_digest
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
 from gtmbench.study.scores.intervals import exact_interval
@@ -63,10 +64,7 @@ BEYOND = {  # studies of what the dissertation leaves open, with reports of thei
     "other_aircraft": (r"# Other aircraft\n\n\*\*Quick: ", r"\| A320: right gyro 6 of 6 .* yes", r"\| `c172p` "),
     "short_records": (r"\*\*Quick: ", r"\| C +\| B747, global5000 \| 0 of 2 "),  # no alarm on healthy records
 }
-SAID = {
-    "aircraft_gyros": "0.36 and 9.1 deg/s",
-    "choices": "r = 28, d = 50",
-}  # what docs/explanation/method.md and how_to/identify.md say of them
+SAID = {"choices": "r = 28, d = 50"}  # what docs/how_to/identify.md says of it
 
 
 class Ended(NamedTuple):
@@ -125,6 +123,8 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *PARTS,
         *BEYOND,
         "fault_gallery",
+        "figures",
+        "main_job",
         "real_logs",
         "log_samples",
         "several_imus",
@@ -385,17 +385,19 @@ def test_a_study_ends_with_1_where_it_misses_a_target_but_a_quick_one(
 ):
     def conduct(campaign):
         assert campaign.jobs == 3
-        return Findings("# Found", missed, lambda out: (out / "rows.csv").write_text("1\n"))
+        return Findings("# Found\n\n| n |\n|---|\n| 1 |", missed, lambda out: (out / "rows.csv").write_text("1\n"))
 
     out = tmp_path / "deep" / "out"
     monkeypatch.setattr(sys, "argv", ["study.py", *options, "--jobs", "3", "--out", str(out)])
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
     assert conducted(conduct, "A study.", quick="one flight") == code
     assert capsys.readouterr().out.startswith("# Found\n")
-    assert {path.name: path.read_text() for path in out.iterdir() if path.name != SUMS} == {
-        "report.md": "# Found",
-        "rows.csv": "1\n",
-    }
+    written = {path.name: path.read_text() for path in out.iterdir() if path.name != SUMS}
+    results = json.loads(written.pop(RESULTS))
+    assert written == {"report.md": "# Found\n\n| n |\n|---|\n| 1 |", "rows.csv": "1\n"}
+    assert results["tables"] == [[{"n": "1"}]]
+    assert (results["script"], results["given"]) == ("study.py", {"quick": bool(options)})
+    assert results["code"]["source"] == source_digest(), "which code made it"
 
 
 def test_a_study_that_cant_be_written_leaves_the_one_that_stood_there(tmp_path, monkeypatch, capsys):

@@ -30,8 +30,11 @@ def lagged(values, r, d):
     return np.hstack([values[r - i : stop - i] for i in range(-d, r + 1)])
 
 
-def dense(records, inputs, outputs, r, d, weights=None):
-    """Return regressor, targets and weights of every equation whose samples all count, stacked over the records."""
+def dense(records, inputs, outputs, r, d, weights=None, constant="estimated"):
+    """Return regressor, targets and weights of every equation whose samples all count, stacked over the records.
+
+    About the means of the records' samples, or, where a constant is estimated, of the equations.
+    """
     weights = [np.ones(len(series)) for series in records] if weights is None else weights
     centre = means(records, [*inputs, *outputs], weights)
     parts = []
@@ -43,7 +46,9 @@ def dense(records, inputs, outputs, r, d, weights=None):
         now = slice(r, len(series) - d)
         parts.append((lagged(values[:, : len(inputs)], r, d)[whole], values[now, len(inputs) :][whole], w[now][whole]))
     phi, y, w = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return phi, y, w
+    if constant == "records":
+        return phi, y, w
+    return phi - np.average(phi, axis=0, weights=w), y - np.average(y, axis=0, weights=w), w
 
 
 def as_markov(theta, inputs):
@@ -52,11 +57,12 @@ def as_markov(theta, inputs):
 
 
 def least_squares(records, inputs, outputs, r, d, weights=None):
-    """Return the Markov parameters that LAPACK's SVD finds from the stacked equations, columns scaled."""
-    phi, y, w = dense(records, inputs, outputs, r, d, weights)
+    """Return what LAPACK's SVD finds from the stacked equations and a column of ones, all scaled."""
+    phi, y, w = dense(records, inputs, outputs, r, d, weights, "records")
+    phi = np.column_stack([phi, np.ones(len(phi))])
     root, scale = np.sqrt(w)[:, np.newaxis], np.sqrt(np.mean(phi**2, axis=0))
     theta = np.linalg.lstsq(phi / scale * root, y * root, rcond=None)[0] / scale[:, np.newaxis]
-    return as_markov(theta, len(inputs))
+    return as_markov(theta[:-1], len(inputs))
 
 
 def exact_least_squares(values, inputs, r, d):
@@ -67,12 +73,11 @@ def exact_least_squares(values, inputs, r, d):
     pairs = [[float(x).as_integer_ratio() for x in column] for column in values.T]
     common = max(bottom for column in pairs for _, bottom in column)
     exact = [[top * (common // bottom) for top, bottom in column] for column in pairs]
-    exact = [[len(column) * x - sum(column) for x in column] for column in exact]  # about the mean, times its length
     stop = len(values) - d
     columns = [exact[c][r - i : stop - i] for i in range(-d, r + 1) for c in range(inputs)]
-    columns.append(exact[-1][r:stop])
+    columns += [[1] * (stop - r), exact[-1][r:stop]]
     gram = [[sum(a * b for a, b in zip(row, other, strict=True)) for other in columns] for row in columns[:-1]]
-    return np.array(_solved(gram)).reshape(-1, 1, inputs)
+    return np.array(_solved(gram)[:-1]).reshape(-1, 1, inputs)
 
 
 def _solved(rows):
@@ -87,10 +92,10 @@ def _solved(rows):
     return [float(Fraction(row[-1], row[i])) for i, row in enumerate(rows)]
 
 
-def siso(records, estimator=None, r=2, d=2, inputs=("u",), outputs=("y",), weights=None):
+def siso(records, estimator=None, r=2, d=2, inputs=("u",), outputs=("y",), weights=None, **options):
     """Return an operator, of one input and one output unless told."""
-    names = {"inputs": list(inputs), "outputs": list(outputs)}
-    return identify(records, **names, causal_order=r, noncausal_order=d, estimator=estimator, weights=weights)
+    names = {"inputs": list(inputs), "outputs": list(outputs), "causal_order": r, "noncausal_order": d}
+    return identify(records, **names, estimator=estimator, weights=weights, **options)
 
 
 def distances(operators, output="y", truth=MARKOV):

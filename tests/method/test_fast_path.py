@@ -77,6 +77,12 @@ def written_out(parts, channels, r, d):
     return np.vstack(blocks) if blocks else None
 
 
+def roots(parts, r, d):
+    """Return the column of ones of all equations, times the root of their weights."""
+    weights = [np.ones(len(part)) if part.weights is None else part.weights for part in parts]
+    return np.concatenate([np.sqrt(w[r : len(w) - d]) if len(w) > r + d else [] for w in weights])
+
+
 @settings(max_examples=150)
 @given(regressions())
 def test_gram_is_the_product_of_the_written_out_equations(drawn):
@@ -85,18 +91,23 @@ def test_gram_is_the_product_of_the_written_out_equations(drawn):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(gram_module, "CHUNK", chunk)
         patch.setattr(gram_module, "ROWS", rows)
-        products = np.triu(gram_module.gram(parts, channels, r, d))
+        products, sums = gram_module.gram(parts, channels, r, d)
     equations = written_out(parts, channels, r, d)
     if equations is None:
-        assert not products.any()
+        assert not np.triu(products).any()
+        assert not sums.any()
         return
-    norm = sum(np.sum(scaled(part) ** 2) * (1.0 if part.weights is None else part.weights.max()) for part in parts)
+    norm = sum(
+        (len(part) + np.sum(scaled(part) ** 2)) * (1.0 if part.weights is None else part.weights.max())
+        for part in parts
+    )
     np.testing.assert_allclose(np.triu(products), np.triu(equations.T @ equations), rtol=0, atol=100 * EPS * norm)
+    np.testing.assert_allclose(sums, roots(parts, r, d) @ equations, rtol=0, atol=100 * EPS * norm)
 
 
 @settings(max_examples=60)
-@given(regressions(), st.booleans())
-def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, reflected):
+@given(regressions(), st.booleans(), st.booleans())
+def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, reflected, constant):
     parts, channels, r, d, chunk, rows = drawn
     equations = written_out(parts, channels, r, d)
     assume(equations is not None and len(equations) >= 2 * equations.shape[1] and parts[0].channels > channels)
@@ -106,9 +117,13 @@ def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, r
         patch.setattr(triangle_module, "ROWS", rows)
         if reflected:
             patch.setattr(triangle_module, "_CONDITION_TRUSTED", 0.0)
-        triangle = triangle_module.triangle(parts, channels, r, d)
+        triangle = triangle_module.triangle(parts, channels, r, d, constant=constant)
     assert triangle.solver == "householder" or not reflected
-    root = np.linalg.qr(equations, mode="r")
+    ones, means = roots(parts, r, d)[:, None], np.zeros(equations.shape[1])
+    if constant:
+        means = (ones.T @ equations / np.sum(ones**2))[0]
+    np.testing.assert_allclose(triangle.means, means, rtol=0, atol=1e-12)
+    root = np.linalg.qr(equations - ones * means, mode="r")
     signs = np.sign(np.diag(root)) * np.sign(np.diag(triangle.root))
     condition = np.linalg.cond(equations)
     tolerance = 100 * EPS * condition * (1.0 if triangle.solver == "householder" else condition)

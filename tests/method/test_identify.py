@@ -190,8 +190,8 @@ def test_ten_samples_are_refused_with_the_numbers_of_the_design():
         np.random.default_rng(1).standard_normal((10, 4)), channels=["p", "q", "beta", "r"], sample_period_s=1
     )
     message = (
-        "10 samples of p, q, beta give 0 equations for 303 Markov parameters of 'r'; "
-        "record at least 403 samples or lower the orders"
+        "10 samples of p, q, beta give 0 equations for 303 Markov parameters and a constant of 'r'; "
+        "record at least 404 samples or lower the orders"
     )
     with pytest.raises(InputError) as refused:
         identified(short, 50, 50, ["p", "q", "beta"], ["r"])
@@ -200,10 +200,10 @@ def test_ten_samples_are_refused_with_the_numbers_of_the_design():
 
 @pytest.mark.filterwarnings("ignore::gtmbench.errors.RankWarning")
 def test_the_least_number_of_samples_is_the_one_that_is_asked_for():
-    values = np.random.default_rng(1).standard_normal((403, 4))
+    values = np.random.default_rng(1).standard_normal((404, 4))
     enough, short = (Record(part, channels=["p", "q", "beta", "r"], sample_period_s=1) for part in (values, values[1:]))
-    assert identified(enough, 50, 50, ["p", "q", "beta"], ["r"]).samples == 303
-    with pytest.raises(InputError, match=r"402 samples .* give 302 equations"):
+    assert identified(enough, 50, 50, ["p", "q", "beta"], ["r"]).samples == 304
+    with pytest.raises(InputError, match=r"403 samples .* give 303 equations"):
         identified(short, 50, 50, ["p", "q", "beta"], ["r"])
 
 

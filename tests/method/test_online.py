@@ -171,7 +171,7 @@ def test_asking_changes_nothing():
 def test_sinusoids_warn_as_in_the_batch():
     angle = np.arange(600) * 0.1
     waves = np.column_stack([np.sin(angle + phase) for phase in (0.0, 1.0, 2.0, 3.0)])
-    with pytest.warns(RankWarning, match=r"'p' \(3 of its 6 lags\)"):
+    with pytest.warns(RankWarning, match=r"'p' \(2 of its 6 lags\)"):
         running([gb.Record(waves, channels=NAMES, sample_period_s=TS)])
 
 
@@ -223,8 +223,10 @@ def test_a_push_that_is_refused_changes_nothing():
 
 def test_too_few_samples_are_refused_with_their_number():
     online = gb.RecursiveIdentification(**orders())
-    with pytest.raises(InputError, match="0 samples of p, q give 0 equations for 12 Markov parameters"):
+    with pytest.raises(InputError, match="0 samples of p, q give 0 equations for 12 Markov parameters and a constant"):
         online.operator()
-    online.push(flight(16))
-    with pytest.raises(InputError, match="16 samples of p, q give 11 equations for 12 Markov parameters"):
+    online.push(flight(17))
+    with pytest.raises(
+        InputError, match="17 samples of p, q give 12 equations for 12 Markov parameters and a constant"
+    ):
         online.operator()

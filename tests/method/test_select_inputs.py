@@ -82,7 +82,7 @@ def test_a_copy_of_an_input_adds_nothing():
         ({"candidates": []}, "at least one pseudo input and one pseudo output"),
         ({"candidates": ["a", "y"]}, "'y' is both pseudo input and pseudo output"),
         ({"most": 0}, "most is 0; it must be a whole number, 1 or more"),
-        ({"causal_order": 900}, "give 597 equations for 3616 Markov parameters of 'y'"),
+        ({"causal_order": 900}, "give 597 equations for 3616 Markov parameters and a constant of 'y'"),
     ],
     ids=str,
 )

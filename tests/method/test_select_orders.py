@@ -156,7 +156,10 @@ def test_a_surface_is_looked_up_by_its_orders():
         ({"noncausal_orders": [1, -1]}, "noncausal_orders is -1; it must be a whole number, 0 or more"),
         ({"causal_orders": [1.5]}, "causal_orders is 1.5"),
         ({"causal_orders": None}, "causal_orders is None"),
-        ({"causal_orders": [400]}, "600 samples of u1, u2 give 195 equations for 812 Markov parameters of 'y1'"),
+        (
+            {"causal_orders": [400]},
+            "600 samples of u1, u2 give 195 equations for 812 Markov parameters and a constant of 'y1'",
+        ),
         ({"inputs": ["u1", "alpha"]}, "no channel 'alpha'"),
         ({"inputs": ["u1", "y1"]}, "'y1' is both pseudo input and pseudo output"),
         ({"outputs": []}, "at least one pseudo input and one pseudo output"),

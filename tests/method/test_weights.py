@@ -41,10 +41,10 @@ def test_the_covariance_of_least_squares_is_right_in_white_noise_and_weights_of_
 
 def test_weights_of_one_over_the_variance_give_the_gauss_markov_estimate():
     series, weights = uneven(0)
-    phi, y, w = dense([series], ["u"], ["y"], 2, 2, [weights])
-    covariance = np.diag(1.0 / w)
+    phi, y, w = dense([series], ["u"], ["y"], 2, 2, [weights], "records")
+    phi, covariance = np.column_stack([phi, np.ones(len(phi))]), np.diag(1.0 / w)
     theta = np.linalg.solve(phi.T @ np.linalg.solve(covariance, phi), phi.T @ np.linalg.solve(covariance, y))
-    np.testing.assert_allclose(siso(series, weights=weights).markov[:, 0, 0], theta[:, 0], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(siso(series, weights=weights).markov[:, 0, 0], theta[:-1, 0], rtol=0, atol=1e-11)
 
 
 @st.composite
@@ -77,13 +77,13 @@ def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
     records, inputs, outputs, r, d, weights = drawn
     size = (r + d + 1) * len(inputs)
     phi, y, w = dense(records, inputs, outputs, r, d, weights)
-    assume(len(phi) >= 2 * size and w.sum() > size)
+    assume(len(phi) >= 2 * size and w.sum() > size + 1)
     operator = siso(records, None, r, d, inputs, outputs, weights)
     np.testing.assert_allclose(operator.markov, least_squares(*drawn), rtol=0, atol=1e-10)
     assert operator.samples == len(phi)
     left = y - phi @ operator.markov.transpose(0, 2, 1).reshape(size, -1)
     np.testing.assert_allclose(operator.rms_residual, np.sqrt(w @ left**2 / w.sum()), rtol=1e-9)
-    variance = w @ left**2 / (w.sum() - size)
+    variance = w @ left**2 / (w.sum() - size - 1)
     inverse = np.linalg.inv((phi * w[:, None]).T @ phi)
     for o, name in enumerate(outputs):
         covariance = operator.covariance(name).reshape(size, size)
@@ -131,11 +131,13 @@ def test_weighted_prediction_errors_solve_both_weighted_problems():
     centred = series.values - np.average(series.values, axis=0, weights=w)
     root = np.sqrt(w[6:-2])[:, None]  # lags of the operator, and of A on top of them
     white = signal.lfilter(taps, 1.0, centred, axis=0)[3:]
-    phi = lagged(white[:, :1], 3, 2)
-    np.testing.assert_allclose(np.linalg.lstsq(phi * root, white[3:-2, 1] * root[:, 0], rcond=None)[0], h, atol=1e-6)
+    phi = np.column_stack([lagged(white[:, :1], 3, 2), np.ones(len(white) - 5)])
+    theta = np.linalg.lstsq(phi * root, white[3:-2, 1] * root[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(theta[:-1], h, atol=1e-6)
     left = lagged((centred[3:-2, 1] - lagged(centred[:, :1], 3, 2) @ h)[:, None], 3, 0)
-    expected = np.linalg.lstsq(left[:, 1:] * root, -left[:, 0] * root[:, 0], rcond=None)[0]
-    np.testing.assert_allclose(taps[1:], expected, atol=1e-6)
+    past = np.column_stack([left[:, 1:], np.ones(len(left))])
+    expected = np.linalg.lstsq(past * root, -left[:, 0] * root[:, 0], rcond=None)[0]
+    np.testing.assert_allclose(taps[1:], expected[:-1], atol=1e-6)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1e-3, 1e6])

@@ -54,7 +54,8 @@ def test_solvers_and_gtmbench_are_given_the_same_problem():
     u, error = np.random.default_rng(1).standard_normal((2, 2000, 2))
     y = 2.0 * u[:, 0] + np.roll(u[:, 1], -1) + 0.1 * error[:, 0]
     record = gb.Record(np.column_stack([u, y]), channels=["a", "b", "y"], sample_period_s=0.01)
-    fit = gb.identify(record, inputs=["a", "b"], outputs=["y"], causal_order=3, noncausal_order=2)
+    names = {"inputs": ["a", "b"], "outputs": ["y"], "causal_order": 3, "noncausal_order": 2}
+    fit = gb.identify(record, constant="records", **names)
     problem = Problem(u - u.mean(axis=0), y - y.mean(), 3, 2)
     assert numpy_lstsq(problem)() == pytest.approx(fit.markov[:, 0, :], abs=1e-12)
 

@@ -19,7 +19,15 @@ from gtmbench.errors import InputError
 from gtmbench.method.estimators.kinematic import Expected, fit
 from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, reproduces
-from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of, solved, weights_of
+from gtmbench.method.regression.equations import (
+    ALIKE,
+    Equations,
+    about_means,
+    autocovariance,
+    signal_of,
+    solved,
+    weights_of,
+)
 from gtmbench.method.regression.slow import slow
 from gtmbench.values.record import FloatArray
 
@@ -39,7 +47,8 @@ class Bayesian:
     noise of an input is no evidence for its gain. s^2 is the residual's variance; H^-1 is the covariance.
 
     It differs from least squares in two ways. Consecutive equations carry the same information on slow motion, so five
-    count as one. The prior's deviations scale with the problem, the RMS values of inputs and output.
+    count as one. The prior's deviations scale with the problem, the RMS values of inputs and output. Of the constant
+    nothing is known before.
 
     For an operator between readings of the same motion (p_att and p alone, either way) physics fixes more. Its gain at
     0 Hz is 1 and its curvature that of a central difference, unless the records decisively contradict that. Its delay
@@ -100,6 +109,7 @@ class Bayesian:
             for stretch in problem.stretches
             if len(stretch) >= problem.lags
         ]
+        rows = slice(problem.causal_order, -problem.noncausal_order or None)
         equations = sum(int(np.count_nonzero(of)) for of in weights)
         if sum(float(of.sum()) for of in weights) < ALIKE * _LEAST:
             raise InputError(
@@ -108,23 +118,19 @@ class Bayesian:
             )
         # the prior holds for motion: fast noise is smoothed away first, of inputs and outputs alike
         motion = [slow(block) for block in blocks]
-        rows = slice(problem.causal_order, -problem.noncausal_order or None)
         posteriors = []
-        for o in range(inputs, inputs + len(problem.outputs)):
+        for o, output in enumerate(problem.outputs, start=inputs):
+            # one sensor beside another of the same motion: its moments are physics', found from the samples as read
+            physical = inputs == 1 and kinematic(problem.inputs[0], output)
             pieces = [
                 Equations(u=each[:, :inputs], y=each[rows, o], weights=of)
-                for each, of in zip(motion, weights, strict=True)
+                for each, of in zip(blocks if physical else motion, weights, strict=True)
             ]
-            output = problem.outputs[o - inputs]
-            # one sensor beside another of the same motion: its moments are physics', found from the samples as read
-            if inputs == 1 and kinematic(problem.inputs[0], output):
-                read = [
-                    Equations(u=each[:, :1], y=each[rows, o], weights=of)
-                    for each, of in zip(blocks, weights, strict=True)
-                ]
-                posteriors.append(self._kinematic(problem, output, read))
-            else:
-                posteriors.append(self._posterior(problem, output, pieces))
+            means, mean = np.zeros(problem.parameters), 0.0
+            if problem.with_constant:
+                pieces, means, mean = about_means(pieces, problem.lags)
+            found = (self._kinematic if physical else self._posterior)(problem, output, pieces)
+            posteriors.append(replace(found, constant=mean - float(means @ found.theta)))
         variance = np.array([posterior.variance for posterior in posteriors])
         return Estimate(
             coefficients=np.column_stack([_turned(posterior.theta, inputs) for posterior in posteriors]),
@@ -134,6 +140,7 @@ class Bayesian:
             equations=equations,
             rank=problem.parameters,
             solver="cholesky",
+            constant=np.array([posterior.constant for posterior in posteriors]),
         )
 
     def _posterior(self, problem: Problem, output: str, pieces: Sequence[Equations]) -> _Posterior:
@@ -172,7 +179,8 @@ class Bayesian:
         unit = _unit(problem, name, output)
         curvature = -1.0 / 3.0 if name in PSEUDO_INPUTS else 1.0 / 3.0
         found = fit(
-            [replace(each, u=each.u * unit) for each in samples],
+            [replace(each, u=each.u * unit, means=each.means * unit) for each in samples],
+            constant=problem.with_constant,
             lags=problem.lags,
             ahead=problem.noncausal_order,
             sample_period_s=problem.sample_period_s,
@@ -211,11 +219,12 @@ class Bayesian:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Posterior:
-    """theta, lag -d to r and input by input within, the inverse H of its covariance, and the residual's variance."""
+    """theta, lag -d to r and input by input within, the inverse H of its covariance, the residual's variance, and c."""
 
     theta: FloatArray
     hessian: FloatArray = field(repr=False)
     variance: float
+    constant: float = 0.0
 
 
 def _inverse(hessian: FloatArray) -> FloatArray:

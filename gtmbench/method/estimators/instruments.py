@@ -21,6 +21,7 @@ class InstrumentalVariables:
 
     With Z the lagged instruments, solves ``min || P_Z (y - Phi theta) ||``, P_Z the projection onto Z's columns: as
     many instruments as parameters make that ``Z'y = Z'Phi theta``, equation (3.55); more are solved over-determined.
+    A constant is its own instrument.
     Equations run over k = r+delay+past..l-d (less where `future` reaches further ahead). The instruments must move with
     the pseudo inputs and not with the noise: samples of the excitation do.
 
@@ -79,9 +80,12 @@ class InstrumentalVariables:
             )
         z = columns_of(range(instruments), kept, count=count, causal_order=causal)
         phi = columns_of(range(instruments, count), range(r, -d - 1, -1), count=count, causal_order=causal)
-        require_equations(problem, causal + noncausal + 1, len(z), "lags of the instruments")
+        what = f"{len(z)} lags of the instruments{' and a constant' if problem.with_constant else ''}"
+        require_equations(problem, causal + noncausal + 1, len(z) + problem.with_constant, what)
         stretches = self._prefiltered(problem)
-        equations = triangle(stretches, count, causal, noncausal, np.concatenate([z, phi]))
+        equations = triangle(
+            stretches, count, causal, noncausal, np.concatenate([z, phi]), constant=problem.with_constant
+        )
         return _estimate(problem, equations, len(z))
 
     def _prefiltered(self, problem: Problem) -> tuple[Stretch, ...]:
@@ -121,5 +125,7 @@ def _estimate(problem: Problem, equations: Triangle, instruments: int) -> Estima
     """Solve on what the instruments see of the equations: the rows of R that belong to them."""
     projected = equations.seen_by(instruments)
     theta, rank = solve(projected)
-    own = replace(equations, root=equations.root[:, instruments:])  # all rows: what is left of y counts them
+    own = replace(
+        equations, root=equations.root[:, instruments:], means=projected.means
+    )  # all rows: what is left of y counts them
     return replace(summary(problem, own, theta, rank), root=projected.regressor[np.newaxis])

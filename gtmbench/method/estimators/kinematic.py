@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.method.regression.equations import ALIKE, Equations, autocovariance, signal_of
+from gtmbench.method.regression.equations import ALIKE, Equations, about_means, autocovariance, signal_of
 from gtmbench.values.record import FloatArray
 
 _TURNS, _SETTLED = 6, 1e-4
@@ -51,7 +51,9 @@ class Fit:
     variance: float
 
 
-def fit(samples: Sequence[Equations], *, lags: int, ahead: int, sample_period_s: float, expected: Expected) -> Fit:
+def fit(
+    samples: Sequence[Equations], *, constant: bool, lags: int, ahead: int, sample_period_s: float, expected: Expected
+) -> Fit:
     """Return the kinematic operator of some records.
 
     The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
@@ -59,7 +61,8 @@ def fit(samples: Sequence[Equations], *, lags: int, ahead: int, sample_period_s:
     Parameters
     ----------
     samples : sequence of Equations
-        One input, in the output's units.
+        One input, in the output's units; about their means if a `constant` is estimated.
+    constant : bool
     lags, ahead : int
         r + d + 1 and d.
     sample_period_s : float
@@ -71,7 +74,9 @@ def fit(samples: Sequence[Equations], *, lags: int, ahead: int, sample_period_s:
     gram, right, power = products[:-1, :-1], products[:-1, -1], float(products[-1, -1])
     count = max(sum(float(piece.weights.sum()) for piece in samples) / ALIKE, 1.0)
     half = round(_SLOW_S / sample_period_s)
-    moments = _moments([_slowed(piece, half) for piece in samples], lag, expected, max(half, ALIKE))
+    motion = [_slowed(piece, half) for piece in samples]
+    motion = about_means(motion, lags)[0] if constant else motion
+    moments = _moments(motion, lag, expected, max(half, ALIKE))
     # A h = c: row m of A takes sum i^m h_i. Of h only what lies in A's null space is free
     among = np.vander(lag, len(moments.mean), increasing=True).T
     wanted, slope = _raw(moments.mean)

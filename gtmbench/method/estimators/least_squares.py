@@ -121,7 +121,7 @@ def summary(problem: Problem, equations: Triangle, theta: FloatArray, rank: int)
     """Return the estimate with what its residual tells; `equations` may have more rows than columns."""
     size = problem.parameters
     squares = np.sum((equations.target - equations.root[:, :size] @ theta) ** 2, axis=0)
-    free = equations.weight - size
+    free = equations.weight - problem.unknowns
     return Estimate(
         coefficients=theta,
         root=equations.regressor[np.newaxis],
@@ -130,4 +130,5 @@ def summary(problem: Problem, equations: Triangle, theta: FloatArray, rank: int)
         equations=equations.equations,
         rank=rank,
         solver=equations.solver,
+        constant=equations.means[size:] - equations.means[:size] @ theta,
     )

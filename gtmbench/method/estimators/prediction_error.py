@@ -73,6 +73,7 @@ class PredictionError:
             rms_residual=np.concatenate([estimate.rms_residual for estimate, _ in alone]),
             equations=alone[0][0].equations,
             rank=min(estimate.rank for estimate, _ in alone),
+            constant=np.concatenate([np.atleast_1d(estimate.constant) for estimate, _ in alone]),
             solver=next((e.solver for e, _ in alone if e.solver != "cholesky"), "cholesky"),
             noise_model=NoiseModel(
                 autoregressive=np.vstack([model.autoregressive for model in models]),
@@ -83,14 +84,15 @@ class PredictionError:
         )
 
     def _of_one_output(self, problem: Problem) -> tuple[Estimate, NoiseModel]:
-        unknowns = problem.parameters + self.noise_order
-        require_equations(problem, problem.lags + self.noise_order, unknowns, "parameters with those of the noise")
+        unknowns = problem.unknowns + self.noise_order
+        what = f"{unknowns} parameters with those of the noise"
+        require_equations(problem, problem.lags + self.noise_order, unknowns, what)
         equations = problem.triangle()
         theta, rank = solve(equations)
         path: list[float] = []
         converged = False
         while not converged and len(path) < self.most_iterations:
-            taps = _autoregressive(_residuals(problem, theta), self.noise_order)
+            taps = _autoregressive(_residuals(problem, theta), self.noise_order, problem.with_constant)
             whitened = replace(problem, stretches=_filtered(problem.stretches, taps)).triangle()
             theta, rank = solve(whitened)
             path.append(float(np.mean(summary(problem, whitened, theta, rank).rms_residual ** 2)))
@@ -103,11 +105,14 @@ class PredictionError:
             converged=converged,
             criterion=np.array(path)[:, np.newaxis] * scale**2,
         )
+        # (4.11) has no mean then; the whitened equations' own constant over A(1) is the same but for the ends
+        one_step = summary(problem, equations, theta, rank)
         free = whitened.weight - unknowns
         return replace(
             last,
             noise_variance=last.rms_residual**2 * whitened.weight / free if free > 0 else np.full(1, np.nan),
-            rms_residual=summary(problem, equations, theta, rank).rms_residual,
+            rms_residual=one_step.rms_residual,
+            constant=one_step.constant,
         ), model
 
 
@@ -137,12 +142,12 @@ def _residuals(problem: Problem, theta: FloatArray) -> tuple[Stretch, ...]:
     return tuple(parts)
 
 
-def _autoregressive(residuals: tuple[Stretch, ...], order: int) -> FloatArray:
+def _autoregressive(residuals: tuple[Stretch, ...], order: int, constant: bool) -> FloatArray:
     """Return 1, a_1, ..., a_n by least squares of e(k) on e(k-1)..e(k-n)."""
     if order == 0:
         return np.ones(1)
     past = np.arange(order, dtype=np.intp)  # lags n..1
-    coefficients, _ = solve(triangle(residuals, 1, order, 0, past))
+    coefficients, _ = solve(triangle(residuals, 1, order, 0, past, constant=constant))
     return np.concatenate([[1.0], -coefficients[::-1, 0]])
 
 

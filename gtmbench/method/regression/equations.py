@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,16 +23,20 @@ class Equations:
     ----------
     u : shape (samples, inputs)
     y, weights : shape (windows,)
+    means : shape (lags inputs,) or float
+        What phi(k) is freed of (`about_means`).
     """
 
     u: FloatArray = field(repr=False)
     y: FloatArray = field(repr=False)
     weights: FloatArray = field(repr=False)
+    means: FloatArray | float = field(default=0.0, repr=False)
 
     def windows(self, lags: int) -> Iterator[tuple[slice, FloatArray]]:
         """Yield phi(k), some rows at a time."""
         for start in range(0, len(self.y), _CHUNK):
-            yield slice(start, start + _CHUNK), regressors(self.u[start : start + _CHUNK + lags - 1], lags)
+            phi = regressors(self.u[start : start + _CHUNK + lags - 1], lags)
+            yield slice(start, start + _CHUNK), phi - self.means
 
     def residual(self, theta: FloatArray, lags: int) -> FloatArray:
         """Return y(k) - phi(k)' theta."""
@@ -46,6 +50,21 @@ class Equations:
             both = np.column_stack([phi, self.y[rows] - phi @ theta])[whole]
             total += both.T @ (both * self.weights[rows][whole, np.newaxis]) / ALIKE
         return total
+
+
+def about_means(pieces: Sequence[Equations], lags: int) -> tuple[list[Equations], FloatArray, float]:
+    """Return equations freed of their weighted means over all pieces, and these means, of phi and of y.
+
+    What is estimated of them is estimated with a constant: y's mean less phi's times theta.
+    """
+    total = sum(float(piece.weights.sum()) for piece in pieces)
+    phi, y = np.zeros((lags, pieces[0].u.shape[1])), 0.0
+    for piece in pieces:
+        # position j of all windows together, the newest sample first
+        phi += np.array([np.correlate(column, piece.weights) for column in piece.u.T]).T[::-1] / total
+        y += float(piece.weights @ piece.y) / total
+    means = phi.ravel()
+    return [replace(piece, y=piece.y - y, means=means) for piece in pieces], means, y
 
 
 def weights_of(stretch: Stretch, causal_order: int, lags: int) -> FloatArray:

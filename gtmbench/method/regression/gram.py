@@ -8,6 +8,8 @@ The first block row is a correlation, by FFT. The others follow along the block 
 leaves and the sample after its last one enters:
 
     G[i+1, j+1] = G[i, j] + z(n+i) z(n+j)' - z(i) z(j)'.
+
+So do the sums over t of z(t+i), the products with a column of ones.
 """
 
 from __future__ import annotations
@@ -23,8 +25,12 @@ from gtmbench.values.record import FloatArray
 ROWS = 1 << 11  # equations that are written out at a time
 
 
-def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal_order: int) -> FloatArray:
-    """Return the Gram matrix of ``[z at positions 0..L-1 | targets at position r]``, summed over all equations.
+def gram(
+    stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal_order: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the Gram matrix of ``[z at positions 0..L-1 | targets at position r]``, and its products with ones.
+
+    Both are sums over all equations.
 
     Parameters
     ----------
@@ -36,7 +42,7 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
 
     Returns
     -------
-    shape (L lagged + targets,) twice
+    shape (L lagged + targets,) twice, shape (L lagged + targets,)
         Columns of z: position by position, channel by channel within. Only the upper triangle counts.
     """
     lags = causal_order + noncausal_order + 1
@@ -44,19 +50,23 @@ def gram(stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal
     others: list[Run] = []
     for run in runs(stretches, causal_order, noncausal_order):
         (others if run.weight is None else alike).append(run)
-    total = _from_correlations(alike, lagged, stretches[0].channels - lagged, lags, causal_order)
+    total, sums = _from_correlations(alike, lagged, stretches[0].channels - lagged, lags, causal_order)
     for run in others:
         for start in range(0, run.equations, ROWS):
             block = rows(run, start, min(start + ROWS, run.equations), lagged, lags, causal_order)
-            total += block.T @ block
-    return total
+            total += block[:, :-1].T @ block[:, :-1]
+            sums += block[:, -1] @ block[:, :-1]
+    return total, sums
 
 
 def rows(run: Run, start: int, stop: int, lagged: int, lags: int, causal_order: int) -> FloatArray:
-    """Return equations start..stop-1 of a run, times the root of their weight: ``[z(t)' ... z(t+L-1)' | targets]``."""
+    """Return equations start..stop-1, times the root of their weight: ``[z(t)' ... z(t+L-1)' | targets | 1]``."""
     block = run.stretch.read(run.first + start, run.first + stop + lags - 1)
     regressor, targets = written_out(block, lagged, lags, causal_order)
-    return np.hstack([regressor, targets]) * np.sqrt(run.weights(start, stop, causal_order))[:, np.newaxis]
+    return (
+        np.hstack([regressor, targets, np.ones((stop - start, 1))])
+        * np.sqrt(run.weights(start, stop, causal_order))[:, np.newaxis]
+    )
 
 
 def written_out(block: FloatArray, lagged: int, lags: int, causal_order: int) -> tuple[FloatArray, FloatArray]:
@@ -66,13 +76,16 @@ def written_out(block: FloatArray, lagged: int, lags: int, causal_order: int) ->
     return windows.transpose(1, 2, 0).reshape(count, -1), block[lagged:, causal_order : causal_order + count].T
 
 
-def _from_correlations(parts: Sequence[Run], lagged: int, targets: int, lags: int, causal_order: int) -> FloatArray:
-    """Return the Gram matrix of runs of 2 L equations and more, each of one weight.
+def _from_correlations(
+    parts: Sequence[Run], lagged: int, targets: int, lags: int, causal_order: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the Gram matrix and the sums of runs of 2 L equations and more, each of one weight.
 
     The recursion is linear, so it runs once for all of them.
     """
     size, width = lags * lagged, lags * lagged + max(targets, 1)  # the recursion needs a column behind z
     row, power = np.zeros((lagged + targets, lagged, lags)), np.zeros((targets, targets))
+    first_sums = np.zeros(lagged + targets)
     entering, leaving = np.zeros((2, len(parts), width))  # each sample at the position that it steps to
     for number, run in enumerate(parts):
         weight = run.weight or 0.0
@@ -82,8 +95,12 @@ def _from_correlations(parts: Sequence[Run], lagged: int, targets: int, lags: in
             now = block[lagged:, causal_order : causal_order + stop - start]
             row += weight * _correlations(block[:lagged], now, lags)
             power += weight * (now @ now.T)
+            first_sums += weight * np.concatenate([block[:lagged, : stop - start].sum(axis=1), now.sum(axis=1)])
         for edge, first in ((entering, run.first + run.equations), (leaving, run.first)):
             edge[number, lagged:size] = np.sqrt(weight) * run.stretch.read(first, first + lags - 1)[:lagged].T.ravel()
+    steps = np.array([np.sqrt(run.weight or 0.0) for run in parts]) @ (entering - leaving)[:, :size]
+    steps[:lagged] = first_sums[:lagged]
+    sums = np.concatenate([np.cumsum(steps.reshape(lags, lagged), axis=0).ravel(), first_sums[lagged:]])
     total = np.vstack([entering, -leaving]).T @ np.vstack([entering, leaving])
     products = row.transpose(0, 2, 1).reshape(len(row), size)
     total[:lagged, :size] = products[:lagged]
@@ -93,7 +110,7 @@ def _from_correlations(parts: Sequence[Run], lagged: int, targets: int, lags: in
     total = np.ascontiguousarray(total[: size + targets, : size + targets])  # no copy unless there is no target
     total[:size, size:] = products[lagged:].T
     total[size:, size:] = power
-    return total
+    return total, sums
 
 
 def _correlations(signals: FloatArray, targets: FloatArray, lags: int) -> FloatArray:

@@ -1,5 +1,9 @@
 """One triangular array that stands for all equations: R with R'R = [Phi y]'[Phi y].
 
+Where a constant is estimated with theta, R is that of the columns about their (weighted) means over the equations:
+so Householder's or Cholesky's first step leaves it when a column of ones stands before Phi, and what it takes away is
+the constant, y's mean less Phi's times theta.
+
 Every estimate that is linear in squares of the data follows from blocks of R; the records aren't needed any more.
 """
 
@@ -38,6 +42,8 @@ class Triangle:
         Sum of the equations' weights.
     solver : str
         "cholesky" of the Gram matrix, or "householder": orthogonal, on the equations themselves.
+    means : shape (columns,)
+        What the columns of [Phi y] are freed of; 0 where no constant is estimated.
     """
 
     root: FloatArray = field(repr=False)
@@ -45,6 +51,7 @@ class Triangle:
     equations: int
     weight: float
     solver: str
+    means: FloatArray = field(repr=False)
 
     @property
     def size(self) -> int:
@@ -82,7 +89,13 @@ class Triangle:
     def drop(self, count: int) -> Triangle:
         """Return the triangle without Phi's first columns: their rows are absorbed into those below."""
         below = np.array(self.root[count:, count:], order="F")  # absorbing writes into it
-        return replace(self, root=np.ascontiguousarray(absorb(below, self.root[:count, count:])))
+        root = np.ascontiguousarray(absorb(below, self.root[:count, count:]))
+        return replace(self, root=root, means=self.means[count:])
+
+    def about(self, means: FloatArray) -> Triangle:
+        """Return the equations freed of other means: those of the records that a constant was estimated on."""
+        off = np.sqrt(self.weight) * (self.means - means)
+        return replace(self, root=np.vstack([self.root, off]), means=means)
 
     def seen_by(self, count: int) -> Triangle:
         """Return the equations that Phi's first columns, instruments, see of the others: projected onto their run."""
@@ -93,7 +106,7 @@ class Triangle:
             rows = left[:, singular > self.tolerance * singular[0]].T @ self.root[:count, count:]
         short = max(self.root.shape[1] - count - len(rows), 0)
         root = np.linalg.qr(np.pad(rows, ((0, short), (0, 0))), mode="r")
-        return replace(self, root=np.asarray(root), solver="householder")
+        return replace(self, root=np.asarray(root), solver="householder", means=self.means[count:])
 
 
 def triangle(
@@ -102,6 +115,8 @@ def triangle(
     causal_order: int,
     noncausal_order: int,
     columns: Columns | None = None,
+    *,
+    constant: bool,
 ) -> Triangle:
     """Reduce all equations of the stretches: by Cholesky where that can be trusted, else by reflections.
 
@@ -112,24 +127,32 @@ def triangle(
     lagged, causal_order, noncausal_order : int
     columns : shape (columns,), optional
         Which columns of Phi to take, numbered as by `gram`, and in which order; None: all.
+    constant : bool
+        Whether a constant is estimated with theta.
     """
-    from scipy.linalg import lapack
+    from scipy.linalg import blas, lapack
 
     run_list = list(runs(stretches, causal_order, noncausal_order))
     weight = sum(run.total(causal_order) for run in run_list)
     targets = stretches[0].channels - lagged
-    products = gram(stretches, lagged, causal_order, noncausal_order)
+    products, sums = gram(stretches, lagged, causal_order, noncausal_order)
     taken = None if columns is None else np.concatenate([columns, np.arange(len(products) - targets, len(products))])
     if taken is not None:
-        products = (np.triu(products) + np.triu(products, 1).T)[np.ix_(taken, taken)]
-    squares = products.diagonal().copy()
+        products, sums = (np.triu(products) + np.triu(products, 1).T)[np.ix_(taken, taken)], sums[taken]
+    squares, means = products.diagonal().copy(), np.zeros(len(sums))
+    if constant:  # the first step of Cholesky, for the column of ones
+        means = sums / weight
+        products = blas.dsyr(-weight, means, a=products.T, lower=1, overwrite_a=1).T
     # C order and upper is Fortran order and lower: LAPACK works in place
     factor, info = lapack.dpotrf(products.T, lower=1, clean=1, overwrite_a=1)
     root, solver = factor.T, "cholesky"
     if info != 0 or not _trusted(root, targets, squares):
-        root, solver = _reflected(stretches, lagged, causal_order, noncausal_order, taken), "householder"
+        root = _reflected(stretches, lagged, causal_order, noncausal_order, taken, constant)
+        if constant:
+            means, root = root[0, 1:] / root[0, 0], np.ascontiguousarray(root[1:, 1:])
+        solver = "householder"
     equations = sum(run.equations for run in run_list)
-    return Triangle(root=root, targets=targets, equations=equations, weight=weight, solver=solver)
+    return Triangle(root=root, targets=targets, equations=equations, weight=weight, solver=solver, means=means)
 
 
 def rounding(equations: int, columns: int) -> float:
@@ -141,7 +164,7 @@ def _trusted(root: FloatArray, targets: int, squares: FloatArray) -> bool:
     """Tell whether a Cholesky factor has kept enough digits, both of the regressor and of what it leaves over.
 
     squares : shape (columns,)
-        Of the equations' columns, summed.
+        Of the equations' columns, summed, before the means were taken away: that costs digits, too.
     """
     size = len(root) - targets
     left = np.sum(root[size:, size:] ** 2, axis=0)
@@ -176,17 +199,27 @@ def _random_direction(size: int, length: int) -> FloatArray:
 
 
 def _reflected(
-    stretches: Sequence[Stretch], lagged: int, causal_order: int, noncausal_order: int, taken: Columns | None
+    stretches: Sequence[Stretch],
+    lagged: int,
+    causal_order: int,
+    noncausal_order: int,
+    taken: Columns | None,
+    constant: bool,
 ) -> FloatArray:
-    """Return R by Householder reflections, a block of equations after the other: memory doesn't grow with them."""
+    """Return R by Householder reflections, a block of equations after the other: memory doesn't grow with them.
+
+    The column of ones, if there is to be one, comes first.
+    """
     lags = causal_order + noncausal_order + 1
-    size = lags * lagged + stretches[0].channels - lagged if taken is None else len(taken)
-    root = np.zeros((size, size), order="F")
-    step = max(size, ROWS)
+    ones = lags * lagged + stretches[0].channels - lagged
+    taken = np.arange(ones) if taken is None else taken
+    taken = np.concatenate([[ones], taken]) if constant else taken
+    root = np.zeros((len(taken), len(taken)), order="F")
+    step = max(len(taken), ROWS)
     for run in runs(stretches, causal_order, noncausal_order):
         for start in range(0, run.equations, step):
             block = rows(run, start, min(start + step, run.equations), lagged, lags, causal_order)
-            root = absorb(root, block if taken is None else block[:, taken])
+            root = absorb(root, block[:, taken])
     return np.ascontiguousarray(root)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.checks import names, number
 from gtmbench.errors import InputError
-from gtmbench.method.problem import Records, Weights, pose_problem
+from gtmbench.method.problem import Constant, Records, Weights, pose_problem
 from gtmbench.method.regression.triangle import without
 from gtmbench.values.record import FloatArray
 
@@ -63,6 +63,7 @@ def count_excitations(
     noncausal_order: int,
     gain: float = 1.5,
     weights: Weights = None,
+    constant: Constant = "estimated",
 ) -> ExcitationCount:
     """Count independent excitations: the m beyond which predicting channels from m others gains little.
 
@@ -87,6 +88,7 @@ def count_excitations(
     gain : float
         Greater than 1.
     weights : array_like, optional
+    constant : str
         As for `identify`.
 
     Raises
@@ -119,14 +121,14 @@ def count_excitations(
     wanted = names("channels", channels)
     number("gain", gain, 1.0, above=True)
     _check_channels(wanted)
-    problem = pose_problem(records, wanted, (), causal_order, noncausal_order, weights=weights)
+    problem = pose_problem(records, wanted, (), causal_order, noncausal_order, weights=weights, constant=constant)
     equations = problem.triangle()
     count, lags = len(wanted), problem.lags
     blocks = equations.root.reshape(len(equations.root), lags, count)
     state = np.hstack([*blocks.transpose(2, 0, 1), blocks[:, problem.causal_order]])
     rows = []
     for chosen, left in _choices(state, lags, (), tuple(range(count)), count, equations.floor):
-        free = equations.weight - len(chosen) * lags
+        free = equations.weight - len(chosen) * lags - problem.with_constant
         rows += [
             {
                 "m": len(chosen),

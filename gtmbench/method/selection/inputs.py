@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import whole
-from gtmbench.method.problem import Problem, Records, Weights, operator_names, pose_problem
+from gtmbench.method.problem import Constant, Problem, Records, Weights, operator_names, pose_problem
 from gtmbench.method.regression.triangle import Triangle, without
 from gtmbench.method.selection.criteria import information
 from gtmbench.values.record import FloatArray
@@ -59,6 +59,7 @@ def select_inputs(
     noncausal_order: int,
     most: int | None = None,
     weights: Weights = None,
+    constant: Constant = "estimated",
 ) -> InputChoice:
     """Choose pseudo inputs greedily: add the candidate that lowers the residual most, up to the least BIC.
 
@@ -79,6 +80,7 @@ def select_inputs(
     most : int, optional
         How many inputs at most (by default all candidates).
     weights : array_like, optional
+    constant : str
         As for `identify`.
 
     Raises
@@ -99,7 +101,7 @@ def select_inputs(
     """
     u, y = operator_names(candidates, outputs)
     steps = len(u) if most is None else min(whole("most", most, 1), len(u))
-    problem = pose_problem(records, u, y, causal_order, noncausal_order, weights=weights)
+    problem = pose_problem(records, u, y, causal_order, noncausal_order, weights=weights, constant=constant)
     return _choice(problem, problem.triangle(), steps)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.least_squares import solve
-from gtmbench.method.problem import Problem, Records, Weights, as_records, operator_names, pose_problem
+from gtmbench.method.problem import Constant, Problem, Records, Weights, as_records, operator_names, pose_problem
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
 from gtmbench.method.selection.criteria import information
@@ -88,10 +88,11 @@ def select_orders(
     noncausal_orders: Iterable[int] | int = ORDERS,
     validation: Records | None = None,
     weights: Weights = None,
+    constant: Constant = "estimated",
 ) -> OrderChoice:
     """Identify every r and d of a grid by least squares and recommend one.
 
-    All members fit the same equations (4.8), those of the largest: k = r_max..l-d_max, means removed as by `identify`.
+    All members fit the same equations (4.8), those of the largest: k = r_max..l-d_max, each with a constant of its own.
     With `validation`, the recommendation is the member of fewest parameters whose held-out residual is within 1 % of
     the least: differences so small depend on the noise draw. Without `validation` it is the least BIC.
 
@@ -110,6 +111,7 @@ def select_orders(
     validation : Record or sequence of Record, optional
         Healthy measurements that nothing was identified on.
     weights : array_like, optional
+    constant : str
         As for `identify`.
 
     Raises
@@ -139,9 +141,9 @@ def select_orders(
     """
     causal, noncausal = _orders("causal_orders", causal_orders), _orders("noncausal_orders", noncausal_orders)
     u, y = operator_names(inputs, outputs)
-    problem = pose_problem(records, u, y, causal[-1], noncausal[-1], weights=weights)
-    held = None if validation is None else _held_out(problem, validation)
+    problem = pose_problem(records, u, y, causal[-1], noncausal[-1], weights=weights, constant=constant)
     equations = problem.triangle()
+    held = None if validation is None else _held_out(problem, validation).about(equations.means)
     return _choice(_table(problem, equations, held, causal, noncausal), held is not None)
 
 

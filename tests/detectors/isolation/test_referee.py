@@ -164,7 +164,8 @@ def test_a_gust_that_comes_with_the_fault_changes_no_verdict(monitor, channel):
     refereed, alone = last(monitor.watch(broken)), last(monitor.watch(without(broken)))
     for name, interval in alone.intervals.items():  # more shapes are multiplied beside accelerometers
         assert refereed.intervals[name] == pytest.approx(interval, rel=1e-9)
-    assert refereed == replace(alone, intervals=refereed.intervals)
+    assert refereed.parameters == pytest.approx(alone.parameters, rel=1e-9)
+    assert refereed == replace(alone, intervals=refereed.intervals, parameters=refereed.parameters)
 
 
 @pytest.mark.parametrize("size", [1, 7, 100])

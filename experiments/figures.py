@@ -1,0 +1,207 @@
+"""Fill the figures of README and docs in from `results.json`: what a page says of a run is written by nobody.
+
+Run ``python experiments/figures.py``, or ``make figures``. A figure stands between ``<!-- figures: NAME -->`` and
+``<!-- end -->``; `FIGURES` has what is written there. What rests on several results needs them all from one version of
+the code: another digest among them is an error.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import statistics
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import click
+
+from dissertation.reproduction import tally
+from gtmbench.errors import InputError
+from gtmbench.study.scores.intervals import exact_interval
+
+HERE = Path(__file__).parent
+MARKED = re.compile(r"(?P<begin><!-- figures: (?P<name>[\w ]+) -->).*?(?P<end><!-- end -->)", re.DOTALL)
+WAYS = {
+    "estimated": "one more unknown of each output, one for all records (the default)",
+    "records": "what the records' means give, over all of their samples",
+    "none": "0, as printed",
+}
+
+
+def results(name: str) -> dict[str, Any]:
+    """Return what a script left when it was run last."""
+    read: dict[str, Any] = json.loads((HERE / "reports" / name / "results.json").read_text(encoding="utf-8"))
+    return read
+
+
+def values(name: str, result: str) -> Any:
+    """Return the values of the row whose name begins so."""
+    (row,) = [row for row in results(name)["rows"] if row["result"].startswith(result)]
+    return row["values"]
+
+
+def of_one_code(names: list[str]) -> list[dict[str, Any]]:
+    """Return the results of several scripts, which the same code must have made, if they say which did."""
+    read = [results(name) for name in names]
+    made = {each["code"]["source"] for each in read if "code" in each}  # those of earlier runs don't say
+    if len(made) > 1:
+        raise InputError(f"results of {len(made)} versions of the code: {', '.join(names)}; run all of them anew")
+    return read
+
+
+def agreement() -> str:
+    """Say how many rows of the dissertation's table agree."""
+    names = [path.parent.name for path in sorted(HERE.glob("reports/*/results.json"))]
+    parts = [name for name in names if "rows" in results(name)]
+    return tally(row["agreement"] for each in of_one_code(parts) for row in each["rows"])
+
+
+def constants() -> str:
+    """Return the table of what a constant does to the operator of section 4.4."""
+    found = values("aircraft_gyros", "(4.9), residual by its constant")
+    lines = [
+        f'| `"{way}"` | {what} | {found["residual"][way]:.4f} deg/s | {found["Fig. 4.2"][way]:.3f} |'
+        for way, what in WAYS.items()
+    ]
+    head = "| `constant` | the constant is | RMS of the one-step residual | Fig. 4.2, error of the prediction over r |"
+    return "\n".join(["", head, "|---|---|---|---|", *lines, ""])
+
+
+def other_excitation() -> str:
+    """Say how large the residual is on the flight that was learnt and on another."""
+    own, other = values("aircraft_gyros", "4.4, residual on its own and another flight")
+    return f"{own:.2f} deg/s on that flight and {other:.1f} deg/s"
+
+
+class MainJob(NamedTuple):
+    """What one detector made of the fifteen faults; delays in words, over all of them."""
+
+    detected: str
+    delay: str
+    isolated: int
+    wrong: int
+    isolation: str
+    false_alarms: str
+
+
+def main_job(detector: str) -> MainJob:
+    """Return the figures of a detector on the main job."""
+    read = results("main_job")
+    trials = [trial for trial in read["trials"] if trial["detector"] == detector]
+    (healthy,) = [each for each in read["healthy"] if each["detector"] == detector]
+    return MainJob(
+        detected=f"{sum(trial['detected'] for trial in trials)} of {len(trials)}",
+        delay=median_of_all([trial["detection_delay_s"] for trial in trials]),
+        isolated=sum(bool(trial["isolated"]) for trial in trials),
+        wrong=sum(bool(trial["named_wrong"]) for trial in trials),
+        isolation=median_of_all([trial["isolation_delay_s"] for trial in trials]),
+        false_alarms=f"{healthy['false_alarms']} in {healthy['hours']:.2f} h",
+    )
+
+
+def median_of_all(delays_s: Sequence[float | None]) -> str:
+    """Return the median over all faults: one that was missed comes never, later than any that was found.
+
+    >>> median_of_all([1.0, None, 3.0]), median_of_all([1.0, None, None])
+    ('3.0 s', 'never')
+    """
+    median = statistics.median_low(math.inf if delay is None else delay for delay in delays_s)
+    return "never" if math.isinf(median) else f"{median:.1f} s"
+
+
+def main_job_table() -> str:
+    """Return README's table of two detectors."""
+    bank, operator = main_job("C"), main_job("dissertation")
+    wrong = f"{bank.wrong} wrong" if bank.wrong else "none wrong"
+    lines = [
+        "| detector | predicts | detected | median detection delay | isolated | median time to isolation "
+        "| false alarms |",
+        "|---|---|---:|---:|---:|---:|---:|",
+        f"| `C`, a bank of three operators | each gyro from the attitude | {bank.detected} | {bank.delay} | "
+        f"{bank.isolated}, {wrong} | {bank.isolation} | {bank.false_alarms} |",
+        f"| `dissertation`, one operator | yaw gyro from the other two and sideslip | {operator.detected} | "
+        f"{operator.delay} | can't | | {operator.false_alarms} |",
+    ]
+    return "\n".join(["", *lines, ""])
+
+
+def main_job_sentence() -> str:
+    """Say the same in a sentence."""
+    bank, operator = main_job("C"), main_job("dissertation")
+    return (
+        f"bank C detects {bank.detected} and isolates the right gyro of {bank.isolated}, after {bank.delay} and "
+        f"{bank.isolation} in the median over all fifteen (a missed one counts as never found); the dissertation's "
+        f"operator detects {operator.detected}, after {operator.delay}, and can't isolate"
+    )
+
+
+def own_noise() -> str:
+    """Say what the dissertation's operator finds with its own noise, over several seeds."""
+    runs = results("main_job")["own noise"]
+    trials = [trial for run in runs for trial in run["trials"]]
+
+    def span(scenario: str, channel: str) -> str:
+        chosen = [each for each in trials if (each["scenario"], each["channel"]) == (scenario, channel)]
+        found = sorted(each["detection_delay_s"] for each in chosen if each["detected"])
+        missed = len(chosen) - len(found)
+        return f"{found[0]:.1f} to {found[-1]:.1f} s" + (f" ({missed} of {len(chosen)} missed)" if missed else "")
+
+    rest = [each["detection_delay_s"] for each in trials if each["scenario"] != "drift" and each["detected"]]
+    hours = sum(run["healthy"][0]["hours"] for run in runs)
+    alarmed = sum(run["healthy"][0]["false_alarms"] > 0 for run in runs)
+    low, high = exact_interval(alarmed, len(runs))
+    return (
+        f"this detects {sum(each['detected'] for each in trials)} of {len(trials)} of the dissertation's faults. The "
+        f"drift of the roll gyro takes {span('drift', 'p')}, of the pitch gyro {span('drift', 'q')}, of the yaw gyro "
+        f"{span('drift', 'r')}; what else is found is found within {max(rest):.0f} s. In "
+        f"{hours:.1f} h of healthy flight there are false alarms on {alarmed} of {len(runs)} flights "
+        f"({100 * low:.0f} to {100 * high:.0f} % at 95 % confidence)"
+    )
+
+
+FIGURES: dict[str, Callable[[], str]] = {
+    "own noise": own_noise,
+    "main job": main_job_table,
+    "main job in words": main_job_sentence,
+    "agreement": agreement,
+    "constants": constants,
+    "other excitation": other_excitation,
+}
+
+
+def filled(page: str) -> str:
+    """Return a page with all of its figures as the results have them."""
+
+    def figure(marked: re.Match[str]) -> str:
+        if marked["name"] not in FIGURES:
+            raise InputError(f"there are no figures '{marked['name']}'; there are {', '.join(FIGURES)}")
+        return f"{marked['begin']}{FIGURES[marked['name']]()}{marked['end']}"
+
+    return MARKED.sub(figure, page)
+
+
+def pages() -> list[Path]:
+    """Return README and the pages of the documentation."""
+    return [HERE.parent / "README.md", *sorted((HERE.parent / "docs").rglob("*.md"))]
+
+
+def main() -> int:
+    """Fill all pages in, and tell which changed."""
+    try:
+        for path in pages():
+            before = path.read_text(encoding="utf-8")
+            after = filled(before)
+            if after != before:
+                path.write_text(after, encoding="utf-8")
+                click.echo(f"{path.name}: figures changed")
+    except (InputError, OSError, KeyError) as error:
+        click.echo(f"figures.py: {error}", err=True)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,32 @@
+"""What README and docs say of a run is what its results hold."""
+
+import pytest
+
+from gtmbench.errors import InputError
+from tests.helpers.scripts import script
+
+FIGURES = script("figures")
+PAGES = {path.name: path for path in FIGURES["pages"]() if "<!-- figures:" in path.read_text(encoding="utf-8")}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_says_what_the_results_do(name):
+    page = PAGES[name].read_text(encoding="utf-8")
+    assert FIGURES["filled"](page) == page, "run make figures"
+
+
+def test_every_figure_stands_somewhere():
+    together = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
+    assert [name for name in FIGURES["FIGURES"] if f"<!-- figures: {name} -->" not in together] == []
+
+
+def test_what_stands_between_marks_is_written_anew():
+    page = "a <!-- figures: other excitation -->12 deg/s<!-- end --> b"
+    written = FIGURES["filled"](page)
+    assert written.startswith("a <!-- figures: other excitation -->0.")
+    assert FIGURES["filled"](written) == written
+
+
+def test_an_unknown_figure_is_refused():
+    with pytest.raises(InputError, match="there are no figures 'speed'; there are "):
+        FIGURES["filled"]("<!-- figures: speed --><!-- end -->")
