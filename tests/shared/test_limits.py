@@ -87,9 +87,10 @@ def test_a_table_of_nothing_but_zeros_takes_no_memory(tmp_path):
     [
         (np.arange(2001) * 5e-324, "time stands still"),
         (np.arange(2001) * 1e-12, "time stands still"),
+        (np.where(np.arange(2001) == 1000, 1e11, 0.0), "time stands still"),
         (np.arange(2001) * 0.01 + np.where(np.arange(2001) < 900, 0.0, 2.0**53 / 1e3), "the clock jumps on by 9.007e"),
     ],
-    ids=["denormal", "tiny", "two to the 53rd"],
+    ids=["denormal", "tiny", "one astray", "two to the 53rd"],
 )
 def test_stamps_that_are_no_time_are_refused(stamps, said, tmp_path):
     np.savez(tmp_path / "log.npz", time_s=stamps, p_deg_s=np.sin(np.arange(2001) * 0.1))
