@@ -34,6 +34,7 @@ from gtmbench.jobs.parts import read_parts
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 from tests.check.test_check import SHORT
+from tests.helpers import small_benchmark
 from tests.helpers.campaigns import TINY
 from tests.helpers.log_makers import flight, telemetry
 from tests.study.campaign.test_campaign_cluster import Cluster
@@ -43,7 +44,10 @@ FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
 import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.reference_run
+from pathlib import Path
 from gtmbench.cli.app import main
+from gtmbench.study.benchmark import definition
+definition.shipped_benchmarks = lambda: {"gtmbench-1": Path("small.toml")}  # of seconds, not hours
 for line in sys.stdin:
     told = json.loads(line)
     process = os.fork()
@@ -97,10 +101,11 @@ COMMANDS = {
     "flown": ["fly", "--duration", "20", "--out", "f.csv", "--noise", "t2", "--force"],
     "words": ["campaign", "done", "--report", "md", "--out", "r.md", "--force"],
     "junit": ["check", "mine.toml", "--junit", "j.xml"],
+    "flights": ["benchmark", "--export", "flights", "--csv", "--jobs", "2"],
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
 # what stays, for the next run to go on, or to be looked at
-KEPT = {"campaign": "out/", "fleet": "fleet/", "live": ("saved.tlog", "live.rrd")}
+KEPT = {"campaign": "out/", "fleet": "fleet/", "flights": "flights/", "live": ("saved.tlog", "live.rrd")}
 FOUND = {
     "diff": 1,
     "monitor": 3,
@@ -147,7 +152,7 @@ class Forks:
 def prepare(given, forks):
     """Make what the commands are given."""
     given.mkdir()
-    for name, text in (("short", SHORT), ("tiny", TINY), ("fault", FAULT)):
+    for name, text in (("short", SHORT), ("tiny", TINY), ("fault", FAULT), ("small", small_benchmark.TINY)):
         (given / f"{name}.toml").write_text(text)
     (given / "logs").mkdir()
     truth = gb.fly(excitation="multisine", duration_s=60.0, seed=1)

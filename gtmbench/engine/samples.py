@@ -9,6 +9,7 @@ import numpy as np
 
 from gtmbench.engine.blocks import BLOCK_S, Blocks, held_for_s, rates_deg_s
 from gtmbench.engine.flight import Flight
+from gtmbench.errors import InputError
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
@@ -16,6 +17,7 @@ FORCES = ("nx", "ny", "nz")
 _LAGS_S = np.linspace(-0.4, 0.4, 17)  # of the attitude's stamps behind the gyros'; a longer lag is a wrong reading
 _BETTER = 0.02  # of the misfit without a lag: less is chance
 _LOUDEST = 0.9  # of squared differences: larger ones tell of jumps, and count as much
+_LONGEST_S = 86_400.0  # a pause costs what a flight does: 28 h of it took 15 GB
 _EDGE_S = 1e-6  # by which rounding puts a stamp beyond an edge
 _GAP, _FEWEST = 2.5, 3  # times the usual step; samples of a block by which it is told whether something shakes
 
@@ -118,6 +120,11 @@ def _edges(sensors: Mapping[str, Samples]) -> FloatArray:
     period_s = float(max([BLOCK_S, *(each.step_s for each in own)]))
     start_s = max(float(each.time_s[0]) for each in own)
     end_s = min(float(each.time_s[-1]) for each in own)
+    if end_s - start_s > _LONGEST_S:
+        raise InputError(
+            f"gyros and attitude span {(end_s - start_s) / 3600.0:.1f} h, pauses among it; at most "
+            f"{_LONGEST_S / 3600.0:g} h are judged at once: cut the log"
+        )
     count = max(int((end_s - start_s) / period_s + 1e-6), 1)
     return np.asarray(start_s + period_s * np.arange(count + 1), dtype=np.float64)
 

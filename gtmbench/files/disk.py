@@ -160,9 +160,9 @@ def atomic_write(target: Path) -> Iterator[Path]:
     Raises
     ------
     InputError
-        Where the folder doesn't exist or can't be written.
+        Where the folder doesn't exist.
     GtmbenchError
-        Where writing fails: the disk is full, a quota is used up, the folder is removed meanwhile.
+        Where writing fails: no permission, the disk is full, a quota is used up, the folder is removed meanwhile.
     """
     meant = resolved(target)
     with folder_beside(meant) as aside, told(target, aside):
@@ -185,10 +185,14 @@ def told(target: Path, aside: Path) -> Iterator[None]:
         raise unwritten(target, error) from error
 
 
-def unwritten(target: Path, error: OSError) -> GtmbenchError:
+class UnwrittenError(GtmbenchError):
+    """An output couldn't be written: no fault of what was read."""
+
+
+def unwritten(target: Path, error: OSError) -> UnwrittenError:
     """Return the error that says which file couldn't be written, and why."""
     why = os.strerror(error.errno) if error.errno else one_line(str(error))
-    return GtmbenchError(
+    return UnwrittenError(
         f"can't write {target}: {why}; make room or choose another place; what stood there before still stands"
     )
 
@@ -228,6 +232,8 @@ def folder_beside(target: Path) -> Iterator[Path]:
     Raises
     ------
     InputError
+        Where there is no such place.
+    GtmbenchError
         Where nothing can be written there.
     """
     parent = target.absolute().parent
@@ -237,7 +243,7 @@ def folder_beside(target: Path) -> Iterator[Path]:
     try:
         own, lock = _own_folder(parent)
     except OSError as error:
-        raise InputError(f"can't write {target}: {error.strerror}; choose another place") from error
+        raise UnwrittenError(f"can't write {target}: {error.strerror}; choose another place") from error
     try:
         yield own / _NEW
     finally:

@@ -22,7 +22,7 @@ from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import Track
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
-from gtmbench.values.ranges import OutOfRange, out_of_range
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import sealed
 
 SENSORS = (GYROS, ATTITUDE, ACCELEROMETERS, ("alpha", "beta"))  # axes measured at once
@@ -83,18 +83,13 @@ def _remark_on(found: OutOfRange) -> Remark:
 def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> OutOfRange | None:
     """Put a channel's samples to those of the same stamps; return which readings are out of range."""
     clock = clocks[choice.series.clock]
-    read, rows, beyond = choice.readings()
-    values, is_outside = read[clock.rows], np.zeros(len(read), dtype=bool)
-    is_outside[rows] = True
-    is_outside = is_outside[clock.rows]
-    own = own_rows(clock.time_s, np.isfinite(values) | is_outside)
+    values, outside, found = choice.at(clock)
+    own = own_rows(clock.time_s, np.isfinite(values) | outside)
     key = choice.series.clock if own is None else own.tobytes()
     at_s = clock.time_s if own is None else clock.time_s[own]
     at_s = at_s - choice.late_s if choice.late_s else at_s
     groups.setdefault((key, choice.late_s), (at_s, {}))[1][choice.channel] = values if own is None else values[own]
-    if not is_outside.any():
-        return None
-    return out_of_range(choice.channel, clock.time_s, is_outside, float(beyond[0]))
+    return found
 
 
 def _as_matrix(columns: dict[str, FloatArray]) -> FloatArray:

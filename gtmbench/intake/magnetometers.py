@@ -100,6 +100,6 @@ def field_rows(axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -
     if breaks_s:  # what follows is dated later than the log says
         return None
     own = cleared[clock]
-    values = np.column_stack([series.values() * sign for series, sign in zip(axes, signs, strict=True)])[own.rows]
-    known = np.isfinite(values).all(axis=1) & np.isfinite(own.time_s) & (np.abs(values).max(axis=1) > 0.0)
-    return own.time_s[known], values[known]
+    values = np.column_stack([series.stored() * sign for series, sign in zip(axes, signs, strict=True)])[own.rows]
+    read = (np.nan_to_num(values) != 0.0).any(axis=1) & np.isfinite(own.time_s)
+    return own.time_s[read], values[read]

@@ -19,10 +19,13 @@ from gtmbench.intake.frames import in_frame
 from gtmbench.intake.gravity import forces_told
 from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
+from gtmbench.intake.stamps import Clock
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, CHANNELS, GYROS, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.pieces import pieces
+from gtmbench.values.ranges import OutOfRange, out_of_range
+from gtmbench.values.record import BoolArray
 
 AS_IT_IS = "as it is"
 NONE = "none"  # for a column: the log counts as without the channel
@@ -81,13 +84,22 @@ class Chosen:
 
     def readings(self) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return the same, the rows that are out of range, and what stands there."""
-        values, turns = self.series.load().astype(np.float64), Turns()
+        values, turns = self.series.stored(), Turns()
         rows, outside = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for piece in pieces(len(values)):
             own, read = self.bring(values[piece], turns)
             rows.append(own + piece.start)
             outside.append(read)
         return values, np.concatenate(rows), np.concatenate(outside)
+
+    def at(self, clock: Clock) -> tuple[FloatArray, BoolArray, OutOfRange | None]:
+        """Return its values at a clock's rows, which of these are out of range, and what there is to say of them."""
+        read, rows, beyond = self.readings()
+        outside = np.zeros(len(read), dtype=bool)
+        outside[rows] = True
+        outside = outside[clock.rows]
+        found = out_of_range(self.channel, clock.time_s, outside, float(beyond[0])) if outside.any() else None
+        return read[clock.rows], outside, found
 
     def bring(self, values: FloatArray, turns: Turns) -> tuple[IntArray, FloatArray]:
         """Bring the next of the column's values to the channel's unit, in place; return which are out of range."""

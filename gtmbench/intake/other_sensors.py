@@ -21,13 +21,14 @@ from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
-from gtmbench.intake.mapping import NONE, choose_of, mapped_column, split_mapping
+from gtmbench.intake.mapping import NONE, Chosen, choose_of, mapped_column, split_mapping
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, limit_of
 from gtmbench.values.pieces import beside
+from gtmbench.values.ranges import OutOfRange, out_of_range
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
@@ -62,6 +63,8 @@ class SensorReadings:
         Whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated.
     lost : tuple of LostFix
         When it lost its fix at once, of a GPS.
+    out_of_range : tuple of OutOfRange
+        What was left out, because no sensor reads it.
     """
 
     name: str
@@ -71,6 +74,7 @@ class SensorReadings:
     values: FloatArray = field(repr=False)
     is_late: bool = False
     lost: tuple[LostFix, ...] = ()
+    out_of_range: tuple[OutOfRange, ...] = field(default=(), repr=False)
 
     def beside(self, record: Record) -> Record:
         """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
@@ -197,8 +201,15 @@ def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
             continue  # an autopilot's own altitude, which isn't a sensor's
         chosen = choose_of(channels, raw, mapped)
         if len(chosen) == len(channels) and len({each.series.clock for each in chosen}) == 1:
-            values = np.column_stack([each.values() for each in chosen])
+            values = np.column_stack([_as_read(each) for each in chosen])
             yield _Columns(channels, tuple(each.series.name for each in chosen), chosen[0].series.clock, values)
+
+
+def _as_read(choice: Chosen) -> FloatArray:
+    """Return a channel in its unit, whatever stands there."""
+    values, rows, beyond = choice.readings()
+    values[rows] = beyond
+    return values
 
 
 def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | None:
@@ -207,7 +218,7 @@ def _documented(channel: str, by_name: Mapping[str, RawSeries]) -> _Columns | No
         (column,), (meaning,) = line.columns, line.meanings
         series, known = by_name.get(column) or by_name.get(column.replace(".", "#0.", 1)), unit(meaning.unit)
         if series is not None and known is not None and meaning.channel == channel:
-            return _Columns((channel,), (series.name,), series.clock, series.values()[:, np.newaxis] * known.factor)
+            return _Columns((channel,), (series.name,), series.clock, series.stored()[:, np.newaxis] * known.factor)
     return None
 
 
@@ -227,7 +238,7 @@ def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str
     for topic in sorted(raw.clocks, key=lambda name: (not name.startswith("vehicle"), name)):
         own = {name: by_name[f"{topic}.{name}"] for name in _GPS_FIELDS if f"{topic}.{name}" in by_name}
         if _PX4_GPS.fullmatch(topic) and set(_PX4_VELOCITY) <= own.keys():
-            read = [own[name].values() for name in _PX4_VELOCITY]
+            read = [own[name].stored() for name in _PX4_VELOCITY]
             fix = own["fix_type"].values() >= _FIX_3D if "fix_type" in own else np.isfinite(read[0])
             return _with_lost(_of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix), own, fix, raw)
         # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
@@ -249,7 +260,7 @@ _GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T", *
 def _of_columns(series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
     if len({each.clock for each in series}) != 1:
         return None
-    values = np.column_stack([each.values() * sign for each, sign in zip(series, signs, strict=True)])
+    values = np.column_stack([each.stored() * sign for each, sign in zip(series, signs, strict=True)])
     return _Columns(GPS_VELOCITY, tuple(each.name for each in series), series[0].clock, values, is_late=True)
 
 
@@ -282,8 +293,8 @@ def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
         return None
     own = cleared[told.clock]
     values = told.values[own.rows]
-    known = np.isfinite(values).all(axis=1) & np.isfinite(own.time_s)
-    return _kept(told, own.time_s[known], values[known])
+    read = ~np.isnan(values).all(axis=1) & np.isfinite(own.time_s)
+    return _kept(told, own.time_s[read], values[read])
 
 
 def _field(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: RawLog) -> SensorReadings | None:
@@ -297,10 +308,16 @@ def _field(name: str, axes: Sequence[RawSeries], signs: Sequence[float], raw: Ra
 
 
 def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadings | None:
-    """Return readings without those that only repeat the one before; None where there are hardly any."""
-    inside = np.all(np.abs(values) <= np.array(list(map(limit_of, told.channels))), axis=1)
-    if not inside.all():
-        time_s, values = time_s[inside], values[inside]
+    """Return whole readings without those that only repeat the one before; None where there are hardly any."""
+    outside = np.abs(values) > np.array(list(map(limit_of, told.channels)))
+    beyond = tuple(
+        out_of_range(name, time_s, rows, float(read[rows][0]))
+        for name, rows, read in zip(told.channels, outside.T, values.T, strict=True)
+        if rows.any()
+    )
+    whole = np.isfinite(values).all(axis=1) & ~outside.any(axis=1)
+    if not whole.all():
+        time_s, values = time_s[whole], values[whole]
     is_read = readings_at(time_s, values)
     if np.count_nonzero(is_read) < _FEWEST:
         return None
@@ -313,6 +330,7 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
         values=values[is_read],
         is_late=told.is_late,
         lost=told.lost,
+        out_of_range=beyond,
     )
 
 

@@ -20,6 +20,7 @@ from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
 from gtmbench.values.channels import header_of
 from gtmbench.values.clock import FloatArray
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span
 
 
@@ -39,6 +40,8 @@ class Samples:
         In the channel's unit.
     span_s : (float, float)
         When the column's clock begins and ends, whether its first and last cells hold a number or not.
+    out_of_range : OutOfRange or None
+        The readings that no sensor reads: they are none of the samples.
     """
 
     chosen: Chosen = field(repr=False)
@@ -46,6 +49,7 @@ class Samples:
     time_s: FloatArray
     values: FloatArray
     span_s: Span
+    out_of_range: OutOfRange | None = None
 
     @property
     def sample_period_s(self) -> float:
@@ -82,9 +86,8 @@ def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[
 
 
 def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples:
-    values = chosen.values()
-    rows = np.arange(len(values))[clock.rows]
-    values = values[rows]
+    values, _, beyond = chosen.at(clock)
+    rows = np.arange(len(values)) if isinstance(clock.rows, slice) else clock.rows
     there = np.flatnonzero(np.isfinite(values))
     if len(there) < 2:
         raise InputError(f"column '{chosen.series.name}' holds {len(there)} numbers; a channel has more")
@@ -95,6 +98,7 @@ def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples
         time_s=time_s - chosen.late_s,
         values=values[there[kept]],
         span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),
+        out_of_range=beyond,
     )
 
 

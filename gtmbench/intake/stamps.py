@@ -111,17 +111,14 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
     period_s = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     cuts = np.flatnonzero((steps < 0) | (steps > FAR_S)) + 1
     if period_s < SHORTEST_STEP_S or len(cuts) > _FEW + _MOST_STEPS_BACK * len(rows):
-        forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
-        raise InputError(
-            f"{_label(name)}time stands still or jumps: {forward} of {len(steps)} steps go forward, {back} back; "
-            + ("sort the rows by time; or " if back else "")
-            + "is this the column that tells the time? --map time=COLUMN:UNIT"
-        )
+        raise _in_no_order(name, steps)
     runs = np.split(rows, cuts)
     for number, run in enumerate(runs):
         following = time_s[runs[number + 1][0]] if number + 1 < len(runs) else math.nan
         _join(stretches, name, run, time_s, following, period_s)
     stretches.rows = [rows[np.argsort(time_s[rows], kind="stable")] for rows in stretches.rows]
+    if not any(np.diff(time_s[own]).any() for own in stretches.rows):  # but for what was left out
+        raise _in_no_order(name, steps)
     for own in stretches.rows:
         steps = np.diff(time_s[own])
         if steps.max(initial=0.0) > FARTHEST_S:
@@ -131,6 +128,15 @@ def _stretches(name: str, time_s: FloatArray) -> _Stretches:
                 "log there, for no flight goes on so much later"
             )
     return stretches
+
+
+def _in_no_order(name: str, steps: FloatArray) -> InputError:
+    forward, back = np.count_nonzero(steps > 0), np.count_nonzero(steps < 0)
+    return InputError(
+        f"{_label(name)}time stands still or jumps: {forward} of {len(steps)} steps go forward, {back} back; "
+        + ("sort the rows by time; or " if back else "")
+        + "is this the column that tells the time? --map time=COLUMN:UNIT"
+    )
 
 
 def _without_strays(name: str, rows: IntArray, time_s: FloatArray, stretches: _Stretches) -> IntArray:

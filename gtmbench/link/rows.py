@@ -35,15 +35,15 @@ class Route:
     period_s: float
 
 
-def measured_period(stamps_s: Sequence[float]) -> float | None:
-    """Return the period of some samples by their stamps, in whatever order they came; None of too few.
+def measured_period(stamps_s: Sequence[float]) -> float:
+    """Return the period of some samples by their stamps, in whatever order they came; infinity of too few.
 
     >>> measured_period([0.0, 0.1, 0.3, 0.2, 0.2, 0.4])
     0.1
     """
     own = np.unique(np.round(stamps_s, 6))
     period_s = typical_period(np.diff(own)) if len(own) > 2 else None
-    return None if period_s is None else float(round(period_s, 6))
+    return math.inf if period_s is None else float(round(period_s, 6))
 
 
 class _Lane:

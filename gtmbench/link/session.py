@@ -345,8 +345,7 @@ class Session:
         newest_s, first_s = self._clock.newest_s or 0.0, strays[0].time_s
         is_on = first_s > newest_s
         self._clock = SenderClock()
-        for message in strays:
-            self._clock.push(message.time_s)
+        strays = [message for message in strays if self._clock.push(message.time_s)]  # of one clock
         text = (
             f"the sender's clock jumps on by {first_s - newest_s:.1f} s; watching begins anew"
             if is_on

@@ -174,8 +174,8 @@ class Watcher:
         span_s = newest_s - first_s
         if span_s < _PROBED_S and len(self._probed) < _MOST:
             return []
-        periods_s = {topic: own_s for topic, at in stamps.items() if (own_s := measured_period(at)) is not None}
-        rates_hz = {topic: 1.0 / own_s for topic, own_s in periods_s.items() if own_s > 0.0}
+        periods_s = {topic: measured_period(at) for topic, at in stamps.items()}
+        rates_hz = {topic: 1.0 / own_s for topic, own_s in periods_s.items() if 0.0 < own_s < math.inf}
         read = self._reader.routes(rates_hz, (*self._needs, *self._wants), 0.45 / self._period_s)
         lacking = [name for name in self._needs if name not in read]
         slow = [topic for topic in dict.fromkeys(read.values()) if is_too_seldom(periods_s[topic], self._period_s)]

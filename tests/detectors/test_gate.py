@@ -115,3 +115,37 @@ def test_a_monitor_of_ones_own_is_watched_through_the_gate():
 
     with pytest.warns(gb.NoteWarning, match="is 1e30"):
         assert gb.watch(Own(), absurd([7])[0]).out_of_range[0].first == 1e30
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """All sensors and commands, at 25 Hz, four times."""
+    truth = gb.fly(excitation="multisine", duration_s=90.0, seed=1)
+
+    def sensed(seed):
+        read = gb.with_gps(gb.measure(truth, noise="t2", seed=seed, commands=True), truth, gb.Gps(), seed=seed)
+        return gb.decimate(gb.with_magnetometer(read, truth, gb.Magnetometer(), seed=seed), 4)
+
+    return [sensed(seed) for seed in range(1, 5)]
+
+
+@pytest.mark.parametrize("name", ["dissertation", "limits", "kalman", "ksfd", "surfaces-no-vanes", "cross-check"])
+def test_monitors_of_every_sort_pass_the_gate(name, flown):
+    *healthy, last = flown
+    monitor, random = gb.find_detector(name).calibrate(healthy), np.random.default_rng(68)
+    channel = str(random.choice([each for each in monitor.channels or last.channels if each in last.channels]))
+    rows = int(random.integers(900, 2000)) + np.arange(20)
+    values, missing = last[channel].copy(), last[channel].copy()
+    values[rows], missing[rows] = 1e30, np.nan
+    broken, without = last.replace(channel, values), last.replace(channel, missing)
+    with pytest.warns(gb.NoteWarning, match=f"20 readings of {channel} are .*: taken as missing"):
+        watched = monitor.watch(broken)
+    same(watched, monitor.watch(without))
+    assert [(each.channel, each.count) for each in watched.out_of_range] == [(channel, 20)]
+    stream, other = monitor.stream(), monitor.stream()
+    with pytest.warns(gb.NoteWarning, match="taken as missing"):
+        stream.push(broken)
+    other.push(without)
+    assert [(alarm.time_s, alarm.sensor) for alarm in stream.alarms] == [
+        (alarm.time_s, alarm.sensor) for alarm in other.alarms
+    ]

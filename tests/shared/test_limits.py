@@ -15,6 +15,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.cli.app import main
 from gtmbench.intake.formats.limits import bytes_of
+from gtmbench.values.channels import header_of
 from tests.helpers import monitors
 
 
@@ -87,14 +88,23 @@ def test_a_table_of_nothing_but_zeros_takes_no_memory(tmp_path):
     [
         (np.arange(2001) * 5e-324, "time stands still"),
         (np.arange(2001) * 1e-12, "time stands still"),
+        (np.where(np.arange(2001) == 1000, 1e11, 0.0), "time stands still"),
         (np.arange(2001) * 0.01 + np.where(np.arange(2001) < 900, 0.0, 2.0**53 / 1e3), "the clock jumps on by 9.007e"),
     ],
-    ids=["denormal", "tiny", "two to the 53rd"],
+    ids=["denormal", "tiny", "one astray", "two to the 53rd"],
 )
 def test_stamps_that_are_no_time_are_refused(stamps, said, tmp_path):
     np.savez(tmp_path / "log.npz", time_s=stamps, p_deg_s=np.sin(np.arange(2001) * 0.1))
     with pytest.raises(gb.InputError, match=said):
         gb.open_log(tmp_path / "log.npz")
+
+
+def test_a_log_with_a_pause_of_days_is_refused_before_it_takes_all_memory(tmp_path):
+    record = monitors.record(4500, seed=5).select(("p", "q", "r", "phi", "theta", "psi"))
+    columns = dict(zip(map(header_of, record.channels), record.values.T, strict=True))
+    np.savez(tmp_path / "log.npz", time_s=record.time_s + np.where(record.time_s < 45.0, 0.0, 1e6), **columns)
+    with pytest.raises(gb.InputError, match=r"gyros and attitude span 277\.8 h, pauses among it; at most 24 h"):
+        gb.watch_log(tmp_path / "log.npz", "auto")
 
 
 def test_a_log_of_any_name_gets_its_page(tmp_path):

@@ -7,9 +7,11 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.files.seals import seal
-from gtmbench.values.channels import CHANNELS, limit_of
+from gtmbench.values.channels import CHANNELS, limit_of, names_of
+from gtmbench.values.ranges import out_of_range
 from gtmbench.verdict.timeline import State
 from tests.helpers import links, monitors
+from tests.helpers.autopilot_logs import ardupilot, imus
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")
 
@@ -48,6 +50,75 @@ def test_a_sensor_whose_readings_are_absurd_is_never_clear_there(channel, rows, 
     assert clear
     assert not any(span.start_s <= bad_s[1] and span.end_s >= bad_s[0] for span in clear)
     assert any(f" of {channel} " in line and "taken as missing" in line for line in watched.timeline.told)
+
+
+def absurd(time_s, outside):
+    """Return when a reading was outside that lies in a second of which more than one in a hundred were, by counting."""
+    at_s = []
+    for row in np.flatnonzero(outside):
+        seconds = [np.abs(time_s - (time_s[row] + half_s)) < 0.4999 for half_s in np.linspace(-0.49, 0.49, 5)]
+        at_s += [time_s[row]] * any(outside[second].sum() > 0.01 * second.sum() for second in seconds)
+    return at_s
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_no_second_with_more_than_one_percent_outside_is_judged(seed):
+    """Whatever the rate, also one that wanders or pauses; whichever readings, and however many."""
+    random = np.random.default_rng(seed)
+    steps = random.choice([1.0, 1.0, 0.2, 3.0], 3000) if seed % 2 else random.choice([1.0, 1.0, 1.0, 300.0], 3000)
+    time_s = np.cumsum(steps) / random.choice([1.0, 5.0, 20.0, 100.0, 400.0])
+    outside = np.zeros(3000, dtype=bool)
+    first, length = random.integers(3000), random.choice([1, 5, 50, 500, 3000])
+    outside[first : first + length] = random.random(len(outside[first : first + length])) < random.choice(
+        [0.02, 0.2, 1]
+    )
+    outside[first] = True
+    found = out_of_range("q", time_s, outside, 1e30)
+    assert found.count == outside.sum()
+    bad_s = absurd(time_s, outside)
+    assert all(any(start_s <= at_s <= end_s for start_s, end_s in found.spans) for at_s in bad_s)
+
+
+@pytest.fixture(scope="module")
+def all_sensors():
+    """Six sensors, accelerometers, vanes, air data, GPS and a magnetometer, at 100 Hz."""
+    truth = gb.fly(excitation="multisine", duration_s=60.0, seed=3)
+    readings = gb.with_gps(gb.measure(truth, noise="t2", seed=3), truth, gb.Gps(), seed=3)
+    return gb.with_magnetometer(readings, truth, gb.Magnetometer(), seed=3)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, all_sensors, tmp_path):
+    """Whenever they begin, at whichever rate, of whichever of its readings."""
+    random = np.random.default_rng([68, seed])
+    record = gb.decimate(all_sensors, int(random.choice([1, 2, 4, 10])))
+    channel = str(random.choice(SIX if seed < 4 else record.channels[len(SIX) :]))
+    values = record[channel].copy()
+    first, length = int(random.integers(len(record))), int(random.choice([1, 10, 100, 1000]))
+    outside = np.zeros(len(record), dtype=bool)
+    outside[first : first + length] = (random.random(len(record)) < random.choice([0.1, 1.0]))[first : first + length]
+    outside[first] = True
+    values[outside] = random.choice([1e30, -1e9, np.inf, 1e308])
+    gb.write_log(record.replace(channel, values), tmp_path / "log.csv")
+    watched = gb.watch_log(tmp_path / "log.csv", "auto")
+    clear = [span for row in names_of(channel) for span in watched.timeline.of(row, State.CLEAR)]
+    assert clear or channel not in SIX
+    assert not [each for each in absurd(record.time_s, outside) if any(span.meets(each, each) for span in clear)]
+    (told,) = [line for line in watched.timeline.told if "taken as missing" in line]
+    assert told.startswith(f"{outside.sum()} reading")
+    assert f" of {channel} " in told
+
+
+def test_absurd_readings_of_a_further_imu_are_told_and_never_in_a_clear_span(tmp_path):
+    first, second = imus(2)
+    values = second["q"].copy()
+    values[800:900:3] = 1e30
+    (tmp_path / "two.bin").write_bytes(ardupilot([first, second.replace("q", values)]))
+    timeline = gb.watch_log(tmp_path / "two.bin", "auto").timeline
+    clear = timeline.of("q of IMU2", State.CLEAR)
+    assert any(span.end_s <= 80.0 for span in clear)
+    assert not any(span.meets(80.0, 90.0) for span in clear)
+    assert timeline.told == ("34 readings of q of IMU2 are beyond 100000, the first 1e30 at 80 s: taken as missing.",)
 
 
 def test_a_sensor_that_reads_nothing_else_is_refused(tmp_path):

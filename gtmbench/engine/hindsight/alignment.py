@@ -117,7 +117,7 @@ def _stands(blocks: Blocks) -> BoolArray:
     It turns by less than a fifth of what it does in its liveliest tenth, for a third of a minute at least.
     """
     turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
-    rows = max(round(_LIVELY_S / blocks.period_s), 1)
+    rows = max(min(round(_LIVELY_S / blocks.period_s), len(turning)), 1)
     mean = np.sqrt(np.convolve(np.square(np.minimum(turning, _MOST_DEG_S)), np.ones(rows) / rows, "same"))
     moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
     stands = np.zeros(len(mean), dtype=bool)

@@ -74,9 +74,13 @@ class RawSeries:
     since_s: float = 0.0
     told: str = ""
 
+    def stored(self) -> FloatArray:
+        """Return the values as float64, as they stand there."""
+        return self.load().astype(np.float64)
+
     def values(self) -> FloatArray:
         """Return the values as float64, NaN where they are beyond all measure: nothing can be calculated with them."""
-        values = self.load().astype(np.float64)
+        values = self.stored()
         for rows in pieces(len(values)):
             measured(values[rows])
         return values

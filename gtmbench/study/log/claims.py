@@ -7,7 +7,7 @@ clears a sensor: what does is the relation of gyros and attitude (`hindsight`), 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Container, Iterable, Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from gtmbench.intake.flight_log import Unread
 from gtmbench.intake.spans import union
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.values.channels import axis_of
+from gtmbench.values.channels import axis_of, names_of
 from gtmbench.values.ranges import REASON as OUT_OF_RANGE
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import BoolArray, Record, Span, runs
@@ -143,9 +143,11 @@ def of_unread(unread: Iterable[Unread], sensors: Sequence[str]) -> Iterator[Clai
             yield sensor, unjudged((each.start_s, each.end_s), each.reason)
 
 
-def of_out_of_range(found: Iterable[OutOfRange]) -> Iterator[Claim]:
-    """Give the spans in which too many of a sensor's readings are beyond its range."""
-    yield from ((each.channel, unjudged(span_s, OUT_OF_RANGE)) for each in found for span_s in each.spans)
+def of_out_of_range(found: Iterable[OutOfRange], rows: Container[str]) -> Iterator[Claim]:
+    """Give the spans in which too many of a sensor's readings are beyond its range, by the rows that there are."""
+    for each in found:
+        for row in names_of(each.channel):
+            yield from ((row, unjudged(span_s, OUT_OF_RANGE)) for span_s in each.spans if row in rows)
 
 
 def of_watches(watches: Iterable[Watch]) -> Iterator[Claim]:

@@ -17,6 +17,7 @@ from gtmbench.intake.read import ReadLog
 from gtmbench.intake.samples import log_samples
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record
 
 _SIX, _VANES = (*GYROS, *ATTITUDE), ("alpha", "beta")
@@ -64,14 +65,21 @@ def _felt(records: Sequence[Record]) -> dict[str, Samples]:
     return _of_records(records, FORCES) if all({*FORCES} <= set(each.channels) for each in records) else {}
 
 
-def others_of_log(read: ReadLog, mapping: Sequence[str], sensors: Sequence[SensorReadings]) -> dict[str, Samples]:
-    """Return what the other sensors of a log read, channel by channel; of several of a kind, the first; and vanes."""
+def others_of_log(
+    read: ReadLog, mapping: Sequence[str], sensors: Sequence[SensorReadings]
+) -> tuple[dict[str, Samples], list[OutOfRange]]:
+    """Return what the other sensors of a log read, channel by channel; of several of a kind, the first; and vanes.
+
+    And what no sensor reads, which isn't among it.
+    """
     found: dict[str, Samples] = {}
+    beyond = [out for each in sensors for out in each.out_of_range]
     for name in _VANES:
         with contextlib.suppress(InputError):
             own = log_samples(read, [name], mapping)[name]
             found[name] = Samples(own.time_s, own.values)
+            beyond += [] if own.out_of_range is None else [own.out_of_range]
     for each in sensors:
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))
-    return found
+    return found, beyond

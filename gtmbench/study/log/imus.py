@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.hindsight.cleared import Failure, hindsight_of
@@ -17,9 +17,9 @@ from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.imus import Imu as LoggedImu
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.samples import log_samples
-from gtmbench.intake.units import unit
 from gtmbench.study.log.claims import began_s
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, State, unjudged
 
@@ -47,26 +47,27 @@ def watched_imu(log: FlightLog) -> LoggedImu | None:
     return found if len(log.imus) >= _FEWEST else None
 
 
-def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> ImuSamples:
-    """Return what the gyros of a log's other IMUs read, by the IMU's name, in deg/s; none of a log that is too long."""
+def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[ImuSamples, list[OutOfRange]]:
+    """Return what the gyros of a log's other IMUs read, by the IMU's name, in deg/s; none of a log that is too long.
+
+    And what no gyro reads, which isn't among it.
+    """
     span_s = log.span_s
     if len(log.imus) < _FEWEST or span_s[1] - span_s[0] > _LONGEST_S:
-        return {}
-    watched, found = watched_imu(log), {}
+        return {}, []
+    watched, found, beyond = watched_imu(log), {}, []
+    rest = [text for text in mapping if text.partition("=")[0].strip() not in GYROS]
     for imu in log.imus[:_MOST]:
-        names = [gyro_of(gyro, imu.name) for gyro in GYROS]
-        maps = [f"{name}={column}:{imu.unit}" for name, column in zip(names, imu.columns, strict=True)]
         if watched is None or imu.name != watched.name:
             with contextlib.suppress(InputError):
-                samples = log_samples(read, names, [*mapping, *maps])
-                own = [samples[name] for name in names]
-                found[imu.name] = [Samples(each.time_s, _factor(imu) * each.values) for each in own]
-    return found
-
-
-def _factor(imu: LoggedImu) -> float:
-    known = unit(imu.unit)
-    return known.factor if known else 1.0
+                samples = log_samples(read, GYROS, [*rest, *imu.mapping])
+                found[imu.name] = [Samples(samples[gyro].time_s, samples[gyro].values) for gyro in GYROS]
+                beyond += [
+                    replace(each, channel=gyro_of(gyro, imu.name))
+                    for gyro in GYROS
+                    if (each := samples[gyro].out_of_range) is not None
+                ]
+    return found, beyond
 
 
 def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:

@@ -19,7 +19,7 @@ from gtmbench.checks import number, one_line, shown, whole
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.arrow_table import Column, Row, table_of
-from gtmbench.files.disk import is_file
+from gtmbench.files.disk import UnwrittenError, is_file
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
@@ -282,6 +282,8 @@ def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row])
                 limits=watching.limits,
             )
         )
+    except UnwrittenError:  # of a page: there is nothing wrong with the log
+        raise
     except GtmbenchError as error:
         return _failed(str(error))
     except MemoryError:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.basis import basis_of
@@ -106,6 +107,8 @@ class Opened:
         Gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion.
     judged : Judged or None
         What the engine says of that flight, before anything is learnt; None where nothing has to be.
+    beyond : tuple of OutOfRange
+        The readings of the log that no sensor reads, but for those of the channels that it was opened with.
     """
 
     asked: Asked
@@ -124,6 +127,7 @@ class Opened:
     readings: Mapping[str, Samples] = field(default_factory=dict, repr=False)
     flight: Flight | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
+    beyond: tuple[OutOfRange, ...] = field(default=(), repr=False)
 
     @property
     def is_driven(self) -> bool:
@@ -138,8 +142,11 @@ class Opened:
     @property
     def out_of_range(self) -> tuple[OutOfRange, ...]:
         """The readings of the log that no sensor reads, a channel each."""
-        logs = filter(None, (self.own.log, self.own.motion))
-        return tuple({each.channel: each for log in logs for each in log.out_of_range}.values())
+        logs = [log.out_of_range for log in (self.own.motion, self.own.log) if log is not None]
+        found: dict[str, OutOfRange] = {}
+        for each in chain(*logs, self.beyond):
+            found.setdefault(each.channel, each)
+        return tuple(found.values())
 
 
 def opened(asked: Asked) -> Opened:
@@ -172,9 +179,9 @@ def opened(asked: Asked) -> Opened:
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
     sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
-    imus = imu_samples(read, log, asked.mapping) if own.motion is not None else {}
+    imus, of_imus = imu_samples(read, log, asked.mapping) if own.motion is not None else ({}, [])
     watched = watched_imu(log)
-    readings = others_of_log(read, asked.mapping, sensors) if sensors else {}
+    readings, of_others = others_of_log(read, asked.mapping, sensors) if sensors else ({}, [])
     flight = None
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
@@ -196,6 +203,7 @@ def opened(asked: Asked) -> Opened:
         there=_there(read, asked, log),
         flight=flight,
         judged=None if flight is None or is_ready(watcher) else judged(flight),
+        beyond=(*of_others, *of_imus),
     )
 
 

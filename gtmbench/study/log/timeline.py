@@ -126,9 +126,9 @@ def timeline_of(evidence: Evidence) -> Timeline:
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)
-    for sensor, span in of_out_of_range(evidence.out_of_range):
-        by_sensor.get(sensor, []).append(span)
-    told += dict.fromkeys(f"{each.text}." for each in evidence.out_of_range if each.channel in by_sensor)
+    for sensor, span in of_out_of_range(evidence.out_of_range, by_sensor):
+        by_sensor[sensor].insert(0, span)  # the reason that is told
+    told += [f"{each.text}." for each in evidence.out_of_range]
     moving = evidence.moving
     motion = motion_spans(lively_seconds(moving).tolist(), span_s, unread) if moving else (span_s,)
     return laid_out(span_s, by_sensor, motion_s=motion, told=told)

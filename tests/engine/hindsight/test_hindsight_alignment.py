@@ -47,6 +47,13 @@ def level_of(level_of_one, record, axis):
     return level_of_one(alignment_of(blocks), axis, everywhere(blocks))
 
 
+@pytest.mark.parametrize("seconds", [0.3, 1.6, 2.4])
+def test_a_moment_says_nothing_of_the_constants(seconds):
+    blocks = blocks_of([motion(seed=1).between(0.0, seconds)])
+    assert len(blocks) < 13
+    assert np.isnan(alignment_of(blocks).offsets).all() == (len(blocks) < 8)
+
+
 # its constants ------------------------------------------------------------------------------------------------------
 
 

@@ -1,5 +1,6 @@
 """`gtmbench monitor DIR`: a row a log, whatever becomes of it, worst first; gone on with; gyros over the flights."""
 
+import errno
 import json
 import os
 import shutil
@@ -13,6 +14,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli.app import main
+from gtmbench.files.disk import unwritten
 from gtmbench.jobs.parts import parts_in
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
@@ -214,6 +216,18 @@ def test_a_log_that_kills_its_process_does_not_stop_the_others(tmp_path):
     assert "killed" in rows[1]["error"]
     assert rows[2]["error"] == "RecursionError: deep in it"
     assert told == [("logs", done, 4) for done in range(5)]
+
+
+def no_page(_):
+    raise unwritten(Path("page.html"), OSError(errno.ENOSPC, "full"))
+
+
+def test_a_full_disk_is_no_logs_fault_and_ends_the_fleet(tmp_path):
+    logs, out = small_logs(tmp_path, ["log.csv"]), tmp_path / "out"
+    with pytest.raises(gb.GtmbenchError, match=r"can't write page.html: No space left on device"):
+        conduct(logs, SMALL, out, row=no_page, columns=COLUMNS)
+    parts = conduct(logs, SMALL, out, row=fleet_row, columns=COLUMNS, resume=True)
+    assert [row["outcome"] for row in parts.read().to_pylist()] == ["healthy"]
 
 
 def test_what_is_wrong_with_every_log_is_said_before_any_is_watched(tmp_path, cli):
