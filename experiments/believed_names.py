@@ -478,6 +478,8 @@ def draw_reliability(rows: pd.DataFrame, path: Path) -> None:
         place = np.digitize(known[stated].to_numpy(dtype=float), BINS[1:-1])
         for at in np.unique(place):
             own = known[place == at]
+            if len(own) < LEAST_OF_A_KIND:
+                continue
             low, high = exact_interval(int(own[right].sum()), len(own))
             x, y = own[stated].mean(), own[right].mean()
             color = "C0" if label == "sensor" else "C1"
@@ -485,7 +487,7 @@ def draw_reliability(rows: pd.DataFrame, path: Path) -> None:
     handles, labels = axis.get_legend_handles_labels()
     unique = dict(zip(labels, handles, strict=True))
     axis.legend(unique.values(), unique.keys(), frameon=False, loc="upper left")
-    axis.set(xlabel="stated probability", ylabel="share that came true", xlim=(0.3, 1.01), ylim=(0.3, 1.01))
+    axis.set(xlabel="stated probability", ylabel="share that came true", xlim=(0.2, 1.01), ylim=(0.2, 1.01))
     figure.savefig(path, dpi=110, metadata={"Software": None})
     plt.close(figure)
 
