@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.values.record import Span
 
 MISSING = "missing"  # the test of an alarm that tells of a channel's samples, not of a score
 OUTSIDE = "outside"  # of one that tells of a score where motion is beyond what the monitor knows
@@ -66,7 +65,7 @@ class Judgement:
     candidates: tuple[str, ...]
     kind: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
-    intervals: dict[str, Span] = field(default_factory=dict)
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     probability: float | None = None
     kind_probability: float | None = None
     partner: str | None = None
@@ -158,7 +157,7 @@ class Alarm:
     judgements: tuple[Judgement, ...] = field(default=(), repr=False)
     fault: int = -1
     ended_s: float | None = None
-    ended_between_s: Span | None = None
+    ended_between_s: tuple[float, float] | None = None
     end_known_s: float | None = None
     looks_again_s: float | None = None
 

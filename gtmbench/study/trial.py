@@ -44,7 +44,7 @@ class Baseline:
     >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> shared = trial.baseline
     >>> shared.detector, shared.monitor.operator.name, shared.false_alarms, round(3600 * shared.healthy_hours)
-    ('dissertation', '[p q beta] -> r', 0, 2311)
+    ('dissertation', '[p q beta] -> r', 0, 2257)
     """
 
     detector: str
@@ -127,7 +127,7 @@ class Trial(Injection, Verdict):
     >>> import gtmbench as gb
     >>> trial = gb.run("jam", faults=[gb.Jam(channel="p", onset_s=300.0)])[0]
     >>> trial.channel, trial.detected, round(trial.detection_delay_s, 1), trial.watch.scores["E(k)"].unit
-    ('p', True, 6.1, 'deg/s')
+    ('p', True, 3.5, 'deg/s')
     """
 
     detector: str

@@ -17,6 +17,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.files import disk
+from gtmbench.files.disk import UnwrittenError
 from gtmbench.jobs.parts import Shard, hold, parts_in, read_parts
 from gtmbench.study.campaign.rows import table_of
 
@@ -220,7 +221,7 @@ def test_a_folder_that_isnt_ones_own_to_write_is_refused(tmp_path, monkeypatch):
 
     (tmp_path / "a").mkdir()
     monkeypatch.setattr("tempfile.mkdtemp", refused)
-    with pytest.raises(gb.InputError, match=r"can't write .*: Read-only file system"), begun(tmp_path / "a"):
+    with pytest.raises(UnwrittenError, match=r"can't write .*: Read-only file system"), begun(tmp_path / "a"):
         pass
 
 

@@ -32,6 +32,7 @@ SHOWN = ("jam", "stuck", "hardover", "stale", "quantisation")  # kinds that a se
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis
+_TURNS = 4.0  # of a tone, until it is one
 _IN_TUNE = 1.05  # times the frequency of another tone
 _FITTING = 0.5  # of what a residual has beyond chance, that a fault explains
 _LEAST_SHARE = 0.02  # of what a fault explains of its axis, that is another's on the next
@@ -274,7 +275,7 @@ def _alone(case: Case, output: str, healthy: Sequence[str]) -> Case:
 
 def _merged(case: Case, parts: Mapping[str, Judgement]) -> Judgement:
     """Return what is said of all parts in one: several sensors failed at once, or one of these did."""
-    definite = [judged for output, judged in parts.items() if output == case.source or _is_definite(judged)]
+    definite = [judged for output, judged in parts.items() if output == case.source or _is_definite(case, judged)]
     telling = definite or list(parts.values())[:1]
     if len(telling) == 1:
         return telling[0]
@@ -315,6 +316,12 @@ def _of_gyros(parts: Sequence[Judgement]) -> list[Judgement]:
     ]
 
 
-def _is_definite(judged: Judgement) -> bool:
-    """Tell whether a residual beside the one that alarmed is a fault's, and not a model's error."""
+def _is_definite(case: Case, judged: Judgement) -> bool:
+    """Tell whether a residual beside the one that alarmed is a fault's, and not a model's error.
+
+    A tone that has hardly turned is what anything slow looks like.
+    """
+    judged_s = (case.judged.stop - case.judged.start) * case.period_s
+    if judged.kind == "oscillation" and judged.parameters["frequency_hz"] * judged_s < _TURNS:
+        return False
     return bool(judged.candidates) and judged.kind not in (None, UNKNOWN, "random_walk")

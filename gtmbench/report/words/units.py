@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-from gtmbench.values.record import Span
-
 _SURE = 0.995  # above, whole percents say 100, which nothing is
 _LOPSIDED = 0.2  # of an interval's half width: a value so near to its middle is in the middle
 
@@ -37,7 +35,7 @@ def with_unit(what: str, unit: str) -> str:
     return f"{what} ({unit})" if unit else what
 
 
-def with_interval(value: float, interval: Span | None) -> str:
+def with_interval(value: float, interval: tuple[float, float] | None) -> str:
     """Write a value with the interval that holds it, to the first digit of its width; without one, to three digits.
 
     An interval about the value is written as ±, one that is lopsided by its ends, a bound as that.
