@@ -305,7 +305,7 @@ def _loudest(suspect: Suspect) -> FloatArray:
     able = [output for output in able if output in axis_of(suspect.channel)] or able
     output = max(able, key=lambda output: case.energies[output])
     early = max((path.ahead for path in suspect.paths if path.output == output), default=0) // 2
-    rows = _rows(suspect)
+    early, rows = min(early, case.start), _rows(suspect)
     return case.white[output][case.start - early : case.start + rows.stop - early]
 
 

@@ -59,6 +59,20 @@ def test_an_onset_comes_of_nothing_later_than_its_judgement(kind):
     assert cut.judgements[-1] == first
 
 
+@pytest.mark.parametrize("onset_s", [8.0, 12.0])
+@pytest.mark.parametrize("kind", ALL)
+def test_an_onset_soon_after_watching_began_is_told_or_left_open(kind, onset_s):
+    for channel in ("q", "phi"):
+        if kind in (gb.Drift, gb.RateSaturation) and channel == "phi":
+            continue
+        fault = gb.Jam(channel=channel, onset_s=onset_s) if kind is gb.Jam else None
+        fault = fault or drawn({}, kind, channel=channel, onset_s=onset_s)
+        watch = monitors.monitor("C").watch(gb.inject(monitors.record(**RECORD), fault).between(0.0, 40.0))
+        for judged in (each for alarm in watch.faults for each in alarm.judgements):
+            low_s, high_s = judged.intervals.get("onset_s", (0.0, 40.0))
+            assert low_s <= high_s
+
+
 @pytest.mark.parametrize("kind", [gb.Bias, gb.ScaleFactor, gb.Saturation])
 def test_the_interval_of_the_end_holds_it(kind):
     fault = drawn({"duration_s": 8.37}, kind, channel="p", onset_s=60.0)
