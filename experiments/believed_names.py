@@ -33,6 +33,7 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation import probability
 from gtmbench.detectors.isolation.case import Case
+from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.monitor import review
 from gtmbench.detectors.protocol import Watch
 from gtmbench.jobs.processes import spread
@@ -248,7 +249,7 @@ def fitted(rows: pd.DataFrame) -> str:
     is_known = ~judged["family"].isin([STRANGE, SEVERAL])  # faults of which one kind is right
     kinds = judged[is_known & judged["kind probability"].notna() & judged["right"].astype(bool)]
     together = judged["together"].astype(bool)
-    held_ = kinds["said"].isin(probability.HELD)
+    held_ = kinds["said"].isin(CONSTANT)
     parts = {
         "NAMED": (judged[judged["named"].astype(bool) & ~together], "right", "margin"),
         "SUSPECTED": (judged[~judged["named"].astype(bool)], "right", "margin"),

@@ -15,9 +15,11 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE
 from gtmbench.detectors.isolation.driving import suspect_through
 from gtmbench.detectors.isolation.fits import FittedHypothesis
+from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import rows_between
 from gtmbench.detectors.isolation.readings import is_straighter
+from gtmbench.detectors.isolation.standing import meeting, passing
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
@@ -28,7 +30,6 @@ from gtmbench.values.record import FloatArray, IntArray, Span
 
 _END = 20.0  # nats
 _SHOWN, _LATER = 40.0, 12  # nats, with which a fault would have shown; ends that are tried until then
-_EXACT = 1e-6  # of a limit
 _STEP = 2  # rows between ends that are tried
 _KAPPA = 4.0  # for the model's error, as of onsets
 # kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
@@ -109,12 +110,12 @@ def _at_limit(case: Case, best: FittedHypothesis) -> End | None:
     if best.kind != Saturation.kind:
         return None
     sizes, limit = np.abs(case.record[best.channel][case.start :]), best.parameters["limit"]
-    met = np.flatnonzero(np.abs(sizes - limit) <= _EXACT * limit)
-    last = int(met[-1]) if len(met) else 0
-    passed = last + np.flatnonzero(sizes[last:] > limit * (1.0 + _EXACT))
-    if not last or not len(passed):
+    held = meeting(sizes, limit)
+    last = int(held[-1]) if len(held) else 0
+    beyond = last + passing(sizes[last:], limit)
+    if not last or not len(beyond):
         return None
-    low_s, high_s = (round(float(case.record.time_s[case.start + at]), 9) for at in (last, int(passed[0])))
+    low_s, high_s = (round(float(case.record.time_s[case.start + at]), 9) for at in (last, int(beyond[0])))
     return End(round(0.5 * (low_s + high_s), 9), (low_s, high_s))
 
 
@@ -157,7 +158,7 @@ def fault_of(fit: FittedHypothesis) -> Fault | None:
     """Return the fault that a fit tells of, where that reads something definite."""
     parameters = dict(fit.parameters)
     onset_s = parameters.pop("onset_s", -1e9)
-    if fit.kind in ("jam", "hardover", "stuck"):
+    if fit.kind in CONSTANT:
         return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
     cls = FAULTS.get(fit.kind)
     if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):

@@ -23,7 +23,9 @@ from gtmbench.values.record import FloatArray
 UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
 _ABSORBING = (UNKNOWN, "random_walk", "noise")
-_HELD = ("jam", "stuck", "hardover", "stale")
+CONSTANT = ("jam", "stuck", "hardover")  # kinds that read one value
+SHOWN = (*CONSTANT, "stale", "quantisation")  # kinds that a sensor's own readings show
+_HELD = (*CONSTANT, "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
 _LEAST_GAIN = 0.01  # of a sensor's own noise

@@ -7,9 +7,8 @@ import math
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import Fit
-from gtmbench.values.record import FloatArray
+from gtmbench.values.record import FloatArray, Span
 
-Interval = tuple[float, float]
 TAIL = 0.025  # of the probability, on either side of an interval
 QUANTILE = 1.96  # deviations on either side: 95 % of a normal distribution
 MODEL_ERROR = 1.3  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
@@ -18,7 +17,7 @@ _PLAY_ERROR = 1.5  # more for a play, of which each side has to be found
 _SLOPE_ERROR = 1.7  # more for a drift: noise that is slow looks like one
 
 
-def intervals_of(fit: Fit) -> dict[str, Interval]:
+def intervals_of(fit: Fit) -> dict[str, Span]:
     """Return the interval of each parameter of a fit that the rows tell; a search that ended at a bound has one side.
 
     An error of +inf says that the parameter is at least its value, one of -inf that it is at most that.
@@ -44,7 +43,7 @@ def rows_between(deviances: FloatArray, kappa: float) -> tuple[int, int, int]:
     return low, row, high
 
 
-def interval(value: float, error: float) -> Interval:
+def interval(value: float, error: float) -> Span:
     """Return the interval about a value, by its standard error by residuals of unit noise.
 
     >>> interval(2.0, 0.0), interval(2.0, math.inf), interval(2.0, -math.inf)

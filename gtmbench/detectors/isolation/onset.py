@@ -20,10 +20,12 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case, own
+from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import TAIL, rows_between
 from gtmbench.detectors.isolation.noise import spikes_in
 from gtmbench.detectors.isolation.readings import ALIKE
+from gtmbench.detectors.isolation.standing import meeting, passing, repeats, whole
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.kinds import FAULTS
@@ -39,7 +41,6 @@ _KAPPA, _KAPPA_WALK = 8.0, 2.0  # of a walk the likelihood is exact, but for its
 _KAPPA_LATE = 32.0  # a late reading is off by a small difference, so that the model's error weighs more
 _FLOOR = 9.2  # of D / kappa over its least: a hundredth of the likelihood, and less isn't looked at closer
 _TRIED = 24  # onsets at a time
-_HELD = ("jam", "stuck", "hardover")
 _SHAPED = (
     "bias",
     "scale_factor",
@@ -54,8 +55,7 @@ _LOUDER = 1.2  # times the variance, at least, of noise that is greater
 _OF_SPIKE = 0.5  # of a spike's size, that another one has at least
 _PLAY_S = 1.0  # within which a sensor with play repeats itself again
 _BLOCK_S = 0.25  # means of a residual that walks
-_WHOLE = 1e-3  # of a quantum
-_SAME, _EXACT = 1e-9, 1e-6  # of a value that is held; of a limit
+_SAME = 1e-9  # of a value that is held
 
 
 Added = Callable[[int], FloatArray]  # what a fault adds to the readings, by the row with which it begins
@@ -146,13 +146,12 @@ def _between(suspect: Suspect, low: int, row: int, high: int) -> Onset:
 def _shown_by_readings(suspect: Suspect, judged: Judgement) -> tuple[int, int, int] | None:
     """Return the onset's row, with the least and the most that it may be, where the readings show it."""
     readings, sure, parameters = suspect.measured, suspect.sure, judged.parameters
-    if judged.kind in _HELD:
+    if judged.kind in CONSTANT:
         value = parameters["value"]
         row = _first_of_run(np.abs(readings - value) <= _SAME * max(abs(value), 1.0), sure)
         return None if row is None else (row, row + (judged.kind == "jam"), row + 1)  # a jam's value was read before
     if judged.kind == "quantisation":
-        counts = readings / parameters["quantum"]
-        row = _first_of_run(np.abs(counts - np.rint(counts)) <= _WHOLE, sure)
+        row = _first_of_run(whole(readings, parameters["quantum"]), sure)
         return None if row is None else (row, row, row)
     if judged.kind == "stale":
         row = _first_repeated(suspect, parameters["hold_s"])
@@ -171,7 +170,7 @@ def _shown_by_readings(suspect: Suspect, judged: Judgement) -> tuple[int, int, i
 
 def _first_repeated(suspect: Suspect, within_s: float) -> int | None:
     """Return the first reading that repeats the one before, of those that follow each other within a time."""
-    repeated = np.concatenate([[False], np.diff(suspect.measured) == 0.0])
+    repeated = np.concatenate([[False], repeats([suspect.measured])])
     wide = np.ones(2 * round(within_s / suspect.case.period_s) + 1)
     row = _first_of_run(np.convolve(repeated, wide, mode="same") > 0.5, suspect.sure)
     return None if row is None else row + int(np.argmax(repeated[row:]))
@@ -179,10 +178,10 @@ def _first_repeated(suspect: Suspect, within_s: float) -> int | None:
 
 def _at_limit(sizes: FloatArray, limit: float, sure: int) -> tuple[int, int, int] | None:
     """Return between which rows a limit came into force: after it was passed last, until it was first met exactly."""
-    passed = np.flatnonzero(sizes[:sure] > limit * (1.0 + _EXACT))
-    low = int(passed[-1]) + 1 if len(passed) else 0
-    met = np.flatnonzero(np.abs(sizes[low:] - limit) <= _EXACT * limit)
-    high = low + int(met[0]) if len(met) else 0
+    beyond = passing(sizes[:sure], limit)
+    low = int(beyond[-1]) + 1 if len(beyond) else 0
+    held = meeting(sizes[low:], limit)
+    high = low + int(held[0]) if len(held) else 0
     return (low, (low + high) // 2, high) if low and high else None
 
 

@@ -21,13 +21,11 @@ from gtmbench.detectors.alarm import MOST_PROBABLE, Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import EARLY
 from gtmbench.detectors.isolation.fits import HOPELESS, FittedHypothesis
-from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.isolation.fitter import CONSTANT, SHOWN, UNKNOWN
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray
 
 NAMES = 0.99  # the least probability with which a sensor is named
-HELD = ("jam", "stuck", "hardover")  # kinds that others look like until these have moved
-_SHOWN = ("quantisation", "stale")
 _SOON_S = 0.1
 _FAR = 1e4  # of BIC: further apart says no more
 
@@ -82,7 +80,7 @@ class Evidence(NamedTuple):
         return cls(
             judged_s=(case.judged.stop - case.judged.start) * case.period_s,
             margin=_margin(ranking, judged),
-            kind_margin=kind_margin(ranking, judged),
+            kind_margin=math.inf if _is_shown(judged) else kind_margin(ranking, judged),
             together=bool(judged.together),
         )
 
@@ -103,7 +101,7 @@ def with_probability(case: Case, ranking: Sequence[FittedHypothesis], judged: Ju
         judged = replace(judged, sensor=None, partner=None, candidates=_near(ranking, judged), reason=EARLY)
         evidence = Evidence.of(case, ranking, judged)
     odds = TOGETHER if judged.together else NAMED if judged.sensor is not None else SUSPECTED
-    of_kind = KIND_HELD if judged.kind in HELD else KIND
+    of_kind = KIND_HELD if judged.kind in CONSTANT else KIND  # others look constant until they have moved
     is_known = judged.kind is not None and judged.kind != UNKNOWN
     return replace(
         judged,
@@ -129,16 +127,16 @@ def _margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
     return max(outside - inside, 0.0) if inside < math.inf else 0.0
 
 
-def kind_margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
-    """Return by how much BIC the next kind of the likeliest sensor is worse than the one that is told.
+def _is_shown(judged: Judgement) -> bool:
+    """Tell whether readings show a kind as no other kind's do; a constant may be others' that have yet to move."""
+    return judged.kind in SHOWN and judged.kind not in CONSTANT
 
-    It is infinite where no other kind is left, and where the readings themselves show it as no other kind's do.
-    """
+
+def kind_margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
+    """Return by how much BIC the next kind of the likeliest sensor is worse than the one told; inf without another."""
     likeliest = judged.sensor or next(iter(judged.candidates), None)
     own = [fit for fit in ranking if fit.channel == likeliest and fit.kind != UNKNOWN]
     told = _least(fit.bic for fit in own if fit.kind == judged.kind)
-    if judged.kind in _SHOWN:
-        return math.inf
     return _least(fit.bic for fit in own if fit.kind != judged.kind) - told if told < math.inf else 0.0
 
 

@@ -19,7 +19,7 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
 from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
-from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.detectors.isolation.fitter import SHOWN, UNKNOWN
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.isolation.standing import rounded, standing_beside, standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
@@ -28,7 +28,6 @@ from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray
 
 SEVERAL = "several sensors are hit at once"
-SHOWN = ("jam", "stuck", "hardover", "stale", "quantisation")  # kinds that a sensor's own readings show
 _HEALED = 0.2  # of what is wrong, may be left where one sensor explains all
 _NEARLY = 0.75  # of what the gyros of other axes explain, where an angle may be what is wrong
 _PARTLY = 0.5  # of the same, where the angle is named by its own axis

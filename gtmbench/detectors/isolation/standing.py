@@ -14,13 +14,13 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.faults.replacing import Jam, Stale
 from gtmbench.faults.shaping import Quantisation
 from gtmbench.values.channels import GYROS
-from gtmbench.values.record import BoolArray, FloatArray, runs
+from gtmbench.values.record import BoolArray, FloatArray, IntArray, runs
 
 _OFTEN, _OFTENER = 10.0, 4.0  # rows that repeat in several channels at once, beyond so many times as before
 _TOGETHER = 0.8  # of the rows that any channel repeats, that all do
 _PLAIN = 60.0  # of -2 log likelihood: what plainly stands still
 _SEVERAL = 3  # sensors: one alone is judged by what it does
-_WHOLE = 1e-3  # of a quantum
+_WHOLE, _EXACT = 1e-3, 1e-6  # of a quantum; of a limit
 
 
 def standing_still(case: Case) -> list[Judgement]:
@@ -37,11 +37,11 @@ def standing_still(case: Case) -> list[Judgement]:
         if len(group) < len(GYROS) or (is_counted and not (others and all(map(case.moves, others)))):
             continue
         readings = [case.record[name][since] for name in group]
-        repeated = _repeats(readings)
-        before = _repeats([case.habits[name].before for name in group])
+        repeated = repeats(readings)
+        before = repeats([case.habits[name].before for name in group])
         if repeated.sum() < _OFTEN + _OFTENER * before.mean() * len(repeated):
             continue
-        if all(repeated.sum() >= _TOGETHER * _repeats([values]).sum() for values in readings):
+        if all(repeated.sum() >= _TOGETHER * repeats([values]).sum() for values in readings):
             return [_stands(case, name, repeated) for name in group]
     return []
 
@@ -54,7 +54,7 @@ def standing_beside(case: Case, told: Judgement) -> list[Judgement]:
     since = slice(case.sure, case.judged.stop)
     found = []
     for name, surprise in case.surprises.items():
-        repeated = _repeats([case.record[name][since]])
+        repeated = repeats([case.record[name][since]])
         if name not in told.failed and surprise > _PLAIN and repeated[-int(_OFTEN) :].all():
             found.append(_stands(case, name, repeated))
     return found if told.failed or len(found) > 1 else []
@@ -83,8 +83,23 @@ def quantum_of(readings: FloatArray) -> float | None:
     if not 1 < len(values) <= max(len(readings) // 4, 3):
         return None
     quantum = float(np.min(np.diff(values)))
-    is_whole = quantum > 0.0 and np.abs(values / quantum - np.rint(values / quantum)).max() <= _WHOLE
-    return quantum if is_whole else None
+    return quantum if quantum > 0.0 and whole(values, quantum).all() else None
+
+
+def whole(readings: FloatArray, quantum: float) -> BoolArray:
+    """Tell which readings are whole multiples of a quantum."""
+    counts = readings / quantum
+    return np.asarray(np.abs(counts - np.rint(counts)) <= _WHOLE)
+
+
+def meeting(sizes: FloatArray, limit: float) -> IntArray:
+    """Return where sizes are a limit exactly."""
+    return np.flatnonzero(np.abs(sizes - limit) <= _EXACT * limit)
+
+
+def passing(sizes: FloatArray, limit: float) -> IntArray:
+    """Return where sizes are beyond a limit."""
+    return np.flatnonzero(sizes > limit * (1.0 + _EXACT))
 
 
 def _stands(case: Case, channel: str, repeated: BoolArray) -> Judgement:
@@ -102,7 +117,7 @@ def _said(case: Case, channel: str, kind: str, parameters: dict[str, float]) -> 
     return Judgement(time_s=case.end_s, sensor=channel, candidates=(channel,), kind=kind, parameters=parameters)
 
 
-def _repeats(readings: Sequence[FloatArray]) -> BoolArray:
+def repeats(readings: Sequence[FloatArray]) -> BoolArray:
     """Tell which rows are the same as the one before, in every channel."""
     rows = min(len(values) for values in readings)
     return np.asarray(np.all([np.diff(values[-rows:]) == 0.0 for values in readings], axis=0))

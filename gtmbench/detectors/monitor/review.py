@@ -20,9 +20,10 @@ from gtmbench.detectors.isolation.diagnosis import (
 )
 from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
+from gtmbench.detectors.isolation.fitter import SHOWN
 from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.probability import kind_margin, with_probability
-from gtmbench.detectors.isolation.several import SEVERAL, SHOWN, judge_all
+from gtmbench.detectors.isolation.several import SEVERAL, judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted

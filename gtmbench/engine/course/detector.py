@@ -209,8 +209,8 @@ class CrossCheckStream:
         before = len(self._alarms)
         every, past, least = (round(each_s / clock.sample_period_s) for each_s in (_LOOK_S, _PAST_S, _LEAST_S))
         first = clock.count - len(record)  # which sample of the stream the buffer begins with
-        for count in range(clock.count - len(chunk) + 1, clock.count + 1):
-            if count % every == 0 and count >= least:
+        for count in range((clock.count - len(chunk)) // every * every + every, clock.count + 1, every):
+            if count >= least:
                 self._look(record.part(range(max(count - first - past, 0), count - first)))
         self._buffer.keep(clock, record)
         return self._alarms[before:]
