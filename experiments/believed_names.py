@@ -33,9 +33,10 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.isolation import probability
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.monitor import review
 from gtmbench.detectors.protocol import Watch
+from gtmbench.faults.registry import how_of
+from gtmbench.faults.shape import CONSTANT
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import Truth
@@ -249,7 +250,7 @@ def fitted(rows: pd.DataFrame) -> str:
     is_known = ~judged["family"].isin([STRANGE, SEVERAL])  # faults of which one kind is right
     kinds = judged[is_known & judged["kind probability"].notna() & judged["right"].astype(bool)]
     together = judged["together"].astype(bool)
-    held_ = kinds["said"].isin(CONSTANT)
+    held_ = kinds["said"].map(how_of).isin(CONSTANT)
     parts = {
         "NAMED": (judged[judged["named"].astype(bool) & ~together], "right", "margin"),
         "SUSPECTED": (judged[~judged["named"].astype(bool)], "right", "margin"),

@@ -36,7 +36,7 @@ from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.monitor.alarms import AlarmLogic
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.protocol import Watch
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.markdown import markdown

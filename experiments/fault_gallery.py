@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 import gtmbench as gb
-from gtmbench.faults import additive, replacing, shaping
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.kinds import additive, replacing, shaping
+from gtmbench.faults.registry import FAULTS
 from gtmbench.files.disk import atomic_write
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.words.judgement import fault_text

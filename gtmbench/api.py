@@ -45,13 +45,11 @@ from gtmbench.errors import (
     TrimError,
 )
 from gtmbench.export.write import Exported, export_c
-from gtmbench.faults.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
-from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
-from gtmbench.faults.registry import register_fault
-from gtmbench.faults.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
-from gtmbench.faults.shaping import (
+from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
+from gtmbench.faults.kinds.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.kinds.shaping import (
     Deadzone,
     Hysteresis,
     Lag,
@@ -62,6 +60,8 @@ from gtmbench.faults.shaping import (
     ScaleFactor,
     SignFlip,
 )
+from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
+from gtmbench.faults.registry import register_fault
 from gtmbench.faults.typed import fault
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.intake.contents import LogColumn, log_columns

@@ -18,7 +18,7 @@ SEEN = 2  # healthy samples that a fault's stream sees before the onset: it has 
 def is_of_surface(fault: Fault) -> bool:
     """Tell whether a fault breaks a surface or the throttle, and not a sensor.
 
-    >>> from gtmbench.faults.kinds import Jam
+    >>> from gtmbench.faults.kinds.replacing import Jam
     >>> [is_of_surface(Jam(channel=channel, onset_s=0.0)) for channel in ("elevator", "q")]
     [True, False]
     """

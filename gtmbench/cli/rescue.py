@@ -86,7 +86,7 @@ def fly_twice(
 
 
 def _own_faults() -> tuple[Fault, ...]:
-    from gtmbench.faults.shaping import SignFlip
+    from gtmbench.faults.kinds.shaping import SignFlip
 
     return (SignFlip(channel="r", onset_s=_BEFORE_S),)
 

@@ -149,7 +149,7 @@ class BankMonitor(CalibratedBank):
         ----------
         record : Record
         without : iterable of str
-            Families of hypotheses that diagnoses leave out (`isolation.hypotheses.FAMILIES`), to test faults without a
+            Families of hypotheses that diagnoses leave out (`isolation.hypotheses.families`), to test faults without a
             hypothesis.
         outside : sequence of Excursion
             Stretches without evidence: an alarm in one gives "can't tell".

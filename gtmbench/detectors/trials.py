@@ -54,7 +54,7 @@ def trials_on(monitor: Monitor, record: Record) -> Trials:
     Examples
     --------
     >>> from gtmbench.detectors.function import FunctionDetector
-    >>> from gtmbench.faults.kinds import Drift
+    >>> from gtmbench.faults.kinds.additive import Drift
     >>> record = Record([1.0, 1.0, 1.0, 1.0], channels=["p"], sample_period_s=1.0)
     >>> limit = FunctionDetector(lambda record: record.time_s[record["p"] > 4.0], name="limit").calibrate([record])
     >>> trials_on(limit, record).first_alarm_s(Drift(channel="p", onset_s=1.0, slope=2.0))

@@ -11,8 +11,8 @@ from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.statistics.learnt_noise import follower
 from gtmbench.detectors.statistics.statistic import RawScore
 from gtmbench.export.board import Board
-from gtmbench.faults.additive import Bias
 from gtmbench.faults.fault import inject
+from gtmbench.faults.kinds.additive import Bias
 from gtmbench.method.pseudo_inputs import derived
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Record

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import Any, overload
 
 import numpy as np
 
@@ -12,7 +13,11 @@ from gtmbench.values.clock import FloatArray, Value
 NOTHING = (math.nan, 0.0)  # what a lag carries before its first sample
 
 
-def clipped(y: Value, low: float, high: float) -> Value:
+@overload
+def clipped(y: float, low: float, high: float) -> float: ...
+@overload
+def clipped(y: FloatArray, low: FloatArray | float, high: FloatArray | float) -> FloatArray: ...
+def clipped(y: Any, low: Any, high: Any) -> Any:
     """Return min(max(y, low), high) of a float, or of an array; NaN stays.
 
     >>> clipped(3.0, -1.0, 1.0), clipped(np.array([-3.0, 0.5]), -1.0, 1.0)
@@ -23,12 +28,14 @@ def clipped(y: Value, low: float, high: float) -> Value:
     return np.clip(y, low, high)
 
 
-def followed(at: float, y: float, step: float) -> float:
+def followed(at: Value, y: Value, step: float) -> Value:
     """Return at + clip(y - at, +-step), exactly y where that is near; of two, one of which is missing, the other.
 
     >>> followed(0.0, 3.0, 2.0), followed(2.0, 3.0, 2.0)
     (2.0, 3.0)
     """
+    if not isinstance(y, float):
+        return np.where(np.abs(y - at) <= step, y, at + np.clip(y - at, -step, step))
     move = y - at
     if move > step:
         return at + step

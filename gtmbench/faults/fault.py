@@ -9,7 +9,7 @@ result, and a fault can sit inside a control loop. When a fault is active and ho
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any, ClassVar, overload
@@ -23,6 +23,7 @@ from gtmbench.faults.parameter import Parameter as Parameter
 from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
+from gtmbench.faults.shape import Readings, Shape, Typical, WholeLog
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
 from gtmbench.values.clock import Value, even_times_s
@@ -70,6 +71,12 @@ class Fault:
     """
 
     kind: ClassVar[str]
+    occurs: ClassVar[str] = ""  # where, for the page of kinds
+    shape: ClassVar[Shape | None] = None
+    whole_log: ClassVar[WholeLog | None] = None
+    typical: ClassVar[Typical | None] = None
+    same_as: ClassVar[Mapping[str, Readings]] = {}  # a kind told in its place: when both would have read the same
+    beside: ClassVar[str] = "and"  # between its sensor's name and the other's that it reads
 
     channel: str
     onset_s: float
@@ -147,6 +154,17 @@ class Fault:
             value, carried = self.distort_sample(now, since_s, sample_period_s, carried)
             broken.append(value)
         return np.array(broken, dtype=np.float64), carried
+
+    def undone(self, readings: FloatArray, expected: FloatArray) -> FloatArray | None:
+        """Return what the channel should have read by what it reads; None where that tells no more than is expected.
+
+        Parameters
+        ----------
+        readings : shape (samples,)
+        expected : shape (samples,)
+            What it should have read by other sensors: where the readings don't tell.
+        """
+        return None
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
@@ -260,6 +278,38 @@ class Formula(Fault):
     ) -> tuple[float, State]:
         """Apply the formula to numbers."""
         return float(self.formula(now, elapsed_s, sample_period_s)), None
+
+
+class Following(Fault):
+    """A kind that makes of each sample, and of what it read before, what it reads; missing samples are passed over."""
+
+    def follow(self, y: Value, before: Value, sample_period_s: float) -> Value:
+        """Return what it reads, of numbers or of arrays.
+
+        Parameters
+        ----------
+        y : float or array
+            What it should read.
+        before : float or array
+            What it read one sample before.
+        sample_period_s : float
+            Ts, in seconds.
+        """
+        raise NotImplementedError
+
+    def begin(self, before: FloatArray) -> State:
+        """Start from the last healthy sample."""
+        return float(before[0])
+
+    def distort_sample(
+        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
+    ) -> tuple[float, State]:
+        """Follow the signal by one step."""
+        y = now[0]
+        if y != y:
+            return y, carried
+        at = self.follow(y, carried, sample_period_s) if carried == carried else y
+        return at, at
 
 
 def periods(elapsed_s: Value, period_s: float, sample_period_s: float) -> Value:

@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import MISSING, fields
+from importlib import import_module
+from pkgutil import iter_modules
 from typing import Any, TypeVar
 
 from gtmbench.checks import meant, shown
 from gtmbench.errors import InputError
+from gtmbench.faults import kinds
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.linear import check_shape
+from gtmbench.faults.shape import PassesFor, Shape
 from gtmbench.imports import FAULTS as GROUP
 from gtmbench.imports import installed, load_installed, load_module
 
 _KIND = re.compile("[a-z][a-z0-9_]{0,39}")
 _HOW = "@dataclass(frozen=True, kw_only=True)"
 
-_registered: dict[str, type[Fault]] = {}
 _Class = TypeVar("_Class", bound=type[Fault])
+
+
+def _built_in() -> Iterator[type[Fault]]:
+    """Give the classes of the files of `gtmbench/faults/kinds` that have a kind."""
+    for file in iter_modules(kinds.__path__, f"{kinds.__name__}."):
+        for cls in vars(import_module(file.name)).values():
+            if isinstance(cls, type) and issubclass(cls, Fault) and "kind" in vars(cls) and cls.__module__ == file.name:
+                yield cls
+
+
+FAULTS: dict[str, type[Fault]] = {cls.kind: cls for cls in _built_in()}
+_registered: dict[str, type[Fault]] = {}
 
 
 def register_fault(cls: _Class) -> _Class:
@@ -54,6 +70,7 @@ def register_fault(cls: _Class) -> _Class:
     if there is not None and there is not cls and _place(there) != _place(cls):
         raise InputError(f"kind '{cls.kind}' of {_place(cls)} is taken by {_place(there)}; give it another name")
     if cls.kind not in FAULTS:
+        check_shape(cls)
         _registered[cls.kind] = cls
     return cls
 
@@ -63,13 +80,39 @@ def loaded_faults() -> dict[str, type[Fault]]:
     return {**FAULTS, **_registered}
 
 
+def shape_of(kind: str | None) -> Shape | None:
+    """Return how a kind shows; None of what is no kind, or has none."""
+    cls = FAULTS.get(kind or "") or _registered.get(kind or "")
+    return None if cls is None else cls.shape
+
+
+def how_of(kind: str | None) -> str:
+    """Return how a kind is looked for; "" of one that isn't.
+
+    >>> how_of("bias"), how_of("unknown")
+    ('linear', '')
+    """
+    shape = shape_of(kind)
+    return "" if shape is None else shape.how
+
+
+def passes_for(kind: str | None, healthy: PassesFor) -> bool:
+    """Tell whether something healthy looks like a kind.
+
+    >>> passes_for("lag", "motion"), passes_for("jam", "motion")
+    (True, False)
+    """
+    shape = shape_of(kind)
+    return shape is not None and healthy in shape.passes_for
+
+
 def fault_kinds() -> tuple[str, ...]:
     """Return the names of all kinds: built in, registered, and announced by installed packages (not imported).
 
     Examples
     --------
     >>> fault_kinds()[:6]
-    ('drift', 'deadzone', 'saturation', 'rate_saturation', 'jam', 'bias')
+    ('bias', 'drift', 'oscillation', 'random_walk', 'noise', 'spikes')
     """
     return tuple(dict.fromkeys([*loaded_faults(), *installed(GROUP)]))
 

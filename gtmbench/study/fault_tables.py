@@ -221,7 +221,7 @@ def spec_of(faults: Fault | Sequence[Fault], flight_s: float = math.inf) -> Faul
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import Jam
+    >>> from gtmbench.faults.kinds.replacing import Jam
     >>> spec_of(Jam(channel="p", onset_s=300.0)).kind
     'jam'
     """
@@ -279,7 +279,7 @@ def parse_severity(given: Any, item: Parameter, *, key: str) -> Severity:
 
     Examples
     --------
-    >>> from gtmbench.faults.kinds import Saturation
+    >>> from gtmbench.faults.kinds.shaping import Saturation
     >>> (limit,) = Saturation.parameters()
     >>> parse_severity("40 % of peak", limit, key="limit")
     Severity(value=0.4, of='peak')

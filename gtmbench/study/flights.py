@@ -21,7 +21,7 @@ from gtmbench.bench.trim import Trim
 from gtmbench.bench.trimming import trim
 from gtmbench.errors import EnvelopeError, InputError
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.replacing import Delay
+from gtmbench.faults.kinds.replacing import Delay
 from gtmbench.jobs.progress import Tell
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup

@@ -225,7 +225,7 @@ def fault_row(fault: Fault) -> dict[str, object]:
 def settings_of(fault: Fault) -> dict[str, object]:
     """Return what else is said of a fault, as plain values: its settings, its duration, how it comes in and goes.
 
-    >>> from gtmbench.faults.additive import Noise
+    >>> from gtmbench.faults.kinds.additive import Noise
     >>> settings_of(Noise(channel="p", onset_s=300, deviation=2, ramp_s=5))
     {'seed': 0, 'ramp_s': 5}
     """

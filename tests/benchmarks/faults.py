@@ -9,7 +9,7 @@ import tomllib
 import numpy as np
 
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.files.shipped import shipped_scenarios
 
 PERIOD_S, SAMPLES = 0.01, 20_000

@@ -9,8 +9,8 @@ from gtmbench.bench import flight
 from gtmbench.bench.airborne import Airborne, take_off
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.simulation import Simulation
-from gtmbench.faults.additive import Drift
 from gtmbench.faults.fault import Fault
+from gtmbench.faults.kinds.additive import Drift
 
 from .timing import seconds
 

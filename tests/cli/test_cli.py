@@ -10,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.cli import study
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 
 SHORT = """
 duration_s = 60.0

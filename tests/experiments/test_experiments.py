@@ -19,7 +19,7 @@ from dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.errors import InputError
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.files.folders import SUMS
 from gtmbench.files.shipped import source_digest
 from gtmbench.report.figures.delays import delay_figure

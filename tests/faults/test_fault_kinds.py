@@ -9,30 +9,18 @@ from hypothesis.extra import numpy as npst
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import rate_limited
 from gtmbench.faults.fault import inject
-from gtmbench.faults.kinds import (
-    Bias,
+from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
+from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.kinds.shaping import (
     Deadzone,
-    Delay,
-    Drift,
-    Dropout,
-    GSensitivity,
-    Hardover,
     Hysteresis,
-    Jam,
     Lag,
     Misalignment,
-    Noise,
-    Oscillation,
     Quantisation,
-    RandomWalk,
     RateSaturation,
     Saturation,
     ScaleFactor,
     SignFlip,
-    Spikes,
-    Stale,
-    Stuck,
-    Swap,
 )
 from gtmbench.values.record import Record
 

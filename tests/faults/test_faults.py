@@ -12,7 +12,8 @@ from gtmbench.errors import InputError
 from gtmbench.faults import kinds as faults
 from gtmbench.faults.fault import Fault, inject, other_channel, severity
 from gtmbench.faults.intermittent import Intermittent
-from gtmbench.faults.kinds import Drift, Saturation
+from gtmbench.faults.kinds.additive import Drift
+from gtmbench.faults.kinds.shaping import Saturation
 from gtmbench.values.channels import SENSORS
 from gtmbench.values.record import Record
 

@@ -12,8 +12,9 @@ import pytest
 from gtmbench.errors import InputError
 from gtmbench.faults import registry
 from gtmbench.faults.fault import Fault, inject, other_channel, severity
-from gtmbench.faults.kinds import FAULTS, Drift, Jam
-from gtmbench.faults.registry import fault_kinds, find_fault, import_package, register_fault
+from gtmbench.faults.kinds.additive import Drift
+from gtmbench.faults.kinds.replacing import Jam
+from gtmbench.faults.registry import FAULTS, fault_kinds, find_fault, import_package, register_fault
 from gtmbench.study.fault_tables import build, resolve, spec_of
 from gtmbench.study.scenario import load_scenario
 from gtmbench.values.record import Record

@@ -14,7 +14,7 @@ from gtmbench.detectors.isolation.hypotheses import FAMILIES
 from gtmbench.faults import registry as kinds_of_faults
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.intermittent import Intermittent
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.intake.formats import registry as formats
 from gtmbench.study.expectation import Expectation
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_faults, load_scenario

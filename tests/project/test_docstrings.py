@@ -10,7 +10,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench import api
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 
 TABLES = {"CHANNELS": gb.Channel, "PSEUDO_INPUTS": gb.PseudoInput}  # told of where their rows are
 SLOW = {"find_autopilot"}  # minutes: its example shows what it begins with

@@ -12,7 +12,7 @@ from gtmbench.cli.app import app
 from gtmbench.cli.calibrate import calibrate_command
 from gtmbench.cli.listing import listing
 from gtmbench.detectors.registry import detector_names
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.healthy_records import CalibrationFlights
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.files.plain import plain
 from gtmbench.report.figures.study import write_figures
 from gtmbench.report.recording.entities import trial_paths

@@ -12,8 +12,8 @@ import gtmbench
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, other_channel, severity
-from gtmbench.faults.kinds import FAULTS
 from gtmbench.faults.parameter import Parameter
+from gtmbench.faults.registry import FAULTS
 from gtmbench.files.shipped import shipped_scenarios
 from gtmbench.study.fault_tables import Severity, build, parse_severity, resolve
 from gtmbench.study.scenario import AlarmSetup, OperatorSetup, Setup, load_scenario

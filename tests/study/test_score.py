@@ -8,20 +8,10 @@ import pytest
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.faults.fault import inject
-from gtmbench.faults.kinds import (
-    FAULTS,
-    Bias,
-    Deadzone,
-    Drift,
-    Hardover,
-    Hysteresis,
-    Jam,
-    Misalignment,
-    Oscillation,
-    Saturation,
-    Spikes,
-    Stuck,
-)
+from gtmbench.faults.kinds.additive import Bias, Drift, Oscillation, Spikes
+from gtmbench.faults.kinds.replacing import Hardover, Jam, Stuck
+from gtmbench.faults.kinds.shaping import Deadzone, Hysteresis, Misalignment, Saturation
+from gtmbench.faults.registry import FAULTS
 from gtmbench.method.windowed_alarms import came_down
 from gtmbench.study.score import SAME_KINDS, false_alarms, score
 from gtmbench.values.record import Record

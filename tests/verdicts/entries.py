@@ -15,7 +15,7 @@ from typing import Any
 
 import gtmbench as gb
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 FOLDER = Path(__file__).parent / "corpus"

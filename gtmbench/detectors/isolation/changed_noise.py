@@ -17,14 +17,12 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.fits import FittedHypothesis
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.statistics.learnt_noise import BLOCK_S
-from gtmbench.faults.shaping import Quantisation
+from gtmbench.faults.kinds.additive import Noise
+from gtmbench.faults.registry import how_of, passes_for
 from gtmbench.values.record import FloatArray
 
 NOISE_WANDERS = "the noise wanders"
 _WANDERS = 0.15  # sigma^2 of the noise, beyond which names stand on what is left by `_wandering`
-# kinds that attitude filters, mounts and vibration pass for, however loud it gets
-MIMICKED = ("g_sensitivity", "misalignment", "lag", "delay", "oscillation")
-_NOISY = ("noise", "random_walk", *MIMICKED)
 _PLAIN = 60.0  # of BIC: what a fault explains of noise that wanders
 _LEAST = 1e-6  # of the power: silence has none
 
@@ -56,7 +54,7 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
         told,
         sensor=None,
         partner=None,
-        kind="noise",
+        kind=Noise.kind,
         parameters={"times": times},
         intervals={},
         reason=f"it is {times:.2g} times what was learnt",
@@ -67,7 +65,7 @@ def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgeme
 def _is_rounded(case: Case, told: Judgement) -> bool:
     """Tell whether a sensor reads multiples of a quantum that read none before: no noise does that."""
     habit = case.habits.get(str(told.sensor))
-    return told.kind == Quantisation.kind and habit is not None and not habit.is_counted
+    return how_of(told.kind) == "rounded" and habit is not None and not habit.is_counted
 
 
 def _explains_as_well(
@@ -79,7 +77,7 @@ def _explains_as_well(
     """
     noise, kind = (
         min((fit.bic for fit in ranking if (fit.channel, fit.kind) == (best.channel, meant)), default=np.inf)
-        for meant in ("noise", told.kind)
+        for meant in (Noise.kind, told.kind)
     )
     return told.kind is not None and noise <= kind and noise < best.bic + decisive
 
@@ -96,7 +94,7 @@ def wandering_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judge
     if told.doubt or told.kind is None or unsteady <= _WANDERS:
         return told
     doubted = replace(told, sensor=None, partner=None, doubt=NOISE_WANDERS)
-    if told.kind in _NOISY:
+    if how_of(told.kind) in ("white", "walk") or passes_for(told.kind, "motion"):
         return replace(doubted, reason=f"a fault of {' or '.join(accused)} explains it")
     as_is = {output: _wandering(case, output, case.white[output][case.judged]) for output in outputs}
     left = {fit: _left(case, fit, as_is) for fit in ranking}

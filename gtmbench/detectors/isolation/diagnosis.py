@@ -24,7 +24,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.changed_noise import MIMICKED, changed_noise, wandering_noise
+from gtmbench.detectors.isolation.changed_noise import changed_noise, wandering_noise
 from gtmbench.detectors.isolation.driving import likely_suspects_in, suspect_through, suspects_in
 from gtmbench.detectors.isolation.excess import Excess, whose_excess
 from gtmbench.detectors.isolation.fits import FittedHypothesis
@@ -35,6 +35,9 @@ from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
+from gtmbench.faults.kinds.additive import Bias
+from gtmbench.faults.registry import FAULTS, how_of, passes_for
+from gtmbench.faults.shape import SHOWN
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 
@@ -42,8 +45,6 @@ DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
 _ALIKE = 200.0  # between faults that are physically the same
 _EARLY, _EARLY_ROW = 33.0, 1.2  # of BIC, between sensors of an axis in the first seconds; and a row judged
-_RESEMBLED = ("hysteresis", "rate_saturation")  # kinds that the answer of a loop to another sensor's fault resembles
-_OF_GYROS = (UNKNOWN, "random_walk", "lag", "delay", *_RESEMBLED)  # which turn by what an angle reads
 _OTHER_AXES = 6.0  # of -2 log likelihood: of a gyro's wrong gain, against its angle's
 _VAGUE, _FREELY = 0.015, 700.0  # of what is explained; of -2 log likelihood: a predicted reading has noise of its own
 _PLAIN = 60.0  # of BIC: what residuals hide that are healthy by test; what plainly stands still
@@ -57,27 +58,17 @@ _LEFT, _MOST_LEFT = 0.1, 2.0  # of what was wrong; of the thresholds
 _LEFT_OF_BENT = 0.05  # of what was wrong, where the attitude bends with the sensor: it bends far
 _EVEN = 0.25  # of the mean power, in every quarter of noise that came to stay
 _ESTIMATED_S = 18.0  # of the case, until an angle is that its readings don't show: estimators wander
-_ESTIMATED = ("bias", "noise", "scale_factor")  # and of an angle: it may have been set anew
-_RATES = ("drift",)  # of an angle: what a bias of its gyro is
-_TIED = ("scale_factor", "noise")  # and of operators that hold for one way of exciting the aircraft
 _DEAD = 0.1  # the factor of a gyro that reads nothing of a turn: one that is dead is stuck, or an estimator turned
 _SHARED = 0.25  # of the rise of its noise, that other residuals may have: more is vibration
 _FARTHEST_DEG = 45.0  # that a gyro may have bent the attitude
-_OF_ESTIMATES = (
-    "jam",
-    "stuck",
-    "hardover",
-    "stale",
-    "quantisation",
-    "noise",
-    "spikes",
-)  # what an estimator's angle has
+_OF_ESTIMATES = (*SHOWN, "white", "spikes")  # what an estimator's angle has
 ESTIMATED = "an estimator that the gyros drive has no such fault of its own"
 EARLY = "too early to tell"
 DOUBT = "motion or model"
 
 # faults of a gyro, and of the angle about the same axis, that look the same near wings level
-SAME = frozenset({("bias", "drift"), ("oscillation", "oscillation")})
+SAME = frozenset((kind, cls.shape.of_angle) for kind, cls in FAULTS.items() if cls.shape and cls.shape.of_angle)
+_RATES = frozenset(of_angle for of_gyro, of_angle in SAME if of_gyro != of_angle)  # what a bias of its gyro is
 # and whose noise alone tells them apart, which counts hide; an estimator's angle has no such fault
 _SAME_IN_COUNTS = frozenset({("scale_factor", "scale_factor")})
 
@@ -114,7 +105,7 @@ def judge(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judg
     told = _weighed(case, ranking, replace(first, reason="", doubt=""))
     if case.monitor.is_cautious:
         told = _cautious(case, ranking, told)
-    if told.sensor in ANGLES and case.driving and told.kind not in _OF_ESTIMATES:
+    if told.sensor in ANGLES and case.driving and how_of(told.kind) not in _OF_ESTIMATES:
         told = replace(told, sensor=None, partner=None, candidates=first.candidates, reason=ESTIMATED)
     return wandering_noise(case, ranking, changed_noise(case, ranking, told, DECISIVE), DECISIVE)
 
@@ -128,7 +119,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
     if not told.candidates:
         return told
     # noise heals no residual: it has to be what explains best
-    weighed = [fit for fit in ranking if fit.kind != "noise" or fit.bic < ranking[0].bic + _EXPLAINED]
+    weighed = [fit for fit in ranking if fit.how != "white" or fit.bic < ranking[0].bic + _EXPLAINED]
     explained = [fit for fit in weighed if fit.bic < case.deviance - _EXPLAINED and _must_be(case, fit)]
     if not explained:
         likeliest = ranking[0].channel if ranking else told.candidates[0]
@@ -157,26 +148,29 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
 
 def looks_like_motion(judged: Judgement) -> bool:
     """Tell whether what is told is of no definite kind, or of one that a model's error in motion looks like."""
-    return judged.kind in (None, UNKNOWN, "random_walk", "noise", "spikes", *MIMICKED)
+    how = how_of(judged.kind)
+    return judged.kind is None or how in ("", "walk", "white", "spikes") or passes_for(judged.kind, "motion")
 
 
 def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     """Tell whether a kind of fault explains what is wrong, and no motion or model's error would look like it."""
-    if fit.kind in (UNKNOWN, "random_walk", *MIMICKED) or (fit.channel in ANGLES and fit.kind in _ESTIMATED):
+    if fit.kind == UNKNOWN or fit.how == "walk" or passes_for(fit.kind, "motion"):
         return False
-    if fit.kind == "scale_factor" and abs(fit.parameters["factor"]) < _DEAD:
+    if fit.channel in ANGLES and passes_for(fit.kind, "estimator"):
         return False
-    if fit.kind in _TIED and not set(axis_of(fit.channel)) & set(case.monitor.bank.kinematic):
+    if fit.how == "gain" and abs(fit.parameters["factor"]) < _DEAD:
+        return False
+    if passes_for(fit.kind, "excitation") and not set(axis_of(fit.channel)) & set(case.monitor.bank.kinematic):
         return False
     worst = max(case.sickness.values())
     sick = {output for output, far in case.sickness.items() if far > max(1.0, _LEFT * worst)}
     sick = (sick - case.others) | case.together
     if not sick <= set(fit.left.outputs) or not sick & set(axis_of(fit.channel)):
         return False
-    least = 1.0 if fit.kind == "noise" else _QUIET
+    least = 1.0 if fit.how == "white" else _QUIET
     if all(case.sickness.get(output, 0.0) <= least for output in axis_of(fit.channel)):
         return False
-    if fit.kind == "noise":
+    if fit.how == "white":
         return _is_steady(case, fit.channel)
     return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
 
@@ -232,7 +226,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
         order = (holder.channel, *(name for name in order if not is_near or name not in axis_of(holder.channel)))
         best, strays = holder, []
     untestable = _untestable(case)
-    pair = {best.channel, best.partner} if best.kind == "swap" else {best.channel}
+    pair = {best.channel, best.partner} if best.how == "swapped" else {best.channel}
     alone = set(order) <= pair and not untestable
     is_early = not (case.is_telling or best.is_shown or best.left.heals(case.monitor))
     sensor = first.sensor or (best.channel if alone and not strays and not is_early else None)
@@ -253,7 +247,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> J
 
 def _named(best: FittedHypothesis, sensor: str) -> tuple[str, ...]:
     """Return the sensors that a decided fault is of: two, where they have changed places."""
-    return (sensor, best.partner) if best.kind == "swap" and best.partner is not None else (sensor,)
+    return (sensor, best.partner) if best.how == "swapped" and best.partner is not None else (sensor,)
 
 
 def _candidates(case: Case, order: Sequence[str], untestable: Sequence[str], *, whole_axis: bool) -> tuple[str, ...]:
@@ -265,7 +259,8 @@ def _rivals(case: Case, good: Sequence[FittedHypothesis], excess: Excess | None 
     """Return the suspects that the best doesn't decisively beat, likeliest first; or that likely hold the excess."""
     best = {channel: next(fit for fit in good if fit.channel == channel) for channel in _channels(good)}
     first = good[0]
-    resembles = first.kind in (_OF_GYROS if first.channel in GYROS else _RESEMBLED) or first.channel in case.driving
+    turns = first.channel in GYROS and (first.kind == UNKNOWN or passes_for(first.kind, "turn"))
+    resembles = turns or passes_for(first.kind, "loop") or first.channel in case.driving
 
     def is_near(channel: str, fit: FittedHypothesis) -> bool:
         is_alike = _are_same(case, good, first.channel, channel) or _is_coarse(case, first, channel)
@@ -298,7 +293,7 @@ def _reads_anything(case: Case, first: FittedHypothesis, other: FittedHypothesis
     Noise explains whatever is left, a little better or worse as its spectrum happens to fit. What tells then is what
     the readings as a whole, beside what they should have been, do to the axes that one of the two enters.
     """
-    is_noise = first.kind != "oscillation" and 0.0 < first.misfit <= 1.0  # and fits; a tone has too little spectrum
+    is_noise = first.how != "tone" and 0.0 < first.misfit <= 1.0  # and fits; a tone has too little spectrum
     if (
         not first.is_absorbing
         or is_noise
@@ -327,7 +322,7 @@ def _of_other_gain(case: Case, best: FittedHypothesis) -> tuple[str, ...]:
 
     About the gyro's own axis both look the same. An angle enters the other axes' rates, too, and tells there.
     """
-    if best.channel not in case.driving or best.kind not in ("scale_factor", "sign_flip"):
+    if best.channel not in case.driving or best.how not in ("gain", "sign"):
         return ()
     factor = best.parameters.get("factor", -1.0)
     angles = suspects_in(case, [name for name in axis_of(best.channel) if name in ANGLES])
@@ -428,7 +423,7 @@ def _kind(case: Case, fits: Sequence[FittedHypothesis]) -> FittedHypothesis:
             explained = (healthy - fit.bic) / max(healthy - best.bic, 1e-9)
             if fit.bic < best.bic + DECISIVE or explained > _NEARLY or fit.left.heals(case.monitor):
                 return fit
-    is_no_kind = best.kind in ("noise", "random_walk") and best.misfit > 1.0
+    is_no_kind = best.how in ("white", "walk") and best.misfit > 1.0
     return next((fit for fit in fits if fit.kind == UNKNOWN), best) if is_no_kind else best
 
 
@@ -493,7 +488,7 @@ def _stepped(case: Case, first: Judgement) -> Judgement | None:
         time_s=case.end_s,
         sensor=names[0] if len(names) == 1 else None,
         candidates=names,
-        kind="bias",
+        kind=Bias.kind,
         parameters={"size": best.size, "onset_s": float(case.record.time_s[best.row])},
         intervals={"size": interval(best.size, abs(best.size) / float(np.sqrt(best.gain)))},
         reason="" if len(names) == 1 else f"a short fault of {names[1]} explains it nearly as well",

@@ -15,16 +15,16 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE
 from gtmbench.detectors.isolation.driving import suspect_through
 from gtmbench.detectors.isolation.fits import FittedHypothesis
-from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import rows_between
 from gtmbench.detectors.isolation.readings import is_straighter
 from gtmbench.detectors.isolation.standing import meeting, passing
 from gtmbench.detectors.virtual import ANGLES
-from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
-from gtmbench.faults.replacing import Stuck
-from gtmbench.faults.shaping import Saturation
+from gtmbench.faults.fault import Fault, Following
+from gtmbench.faults.kinds.replacing import Stuck
+from gtmbench.faults.kinds.shaping import Saturation
+from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.shape import CONSTANT
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, IntArray, Span
 
@@ -32,8 +32,7 @@ _END = 20.0  # nats
 _SHOWN, _LATER = 40.0, 12  # nats, with which a fault would have shown; ends that are tried until then
 _STEP = 2  # rows between ends that are tried
 _KAPPA = 4.0  # for the model's error, as of onsets
-# kinds that say too little of each reading, or whose errors add up: that they have ended can't be told
-_ENDLESS = ("oscillation", "random_walk", "quantisation", "rate_saturation", "hysteresis")
+_DEFINITE = ("linear", "search", "gain", "sign", "fixed")  # what says enough of each reading
 _CLEAR_S = 1.0  # of healthy residuals, until a fault has ended
 _QUIET_S = 5.0  # of them, until one has that reads anything
 _LOUD = 2.0  # times the power that was learnt, while it lasted
@@ -158,13 +157,10 @@ def fault_of(fit: FittedHypothesis) -> Fault | None:
     """Return the fault that a fit tells of, where that reads something definite."""
     parameters = dict(fit.parameters)
     onset_s = parameters.pop("onset_s", -1e9)
-    if fit.kind in CONSTANT:
+    if fit.how in CONSTANT:
         return Stuck(channel=fit.channel, onset_s=onset_s, value=parameters["value"])
-    cls = FAULTS.get(fit.kind)
-    if cls is None or fit.family not in ("additive", "multiplicative", "clipping", "timing"):
-        return None
-    names = {each.name for each in cls.parameters()}
-    if fit.kind in _ENDLESS or not set(parameters) <= names:
-        return None
+    cls = loaded_faults().get(fit.kind)
+    if cls is None or fit.how not in _DEFINITE or fit.partner is not None or issubclass(cls, Following):
+        return None  # the errors of what follows its own readings add up
     figures: dict[str, Any] = parameters
     return cls(channel=fit.channel, onset_s=onset_s, **figures)

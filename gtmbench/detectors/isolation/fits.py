@@ -13,6 +13,8 @@ from gtmbench.detectors.isolation.driving import likely_suspects_in
 from gtmbench.detectors.isolation.fitter import PEERS, Fit, Fitter
 from gtmbench.detectors.isolation.hypotheses import known, unknown
 from gtmbench.detectors.isolation.suspect import Left, Suspect
+from gtmbench.faults.kinds.replacing import Swap
+from gtmbench.faults.registry import shape_of
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, axis_of
 
@@ -48,7 +50,7 @@ def ranked_hypotheses(case: Case, channels: Sequence[str], without: Iterable[str
                 ranking += _fitted(fitter, penalty)
     ranking.sort(key=lambda fit: fit.bic)
     is_open = bool(ranking) and ranking[0].is_absorbing and not ranking[0].left.heals(case.monitor)
-    if is_open and "cross-axis" not in set(without):
+    if is_open and Swap.shape.family not in set(without):
         swaps = _swaps(case, suspects, ranking[0].bic + HOPELESS)
         ranking = sorted([*ranking, *swaps], key=lambda fit: fit.bic)
     return ranking
@@ -74,7 +76,9 @@ def _fitted(fitter: Fitter, penalty: float) -> Iterator[FittedHypothesis]:
     for fit in (*known(fitter), *unknown(fitter)):
         if suspect.channel in ATTITUDE and abs(fit.parameters.get("size", 0.0)) > _LARGEST_DEG:
             continue  # near the vertical an angle shows so little that any size of it explains anything
-        bic = fit.left.deviance + beside + fit.free * penalty
+        shape = shape_of(fit.kind)
+        price = 0.0 if shape is None else 2.0 * shape.price
+        bic = fit.left.deviance + beside + fit.free * penalty + price
         if fit.is_shown and suspect.sick_elsewhere and fit.left.heals(case.monitor):
             bic -= suspect.sick_elsewhere
         yield FittedHypothesis(**vars(fit), channel=suspect.channel, bic=bic, estimator=estimator)
@@ -129,8 +133,8 @@ def _swaps(case: Case, suspects: Sequence[Suspect], most: float) -> Iterator[Fit
             left = _swapped_back(case, one.channel, other.channel)
             for channel, partner in ((one.channel, other.channel), (other.channel, one.channel)):
                 yield FittedHypothesis(
-                    kind="swap",
-                    family="cross-axis",
+                    kind=Swap.kind,
+                    family=Swap.shape.family,
                     left=left,
                     parameters={},
                     free=0,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,15 @@ from gtmbench.detectors.isolation.readings import ALIKE, is_straighter, straight
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.virtual import ANGLES
 from gtmbench.faults.distortions import lagged
+from gtmbench.faults.fault import Fault, Following
+from gtmbench.faults.linear import grows, size_one
+from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.faults.shape import HELD
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray
 
 UNKNOWN = "unknown"
 PEERS = (("p", "q", "r"), ("phi", "theta", "psi"), ("nx", "ny", "nz"))  # of the same make
-_ABSORBING = (UNKNOWN, "random_walk", "noise")
-CONSTANT = ("jam", "stuck", "hardover")  # kinds that read one value
-SHOWN = (*CONSTANT, "stale", "quantisation")  # kinds that a sensor's own readings show
-_HELD = (*CONSTANT, "stale")
 _LAG_S = 0.1  # of the shape that stands for lags of any length
 _FINER = 4  # lines of a spectrum than rows
 _LEAST_GAIN = 0.01  # of a sensor's own noise
@@ -101,7 +102,12 @@ class Fit:
     @property
     def is_absorbing(self) -> bool:
         """Whether it explains a little of everything: noise of whatever spectrum, and what belongs to no kind."""
-        return self.kind in _ABSORBING or self.misfit > 0.0
+        return self.kind == UNKNOWN or self.how in ("white", "walk") or self.misfit > 0.0
+
+    @property
+    def how(self) -> str:
+        """How its kind is looked for."""
+        return how_of(self.kind)
 
     @property
     def is_shown(self) -> bool:
@@ -111,7 +117,7 @@ class Fit:
     @property
     def is_held(self) -> bool:
         """Whether they are held."""
-        return self.kind in _HELD
+        return self.how in HELD
 
 
 class Fitter:
@@ -146,10 +152,32 @@ class Fitter:
         Where the attitude bends with the sensor, what it should have read is known far worse than what it read, which
         tells the same: a gain is one over another. Noise is left out, or a shape would take the sensor's own away.
         """
-        names = ("1", "t", "x", "x'", "lag", "sgn", "sin", "cos")
-        return Lazily((*names, *(f"of {name}" for name in (*self.peers, *self.felt))), self._shape)
+        names = ["1", "t", "x", "x'", "lag", "sgn", "sin", "cos"]
+        names += [f"of {name}" for name in (*self.peers, *self.felt)]
+        for kind, cls in self.given.items():
+            names += [f"own {kind}", f"late {kind}"] if grows(cls) else [f"own {kind}"]
+        return Lazily(names, self._shape)
+
+    @cached_property
+    def given(self) -> dict[str, type[Fault]]:
+        """The kinds that are linear in a shape which their class alone gives."""
+        return {
+            kind: cls
+            for kind, cls in loaded_faults().items()
+            if (of := cls.shape) is not None and of.how == "linear" and not (of.column or of.beside)
+        }
+
+    def _given(self, name: str) -> FloatArray:
+        """Return what a kind adds at size one, or how much more it does a second later."""
+        what, kind = name.split(" ")
+        cls = self.given[kind]
+        unit = size_one(cls)
+        own = self.added(cls, unit, expected=self._expected)
+        return own if what == "own" else self.added(cls, unit, expected=self._expected, late_s=1.0) - own
 
     def _shape(self, name: str) -> FloatArray:
+        if name.partition(" ")[2] in self.given:
+            return self._given(name)
         v, t = self._expected, self.after_s
         level = v - (v[0] if self.suspect.channel == "psi" else 0.0)
         of: dict[str, Callable[[], FloatArray]] = {
@@ -288,6 +316,36 @@ class Fitter:
         rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
         return rows * float(np.mean(np.log(np.square(1.0 + weight * smoothing))))
 
+    def added(
+        self,
+        cls: type[Fault],
+        parameters: Mapping[str, float],
+        *,
+        expected: FloatArray | None = None,
+        late_s: float = 0.0,
+    ) -> FloatArray:
+        """Return what a fault of a kind adds to the readings, by its own class, from where it is surely there.
+
+        It starts from the sensor's own reading there, and has been there for `late_s`. Where errors would add up from
+        sample to sample (`Following`), each starts from its own reading before. Where the attitude bends with the
+        sensor, it is hardly known what that should read, and what the readings say of it is taken (`Fault.undone`).
+        """
+        sure, should = self.suspect.sure, self.virtual if expected is None else expected
+        figures: dict[str, Any] = dict(parameters)
+        fault = cls(channel=self.suspect.channel, onset_s=0.0, **figures)
+        readings, should, before = self.measured[sure:], should[sure:], self.measured[sure - 1 : -1]
+        change = np.zeros_like(self.virtual)
+        undone = fault.undone(readings, should) if self.is_driven else None
+        if undone is not None:
+            change[sure:] = readings - undone
+        elif isinstance(fault, Following):
+            change[sure:] = fault.follow(should, before, self.period_s) - should
+        else:
+            begun = fault.begin(before[:1])
+            reads, _ = fault.distort(should[:, np.newaxis], self.after_s[sure:] + late_s, self.period_s, begun)
+            change[sure:] = reads - should
+        return change
+
     def left_of(self, changes: FloatArray) -> FloatArray:
         """Return what is left of the residuals once some changes, shape (changes, rows), are undone."""
         return self.suspect.white - self.suspect.shown(changes)
@@ -376,6 +434,12 @@ class Fitter:
     def deviations(self, *names: str) -> FloatArray:
         """Return the standard errors of the weights of shapes."""
         return np.asarray(np.sqrt(np.diag(self.columns.covariance(names))))
+
+    def looks(self, when: str) -> bool:
+        """Tell whether the readings look as a kind wants it: late, held (straight), or held or clipped (traced)."""
+        if when == "late":
+            return self.is_late()
+        return not when or (self.is_straight if when == "straight" else self.is_traced)
 
     def is_late(self) -> bool:
         """Whether shapes of readings that come late explain enough of what any shape does for a search of how late."""

@@ -7,14 +7,12 @@ import math
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import Fit
+from gtmbench.faults.registry import shape_of
 from gtmbench.values.record import FloatArray, Span
 
 TAIL = 0.025  # of the probability, on either side of an interval
 QUANTILE = 1.96  # deviations on either side: 95 % of a normal distribution
 MODEL_ERROR = 1.3  # times the error by residuals of unit noise, as `experiments/believed_names.py` finds it
-_WALK_ERROR = 2.0  # more for a random walk: the step from its begin to its end is one number at all frequencies
-_PLAY_ERROR = 1.5  # more for a play, of which each side has to be found
-_SLOPE_ERROR = 1.7  # more for a drift: noise that is slow looks like one
 
 
 def intervals_of(fit: Fit) -> dict[str, Span]:
@@ -22,7 +20,8 @@ def intervals_of(fit: Fit) -> dict[str, Span]:
 
     An error of +inf says that the parameter is at least its value, one of -inf that it is at most that.
     """
-    more = {"random_walk": _WALK_ERROR, "hysteresis": _PLAY_ERROR, "drift": _SLOPE_ERROR}.get(fit.kind, 1.0)
+    shape = shape_of(fit.kind)
+    more = 1.0 if shape is None else shape.spread
     return {
         name: interval(fit.parameters[name], more * error)
         for name, error in fit.errors().items()

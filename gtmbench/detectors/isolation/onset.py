@@ -20,7 +20,6 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case, own
-from gtmbench.detectors.isolation.fitter import CONSTANT
 from gtmbench.detectors.isolation.health import MOST
 from gtmbench.detectors.isolation.intervals import TAIL, rows_between
 from gtmbench.detectors.isolation.noise import spikes_in
@@ -28,8 +27,11 @@ from gtmbench.detectors.isolation.readings import ALIKE
 from gtmbench.detectors.isolation.standing import meeting, passing, repeats, whole
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.faults.fault import Fault
-from gtmbench.faults.kinds import FAULTS
-from gtmbench.faults.shaping import Misalignment
+from gtmbench.faults.kinds.replacing import Delay
+from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation, Saturation
+from gtmbench.faults.linear import grows
+from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.faults.shape import CONSTANT
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import BoolArray, FloatArray
 
@@ -41,16 +43,7 @@ _KAPPA, _KAPPA_WALK = 8.0, 2.0  # of a walk the likelihood is exact, but for its
 _KAPPA_LATE = 32.0  # a late reading is off by a small difference, so that the model's error weighs more
 _FLOOR = 9.2  # of D / kappa over its least: a hundredth of the likelihood, and less isn't looked at closer
 _TRIED = 24  # onsets at a time
-_SHAPED = (
-    "bias",
-    "scale_factor",
-    "sign_flip",
-    "lag",
-    "delay",
-    "deadzone",
-    "saturation",
-    "hysteresis",
-)  # kinds whose class says what each sample reads
+_SHAPED = ("linear", "gain", "sign", "fixed", "search", "turned")  # of which their class says what each sample reads
 _LOUDER = 1.2  # times the variance, at least, of noise that is greater
 _OF_SPIKE = 0.5  # of a spike's size, that another one has at least
 _PLAY_S = 1.0  # within which a sensor with play repeats itself again
@@ -109,14 +102,17 @@ def onset_of(case: Case, judged: Judgement) -> Onset | None:
     shown = _shown_by_readings(suspect, judged)
     if shown is not None:
         return _between(suspect, *shown)
-    if judged.kind == "spikes":
+    how = how_of(judged.kind)
+    if how == "spikes":
         return _of_spikes(suspect, judged)
     path = next((each for each in suspect.paths if each.output == channel and each.is_alone), None)
-    if judged.kind == "random_walk" and path is not None:
+    if how == "walk" and path is not None:
         return _of_walk(suspect, float(path.kernel.sum()), judged.parameters["gain"])
     near = round(_NEAR_S / case.period_s)
-    first = 0 if judged.kind == "drift" else max(suspect.onset - near, 0)
-    return _likeliest(suspect, _deviance(suspect, judged), first, _KAPPA_LATE if judged.kind == "delay" else _KAPPA)
+    cls = loaded_faults().get(str(judged.kind))
+    first = 0 if cls is not None and grows(cls) else max(suspect.onset - near, 0)
+    kappa = _KAPPA_LATE if judged.kind == Delay.kind else _KAPPA
+    return _likeliest(suspect, _deviance(suspect, judged), first, kappa)
 
 
 def _deviance(suspect: Suspect, judged: Judgement) -> Callable[[list[int]], FloatArray]:
@@ -128,7 +124,7 @@ def _deviance(suspect: Suspect, judged: Judgement) -> Callable[[list[int]], Floa
     if added is not None:
         return _undone([(suspect, added)])
     innovations = own(suspect.channel)
-    if judged.kind == "noise" and innovations in suspect.outputs:
+    if how_of(judged.kind) == "white" and innovations in suspect.outputs:
         white = np.sqrt(ALIKE) * suspect.case.white[innovations][suspect.case.start :]
         return _loudness(white[_rows(suspect)], suspect.sure)
     return _loudness(_loudest(suspect), suspect.sure)
@@ -145,24 +141,24 @@ def _between(suspect: Suspect, low: int, row: int, high: int) -> Onset:
 
 def _shown_by_readings(suspect: Suspect, judged: Judgement) -> tuple[int, int, int] | None:
     """Return the onset's row, with the least and the most that it may be, where the readings show it."""
-    readings, sure, parameters = suspect.measured, suspect.sure, judged.parameters
-    if judged.kind in CONSTANT:
+    readings, sure, parameters, how = suspect.measured, suspect.sure, judged.parameters, how_of(judged.kind)
+    if how in CONSTANT:
         value = parameters["value"]
         row = _first_of_run(np.abs(readings - value) <= _SAME * max(abs(value), 1.0), sure)
-        return None if row is None else (row, row + (judged.kind == "jam"), row + 1)  # a jam's value was read before
-    if judged.kind == "quantisation":
+        return None if row is None else (row, row + (how == "last"), row + 1)  # a jam's value was read before
+    if how == "rounded":
         row = _first_of_run(whole(readings, parameters["quantum"]), sure)
         return None if row is None else (row, row, row)
-    if judged.kind == "stale":
+    if how == "repeated":
         row = _first_repeated(suspect, parameters["hold_s"])
         return None if row is None else (row - 1, row - 1, row - 1)
-    if judged.kind == "hysteresis" and suspect.channel in suspect.case.habits:
+    if judged.kind == Hysteresis.kind and suspect.channel in suspect.case.habits:
         is_counted = suspect.case.habits[suspect.channel].is_counted
         row = None if is_counted else _first_repeated(suspect, _PLAY_S)
         return None if row is None else (row - 1, row, row)
-    if judged.kind == "saturation":
+    if judged.kind == Saturation.kind:
         return _at_limit(np.abs(readings), parameters["limit"], sure)
-    if judged.kind == "rate_saturation":
+    if judged.kind == RateSaturation.kind:
         steps = np.abs(np.diff(readings, prepend=readings[0]))
         return _at_limit(steps, parameters["rate_limit"] * suspect.case.period_s, sure)
     return None
@@ -242,20 +238,14 @@ def _swapped(one: Suspect, other: Suspect) -> list[tuple[Suspect, Added]]:
 def _added(suspect: Suspect, judged: Judgement) -> Added | None:
     """Return what gives the change of the readings by its onset's row; None of a fault that reads anything."""
     figures: dict[str, Any] = {name: value for name, value in judged.parameters.items() if name != "onset_s"}
-    since_s, record = suspect.time_s, suspect.case.record
-    rows = slice(suspect.case.start, None)
-    if judged.kind == "drift":
-        return lambda row: figures["slope"] * np.maximum(since_s - since_s[row], 0.0)
-    if judged.kind == "oscillation":
+    how, cls = how_of(judged.kind), loaded_faults().get(str(judged.kind))
+    if how == "tone":
         return _since(_tone(suspect, figures["frequency_hz"]))
-    if judged.kind == "g_sensitivity":
-        return _since(figures["coefficient"] * np.nan_to_num(record[str(judged.partner)][rows]))
-    if judged.kind == Misalignment.kind:
-        angle, across = np.deg2rad(figures["angle_deg"]), np.nan_to_num(record[str(judged.partner)][rows])
-        return _since(np.asarray((np.cos(angle) - 1.0) * suspect.expected + np.sin(angle) * across))
-    if judged.kind not in _SHAPED:
+    if cls is None or how not in _SHAPED or judged.kind == RateSaturation.kind:  # which needs its own past readings
         return None
-    fault = FAULTS[judged.kind](channel=suspect.channel, onset_s=0.0, **figures)
+    if judged.partner is not None:
+        figures |= {each.name: judged.partner for each in cls.parameters() if each.is_channel}
+    fault = cls(channel=suspect.channel, onset_s=0.0, **figures)
     return lambda row: _distorted(suspect, fault, row)
 
 
@@ -270,7 +260,10 @@ def _distorted(suspect: Suspect, fault: Fault, row: int) -> FloatArray:
     virtual, added = suspect.expected, np.zeros(len(suspect.expected))
     elapsed_s = suspect.time_s[row:] - suspect.time_s[row]
     before = suspect.measured[max(row - 1, 0) :][:1]
-    reads, _ = fault.distort(virtual[row:, np.newaxis], elapsed_s, suspect.case.period_s, fault.begin(before))
+    record, start = suspect.case.record, suspect.case.start
+    beside = [np.nan_to_num(record[name][start:]) for name in fault.reads[1:]]
+    readings = np.column_stack([virtual, *beside])[row:]
+    reads, _ = fault.distort(readings, elapsed_s, suspect.case.period_s, fault.begin(before))
     added[row:] = reads - virtual[row:]
     return added
 

@@ -21,7 +21,9 @@ from gtmbench.detectors.alarm import MOST_PROBABLE, Judgement
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import EARLY
 from gtmbench.detectors.isolation.fits import HOPELESS, FittedHypothesis
-from gtmbench.detectors.isolation.fitter import CONSTANT, SHOWN, UNKNOWN
+from gtmbench.detectors.isolation.fitter import UNKNOWN
+from gtmbench.faults.registry import how_of
+from gtmbench.faults.shape import CONSTANT, SHOWN
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray
 
@@ -101,7 +103,7 @@ def with_probability(case: Case, ranking: Sequence[FittedHypothesis], judged: Ju
         judged = replace(judged, sensor=None, partner=None, candidates=_near(ranking, judged), reason=EARLY)
         evidence = Evidence.of(case, ranking, judged)
     odds = TOGETHER if judged.together else NAMED if judged.sensor is not None else SUSPECTED
-    of_kind = KIND_HELD if judged.kind in CONSTANT else KIND  # others look constant until they have moved
+    of_kind = KIND_HELD if how_of(judged.kind) in CONSTANT else KIND  # others look constant until they have moved
     is_known = judged.kind is not None and judged.kind != UNKNOWN
     return replace(
         judged,
@@ -129,7 +131,8 @@ def _margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:
 
 def _is_shown(judged: Judgement) -> bool:
     """Tell whether readings show a kind as no other kind's do; a constant may be others' that have yet to move."""
-    return judged.kind in SHOWN and judged.kind not in CONSTANT
+    how = how_of(judged.kind)
+    return how in SHOWN and how not in CONSTANT
 
 
 def kind_margin(ranking: Sequence[FittedHypothesis], judged: Judgement) -> float:

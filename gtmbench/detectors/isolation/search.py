@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.parabola import spaced, vertex
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.fault import Fault
+from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
 _GRID = 12
@@ -21,94 +21,74 @@ _FINER = 4
 _BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
 _AT_LIMIT = 1.0 - 1e-6
 _SHOWN = 1e-6  # of a parameter that readings show, its error
+_BELOW, _ABOVE = 0.7, 1.4  # times the usual step of readings that run straight: their slew rate
+_NOTHING = 1e-12
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't).
+    """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't)."""
 
-    What it reads is said by the fault's own class, from where the fault is surely there and from the sensor's own
-    reading there. Where errors would add up from sample to sample, `step` says it of every sample from its reading
-    before: a function of the parameter, what it should read, what it read before, and the sample period. Where the
-    attitude bends with the sensor, it is hardly known what that should read, and `undone` tells of the readings what it
-    is: a function of the parameter, what it read, and what it should have.
-    """
-
-    kind: str
-    family: str
-    name: str
+    cls: type[Fault]
+    shape: Shape
     low: float
     high: float
     shown: float = 0.0
-    step: Callable[[float, FloatArray, FloatArray, float], FloatArray] | None = None
-    undone: Callable[[float, FloatArray, FloatArray], FloatArray] | None = None
+
+    @classmethod
+    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> Search:
+        """Return the search of a kind for a suspect."""
+        virtual = fitter.virtual[fitter.suspect.sure :]
+        step = fitter.straight_step / fitter.period_s
+        shown = fitter.limit if shape.read == "limit" else step if shape.read == "step" else 0.0
+        if shape.read == "step" and step:
+            return cls(cls=fault, shape=shape, low=_BELOW * step, high=_ABOVE * step, shown=shown)
+        times = 1.0
+        if shape.of == "reach":
+            times = float(np.max(np.abs(virtual), initial=0.0))
+        elif shape.of == "slew":
+            times = 2.0 * float(np.max(np.abs(np.diff(virtual)), initial=0.0)) / fitter.period_s
+        return cls(cls=fault, shape=shape, low=shape.low * times, high=shape.high * times, shown=shown)
 
     def fits(self, fitter: Fitter) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood."""
         if not 0.0 < self.low < self.high:
             return
-        suspect = fitter.suspect
+        suspect, name = fitter.suspect, self.shape.parameter
 
         def tried(values: FloatArray) -> FloatArray:
-            changes = np.array([self._changes(fitter, value) for value in values.tolist()])
+            changes = np.array([self._changes(fitter, value)[0] for value in values.tolist()])
             return suspect.deviances(fitter.left_of(changes))
 
         if self.low < self.shown < self.high:
-            value, error = self.shown, partial(dict[str, float], {self.name: _SHOWN * self.shown})
+            value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
         else:
             value = _least(tried, spaced(self.low, self.high, _GRID), fitter.half_explained)
-            wander = 0.0 if self.name.endswith("_s") else suspect.wander
+            wander = 0.0 if name.endswith("_s") else suspect.wander
             error = partial(self._error, tried, value, wander)
-        yield fitter.fixed(self.kind, self.family, self._changes(fitter, value), {self.name: value}, 1, error)
+        changes, sizes = self._changes(fitter, value)
+        found = {name: value, **sizes}
+        yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), error)
 
     def _error(self, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
         """Return the parameter's standard error, or that its value is a bound: the search's own end."""
+        name = self.shape.parameter
         if value >= self.high * _AT_LIMIT:
-            return {self.name: math.inf}
+            return {name: math.inf}
         if value * _AT_LIMIT <= self.low:
-            return {self.name: -math.inf}
-        return _curved(self.name, tried, value, wander)
+            return {name: -math.inf}
+        return _curved(name, tried, value, wander)
 
-    def _changes(self, fitter: Fitter, value: float) -> FloatArray:
-        suspect, virtual = fitter.suspect, fitter.virtual
-        sure, onset_s = suspect.sure, float(suspect.time_s[suspect.sure])
-        before = fitter.measured[sure - 1 : -1]
-        added, elapsed_s = np.zeros_like(virtual), suspect.time_s[sure:] - onset_s
-        if fitter.is_driven and self.undone is not None:
-            added[sure:] = fitter.measured[sure:] - self.undone(value, fitter.measured[sure:], virtual[sure:])
-            return added
-        if self.step is not None:
-            reads = self.step(value, virtual[sure:], before, fitter.period_s)
-        else:
-            figure: dict[str, Any] = {self.name: value}
-            fault = FAULTS[self.kind](channel=suspect.channel, onset_s=onset_s, **figure)
-            carried = fault.begin(before[:1])
-            reads, _ = fault.distort(virtual[sure:, np.newaxis], elapsed_s, fitter.period_s, carried)
-        added[sure:] = reads - virtual[sure:]
-        return added
-
-
-def before_deadzone(half_width: float, measured: FloatArray, virtual: FloatArray) -> FloatArray:
-    """Return what a sensor with a deadzone should have read: where it reads nothing, it isn't told."""
-    told = measured + half_width * np.sign(measured)
-    return np.where(measured == 0.0, np.clip(virtual, -half_width, half_width), told)
-
-
-def before_saturation(limit: float, measured: FloatArray, virtual: FloatArray) -> FloatArray:
-    """Return what a sensor that is held within limits should have read: where it is at one, it isn't told."""
-    beyond = np.sign(measured) * np.maximum(np.sign(measured) * virtual, limit)
-    return np.where(np.abs(measured) < limit * _AT_LIMIT, measured, beyond)
-
-
-def rate_limited_step(rate_limit: float, y: FloatArray, before: FloatArray, sample_period_s: float) -> FloatArray:
-    """Return what a sensor with a rate limit makes of samples, each from what it read before."""
-    return before + np.clip(y - before, -rate_limit * sample_period_s, rate_limit * sample_period_s)
-
-
-def hysteresis_step(width: float, y: FloatArray, before: FloatArray, _: float) -> FloatArray:
-    """Return what a sensor with backlash makes of samples, each from what it read before."""
-    return np.clip(before, y - 0.5 * width, y + 0.5 * width)
+    def _changes(self, fitter: Fitter, value: float) -> tuple[FloatArray, Parameters]:
+        """Return what a value adds to the readings, and the size that goes with it, where the kind has one."""
+        name, size = self.shape.parameter, self.shape.size
+        if not size:
+            return fitter.added(self.cls, {name: value}), {}
+        suspect, change = fitter.suspect, fitter.added(self.cls, {name: value, size: 1.0})
+        wave = np.where(suspect.there, suspect.shown(change[np.newaxis])[0], 0.0)
+        weight = float(np.sum(wave * np.nan_to_num(suspect.white)) / max(np.sum(np.square(wave)), _NOTHING))
+        return weight * change, {size: weight}
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:

@@ -19,11 +19,13 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import DECISIVE, judge, would_heal
 from gtmbench.detectors.isolation.driving import suspects_in
 from gtmbench.detectors.isolation.fits import FittedHypothesis, ranked_hypotheses
-from gtmbench.detectors.isolation.fitter import SHOWN, UNKNOWN
+from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.detectors.isolation.health import energy
 from gtmbench.detectors.isolation.standing import rounded, standing_beside, standing_still
 from gtmbench.detectors.isolation.suspect import Suspect
 from gtmbench.detectors.virtual import ANGLES
+from gtmbench.faults.registry import how_of
+from gtmbench.faults.shape import SHOWN
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray
 
@@ -79,7 +81,7 @@ def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement, with
     if hit is None or not _is_beyond(case, parts, ranking[0]):
         told = judge(case, ranking, first)
         gone = {*case.together, *case.others} - {*case.residuals.raw}
-        if not gone or told.sensor is None or told.kind in SHOWN:
+        if not gone or told.sensor is None or how_of(told.kind) in SHOWN:
             return told
         own = {case.source: _Part(told, case.deviance - ranking[0].bic)}
         return _with_own_angle(case, own, gone) or told
@@ -92,7 +94,7 @@ def _hit(case: Case, ranking: Sequence[FittedHypothesis], first: Judgement) -> l
     if case.driving or first.sensor is not None or case.source not in case.residuals.raw:
         return None
     best = ranking[0] if ranking else None
-    if best is None or best.kind == "swap" or best.bic >= case.deviance - DECISIVE:
+    if best is None or best.how == "swapped" or best.bic >= case.deviance - DECISIVE:
         return None
     hit = [
         output
@@ -321,6 +323,6 @@ def _is_definite(case: Case, judged: Judgement) -> bool:
     A tone that has hardly turned is what anything slow looks like.
     """
     judged_s = (case.judged.stop - case.judged.start) * case.period_s
-    if judged.kind == "oscillation" and judged.parameters["frequency_hz"] * judged_s < _TURNS:
+    if how_of(judged.kind) == "tone" and judged.parameters["frequency_hz"] * judged_s < _TURNS:
         return False
-    return bool(judged.candidates) and judged.kind not in (None, UNKNOWN, "random_walk")
+    return bool(judged.candidates) and how_of(judged.kind) not in ("", "walk")

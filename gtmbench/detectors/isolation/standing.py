@@ -11,8 +11,8 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.case import Case
-from gtmbench.faults.replacing import Jam, Stale
-from gtmbench.faults.shaping import Quantisation
+from gtmbench.faults.kinds.replacing import Jam, Stale
+from gtmbench.faults.kinds.shaping import Quantisation
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, IntArray, runs
 

@@ -39,7 +39,7 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
-from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S, dated
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
@@ -97,8 +97,8 @@ class AlarmLogic:
         self._monitor, self._memory, self._bank = monitor, memory, monitor.bank
         self._without = tuple(without)
         for family in self._without:
-            if family not in FAMILIES:
-                raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(FAMILIES)}")
+            if family not in families():
+                raise InputError(f"no family of hypotheses is called '{family}'; they are {', '.join(families())}")
         # a score that is above 1 from the start shows what was there before: it has to come down once to be armed
         sources = {spec.output: spec.source for spec in self._bank.residuals}
         self.arming = [

@@ -26,7 +26,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm, Judgement
 from gtmbench.detectors.monitor.scores import IntArray
-from gtmbench.faults.replacing import Dropout
+from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.values.record import BoolArray
 
 NEVER = np.iinfo(np.int64).max

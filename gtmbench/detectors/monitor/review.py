@@ -20,11 +20,12 @@ from gtmbench.detectors.isolation.diagnosis import (
 )
 from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
-from gtmbench.detectors.isolation.fitter import SHOWN
 from gtmbench.detectors.isolation.health import greatest
 from gtmbench.detectors.isolation.probability import kind_margin, with_probability
 from gtmbench.detectors.isolation.several import SEVERAL, judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
+from gtmbench.faults.registry import how_of
+from gtmbench.faults.shape import SHOWN
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
 _LONG_S = 20.0  # after an alarm: what looks have said until then, twice, the next one says, too
@@ -120,7 +121,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
 
     What began with it and enters this residual isn't this sensor's.
     """
-    if judged.sensor is None or judged.kind in SHOWN:
+    if judged.sensor is None or how_of(judged.kind) in SHOWN:
         return judged
     for each in earlier(fault, others):
         alarm = each.alarm

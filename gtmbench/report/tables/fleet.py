@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gtmbench.faults.additive import Bias
+from gtmbench.faults.kinds.additive import Bias
 from gtmbench.files.arrow_table import Column, Row
 from gtmbench.files.plain import plain
 from gtmbench.jobs.parts import Parts

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.checks import listed
-from gtmbench.faults.kinds import FAULTS
+from gtmbench.faults.registry import FAULTS
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S

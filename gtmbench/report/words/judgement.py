@@ -42,7 +42,8 @@ def severity_text(trial: Injection) -> str:
 def fault_text(fault: Fault) -> str:
     """Name a fault with its channel, other ones that it reads, and its severity.
 
-    >>> from gtmbench.faults.kinds import Drift, Swap
+    >>> from gtmbench.faults.kinds.additive import Drift
+    >>> from gtmbench.faults.kinds.replacing import Swap
     >>> fault_text(Drift(channel="p", onset_s=300, slope=0.05)), fault_text(Swap(channel="p", onset_s=300, other="q"))
     ('drift of p, 0.05 deg/s²', 'swap of p with q')
     """
@@ -64,7 +65,7 @@ def _severities(fault: Fault) -> str:
 def units_of(fault: Fault) -> dict[str, str]:
     """Return the units of a fault's severities by name.
 
-    >>> from gtmbench.faults.kinds import Drift
+    >>> from gtmbench.faults.kinds.additive import Drift
     >>> units_of(Drift(channel="p", onset_s=300, slope=0.05))
     {'slope': 'deg/s²'}
     """

@@ -23,9 +23,9 @@ from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.detectors.surfaces.deviation import WINDOWS_S
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
-from gtmbench.faults.additive import Bias, Drift, Noise
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.shaping import Deadzone, ScaleFactor
+from gtmbench.faults.kinds.additive import Bias, Drift, Noise
+from gtmbench.faults.kinds.shaping import Deadzone, ScaleFactor
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces

@@ -15,8 +15,8 @@ import numpy as np
 from gtmbench.detectors.alarm import OUTSIDE, Alarm
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.protocol import Watch
-from gtmbench.faults.additive import Bias, Noise
-from gtmbench.faults.shaping import ScaleFactor
+from gtmbench.faults.kinds.additive import Bias, Noise
+from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.intake.flight_log import Unread
 from gtmbench.intake.spans import union
 from gtmbench.study.log.certificate import Certificate

@@ -13,7 +13,7 @@ from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
-from gtmbench.faults.replacing import Dropout
+from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (

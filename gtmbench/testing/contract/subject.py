@@ -14,8 +14,8 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_recipe
 from gtmbench.detectors.registry import as_detector
 from gtmbench.errors import InputError
-from gtmbench.faults.additive import Drift
 from gtmbench.faults.fault import Fault, inject
+from gtmbench.faults.kinds.additive import Drift
 from gtmbench.intake.resampling import decimate
 from gtmbench.method.problem import as_records
 from gtmbench.testing.shared_flights import fly_once

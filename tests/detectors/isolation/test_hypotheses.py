@@ -15,7 +15,8 @@ from gtmbench.detectors.isolation.effects import Effects, paths_of
 from gtmbench.detectors.isolation.noise import spikes_in
 from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
 from gtmbench.detectors.isolation.search import hysteresis_step, rate_limited_step
-from gtmbench.faults.kinds import FAULTS, Hysteresis, RateSaturation
+from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation
+from gtmbench.faults.registry import FAULTS
 from tests.helpers import monitors
 
 ONSET_S, PERIOD_S = 60.0, 0.02

@@ -15,7 +15,10 @@ from hypothesis import strategies as st
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import inject
-from gtmbench.faults.kinds import FAULTS, Deadzone, Drift, Jam, RateSaturation, Saturation
+from gtmbench.faults.kinds.additive import Drift
+from gtmbench.faults.kinds.replacing import Jam
+from gtmbench.faults.kinds.shaping import Deadzone, RateSaturation, Saturation
+from gtmbench.faults.registry import FAULTS
 from gtmbench.intake.formats.csv_cells import Notation
 from gtmbench.intake.samples import log_samples
 from gtmbench.study.fault_tables import fault_specs

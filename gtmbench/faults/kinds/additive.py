@@ -13,6 +13,7 @@ from gtmbench.faults.distortions import random_walk
 from gtmbench.faults.draws import Distribution, drawn
 from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit, periods
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
+from gtmbench.faults.shape import Shape, Typical, WholeLog
 from gtmbench.values.clock import FloatArray, Value
 
 
@@ -34,6 +35,16 @@ class Bias(Formula):
     """
 
     kind: ClassVar[str] = "bias"
+    occurs: ClassVar[str] = (
+        "a supply that sags, a thermal shock; the MPU-6050 gyro's data sheet allows 20 deg/s to begin with"
+    )
+    shape: ClassVar = Shape(
+        how="linear", family="additive", parameter="size", column="1", passes_for=("estimator",), of_angle="drift"
+    )
+    whole_log: ClassVar = WholeLog(
+        wrong=lambda read, _: np.ones(len(read)), least=0.4
+    )  # one that warms up does as much
+    typical: ClassVar = Typical(shown={"size": 20.0}, gyro=(0.3, 2.0), angle=(1.0, 4.0), certified_s=10.0)
     size: float = severity()
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
@@ -59,6 +70,13 @@ class Drift(Formula):
     """
 
     kind: ClassVar[str] = "drift"
+    occurs: ClassVar[str] = "warming up; the dissertation's, 0.05 deg/s²"
+    # what is slow in the noise looks like a slope
+    shape: ClassVar = Shape(how="linear", family="additive", parameter="slope", column="t", spread=1.7)
+    whole_log: ClassVar = WholeLog(
+        wrong=lambda _, time_s: time_s, price=1.0, least=0.01, shortest_s=15.0, grows_from="bias"
+    )
+    typical: ClassVar = Typical(shown={"slope": 2.0}, gyro=(0.01, 0.05), angle=(0.2, 1.0), certified_s=20.0)
     slope: float = severity(per_second=True)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
@@ -89,6 +107,11 @@ class Oscillation(Formula):
     """
 
     kind: ClassVar[str] = "oscillation"
+    occurs: ClassVar[str] = "unstable electronics; liquid and solid oscillatory failures (Goupil 2010)"
+    shape: ClassVar = Shape(
+        how="tone", family="additive", parameter="amplitude", passes_for=("motion",), of_angle="oscillation"
+    )
+    typical: ClassVar = Typical(shown={"amplitude": 12.0, "frequency_hz": 1.5}, gyro=(1.0, 3.0), angle=(0.3, 1.5))
     amplitude: float = severity(low=0.0)
     frequency_hz: float = setting(unit="Hz", low=0.0)
     phase_deg: float = setting(unit="deg", default=0.0)
@@ -123,6 +146,10 @@ class RandomWalk(Fault):
     """
 
     kind: ClassVar[str] = "random_walk"
+    occurs: ClassVar[str] = "rate random walk of IEEE Std 952-1997; temperature"
+    # the step from its beginning to its end is one number at all frequencies
+    shape: ClassVar = Shape(how="walk", family="additive", parameter="gain", spread=2.0, passes_for=("turn",))
+    typical: ClassVar = Typical(shown={"gain": 6.0, "seed": 2}, gyro=(0.2, 1.0), angle=(0.5, 2.0))
     gain: float = severity(per="sqrt(s)", low=0.0)
     seed: int = random_seed()
 
@@ -161,6 +188,11 @@ class Noise(Formula):
     """
 
     kind: ClassVar[str] = "noise"
+    occurs: ClassVar[str] = "a loose mount, a bad contact, sound at a MEMS gyro's resonance (Son et al. 2015)"
+    shape: ClassVar = Shape(
+        how="white", family="variance", parameter="deviation", passes_for=("estimator", "excitation")
+    )
+    typical: ClassVar = Typical(shown={"deviation": 6.0}, gyro=(1.5, 4.0), angle=(0.2, 0.6), certified_s=10.0)
     deviation: float = severity(low=0.0)
     seed: int = random_seed()
 
@@ -191,6 +223,11 @@ class Spikes(Formula):
     """
 
     kind: ClassVar[str] = "spikes"
+    occurs: ClassVar[str] = (
+        "flipped bits, mixed-up words: an A330's angle of attack on 7 October 2008 (ATSB AO-2008-070)"
+    )
+    shape: ClassVar = Shape(how="spikes", family="variance", parameter="size")
+    typical: ClassVar = Typical(shown={"size": 30.0, "rate_hz": 1.0}, gyro=(10.0, 40.0), angle=(2.0, 8.0))
     size: float = severity(low=0.0)
     rate_hz: float = setting(unit="Hz", low=0.0)
     seed: int = random_seed()
@@ -225,6 +262,12 @@ class GSensitivity(Formula):
     """
 
     kind: ClassVar[str] = "g_sensitivity"
+    beside: ClassVar[str] = "to"
+    occurs: ClassVar[str] = "MEMS gyros: 0.1 deg/s per g in the MPU-6050's data sheet"
+    shape: ClassVar = Shape(
+        how="linear", family="cross-axis", parameter="coefficient", beside="felt", passes_for=("motion",)
+    )
+    typical: ClassVar = Typical(shown={"axis": "nz", "coefficient": 20.0}, gyro=(0.5, 4.0), angle=(1.0, 4.0))
     axis: str = other_channel()
     coefficient: float = severity(per="g")
 

@@ -7,11 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit
+from gtmbench.faults.fault import Distorted, Fault, Following, Formula, State, check_unit
 from gtmbench.faults.parameter import other_channel, severity
+from gtmbench.faults.same import is_constant, is_one_sided
+from gtmbench.faults.shape import Shape, Typical, WholeLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import FloatArray, Value
+
+_AT_LIMIT = 1.0 - 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +38,26 @@ class ScaleFactor(Formula):
     """
 
     kind: ClassVar[str] = "scale_factor"
+    occurs: ClassVar[str] = "a range that is set otherwise than it is read; ageing"
+    shape: ClassVar = Shape(
+        how="gain",
+        family="multiplicative",
+        parameter="factor",
+        healthy=1.0,
+        passes_for=("estimator", "excitation"),
+    )
+    whole_log: ClassVar = WholeLog(  # e = k y, so that its factor is 1 / (1 - k); k = 2 turns its sign
+        wrong=lambda read, _: read,
+        name="scale",
+        low=-4.0,
+        high=3.0,
+        least=0.12,
+        shortest_s=7.0,  # beyond these it is another motion
+        is_gain=True,
+        mirror=1.0,
+        parameter=lambda size: 1.0 / (1.0 - size) if abs(1.0 - size) > 1e-6 else math.inf,
+    )
+    typical: ClassVar = Typical(shown={"factor": 1.6}, gyro=(1.1, 1.3), angle=(1.1, 1.3), certified_s=10.0)
     factor: float = severity(unit="")
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
@@ -51,6 +77,9 @@ class SignFlip(Formula):
     """
 
     kind: ClassVar[str] = "sign_flip"
+    occurs: ClassVar[str] = "mounted the wrong way round: the Proton-M of 2 July 2013"
+    shape: ClassVar = Shape(how="sign", family="multiplicative")
+    typical: ClassVar = Typical()
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
         """Turn it round."""
@@ -77,6 +106,10 @@ class Misalignment(Formula):
     """
 
     kind: ClassVar[str] = "misalignment"
+    beside: ClassVar[str] = "towards"
+    occurs: ClassVar[str] = "a bent or loose mount"
+    shape: ClassVar = Shape(how="turned", family="cross-axis", parameter="angle_deg", passes_for=("motion",))
+    typical: ClassVar = Typical(shown={"axis": "q", "angle_deg": 60.0}, gyro=(8.0, 20.0), angle=(8.0, 20.0))
     axis: str = other_channel()
     angle_deg: float = severity(unit="deg", low=-180.0, high=180.0)
 
@@ -108,11 +141,37 @@ class Deadzone(Formula):
     """
 
     kind: ClassVar[str] = "deadzone"
+    occurs: ClassVar[str] = "friction; the dissertation's"
+    shape: ClassVar = Shape(
+        how="search", family="clipping", parameter="half_width", low=0.01, high=1.0, of="reach", when="straight"
+    )
+    whole_log: ClassVar = WholeLog(  # 0.15 deg/s are more than nothing
+        wrong=lambda read, _: np.where(np.abs(read) > 0.15, -np.sign(read), 0.0),
+        price=3.0,
+        low=0.0,
+        high=2.0,
+        of_motion=True,
+        least=0.2,
+        shortest_s=15.0,
+        is_gain=True,
+    )
+    typical: ClassVar = Typical(
+        shown={"half_width": 10.0}, gyro=(25.0, 50.0), angle=(25.0, 50.0), of="rms", certified_s=10.0, largest="dead"
+    )
+    same_as: ClassVar = {  # it has
+        "stuck": is_constant,  # never left the deadzone,
+        "bias": is_one_sided,  # nor come into it, and has lost the half-width
+    }
     half_width: float = severity(per_second=False, low=0.0)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
         """Shrink towards zero."""
         return now[0] - clipped(now[0], -self.half_width, self.half_width)
+
+    def undone(self, readings: FloatArray, expected: FloatArray) -> FloatArray:
+        """Add the half-width; where it reads nothing, it isn't told."""
+        told = readings + self.half_width * np.sign(readings)
+        return np.where(readings == 0.0, np.clip(expected, -self.half_width, self.half_width), told)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,15 +192,26 @@ class Saturation(Formula):
     """
 
     kind: ClassVar[str] = "saturation"
+    occurs: ClassVar[str] = "a range that is too small; the dissertation's"
+    shape: ClassVar = Shape(
+        how="search", family="clipping", parameter="limit", low=0.01, high=1.0, of="reach", read="limit", when="traced"
+    )
+    typical: ClassVar = Typical(shown={"limit": 12.0}, gyro=(40.0, 20.0), angle=(40.0, 20.0), of="peak")
+    same_as: ClassVar = {"stuck": is_constant}  # the signal never came back within the limit
     limit: float = severity(per_second=False, low=0.0)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
         """Clip."""
         return clipped(now[0], -self.limit, self.limit)
 
+    def undone(self, readings: FloatArray, expected: FloatArray) -> FloatArray:
+        """Return the readings; where it is at a limit, it isn't told."""
+        beyond = np.sign(readings) * np.maximum(np.sign(readings) * expected, self.limit)
+        return np.where(np.abs(readings) < self.limit * _AT_LIMIT, readings, beyond)
+
 
 @dataclass(frozen=True, kw_only=True)
-class RateSaturation(Fault):
+class RateSaturation(Following):
     """The signal follows no faster than rate_limit: y_b(k) = y_b(k-1) + clip(y(k) - y_b(k-1), +-rate_limit Ts).
 
     It starts from the last healthy sample. A missing sample (NaN) stays missing and is passed over.
@@ -160,26 +230,32 @@ class RateSaturation(Fault):
     """
 
     kind: ClassVar[str] = "rate_saturation"
+    occurs: ClassVar[str] = "an amplifier's slew rate; the dissertation's"
+    shape: ClassVar = Shape(
+        how="search",
+        family="clipping",
+        parameter="rate_limit",
+        low=0.01,
+        high=1.0,
+        of="slew",
+        read="step",
+        when="straight",
+        passes_for=("loop", "turn"),
+    )
+    typical: ClassVar = Typical(shown={"rate_limit": 25.0}, gyro=(20.0, 10.0), angle=(20.0, 10.0), of="slew")
     rate_limit: float = severity(per_second=True, low=0.0)
 
-    def begin(self, before: FloatArray) -> State:
-        """Start from the last healthy sample."""
-        return float(before[0])
+    def follow(self, y: Value, before: Value, sample_period_s: float) -> Value:
+        """Follow no faster."""
+        return followed(before, y, self.rate_limit * sample_period_s)
 
     def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Follow the signal over a stretch."""
         return rate_limited(readings[:, 0], self.rate_limit * sample_period_s, carried)
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
-        """Follow the signal by one step."""
-        at = followed(carried, now[0], self.rate_limit * sample_period_s)
-        return at if now[0] == now[0] else now[0], at
-
 
 @dataclass(frozen=True, kw_only=True)
-class Hysteresis(Fault):
+class Hysteresis(Following):
     """Backlash, `width` in all: y_b(k) = min(max(y_b(k-1), y(k) - width/2), y(k) + width/2).
 
     It starts from the last healthy sample, amid its play. A missing sample stays missing and is passed over.
@@ -198,21 +274,25 @@ class Hysteresis(Fault):
     """
 
     kind: ClassVar[str] = "hysteresis"
+    occurs: ClassVar[str] = "play in a vane's linkage"
+    shape: ClassVar = Shape(
+        how="search",
+        family="clipping",
+        parameter="width",
+        low=0.02,
+        high=2.0,
+        of="reach",
+        when="straight",
+        spread=1.5,  # each side of the play has to be found
+        passes_for=("loop", "turn"),
+    )
+    typical: ClassVar = Typical(shown={"width": 20.0}, gyro=(50.0, 150.0), angle=(50.0, 150.0), of="rms")
+    same_as: ClassVar = {"stuck": is_constant, "jam": is_constant}  # it has never left its play
     width: float = severity(low=0.0)
 
-    def begin(self, before: FloatArray) -> State:
-        """Start from the last healthy sample."""
-        return float(before[0])
-
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    def follow(self, y: Value, before: Value, sample_period_s: float) -> Value:
         """Stay where the play allows it."""
-        y, half = now[0], 0.5 * self.width
-        if y != y:
-            return y, carried
-        at = clipped(carried, y - half, y + half) if carried == carried else y
-        return at, at
+        return clipped(before, y - 0.5 * self.width, y + 0.5 * self.width)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +313,9 @@ class Quantisation(Formula):
     """
 
     kind: ClassVar[str] = "quantisation"
+    occurs: ClassVar[str] = "lost bits, a range that is far too wide"
+    shape: ClassVar = Shape(how="rounded", family="clipping", parameter="quantum", when="straight")
+    typical: ClassVar = Typical(shown={"quantum": 12.0}, gyro=(3.0, 8.0), angle=(0.5, 2.0))
     quantum: float = severity(low=1e-9)  # a finer one doesn't round, it costs digits
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
@@ -261,6 +344,17 @@ class Lag(Fault):
     """
 
     kind: ClassVar[str] = "lag"
+    occurs: ClassVar[str] = "a filter that is set too low, tubes of air data"
+    shape: ClassVar = Shape(
+        how="search",
+        family="timing",
+        parameter="lag_s",
+        low=0.005,
+        high=1.0,
+        when="late",
+        passes_for=("motion", "turn"),
+    )
+    typical: ClassVar = Typical(shown={"lag_s": 0.5}, gyro=(0.03, 0.2), angle=(0.05, 0.2))
     lag_s: float = severity(unit="s", low=0.0, above=True)
 
     def begin(self, before: FloatArray) -> State:

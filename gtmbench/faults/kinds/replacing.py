@@ -13,6 +13,8 @@ import numpy as np
 from gtmbench.faults.distortions import followed, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
+from gtmbench.faults.same import is_always, is_beyond, is_last
+from gtmbench.faults.shape import Shape, Typical
 from gtmbench.values.clock import FloatArray, Value
 
 
@@ -28,6 +30,8 @@ class Dropout(Formula):
     """
 
     kind: ClassVar[str] = "dropout"
+    occurs: ClassVar[str] = "a plug, a power supply; words without computed data on an ARINC 429 bus"
+    typical: ClassVar = Typical()
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
         """Read nothing."""
@@ -51,6 +55,10 @@ class Stuck(Formula):
     """
 
     kind: ClassVar[str] = "stuck"
+    occurs: ClassVar[str] = "a broken wire, a converter that is off"
+    shape: ClassVar = Shape(how="constant", family="replacing", parameter="value")
+    typical: ClassVar = Typical(gyro=(0.0, 5.0), angle=(0.0, 10.0))
+    same_as: ClassVar = {"jam": is_last, "hardover": is_beyond}
     value: float = severity(default=0.0)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
@@ -71,6 +79,10 @@ class Jam(Fault):
     """
 
     kind: ClassVar[str] = "jam"
+    occurs: ClassVar[str] = "a frozen vane, a task that has stopped; the dissertation's"
+    shape: ClassVar = Shape(how="last", family="replacing")
+    typical: ClassVar = Typical()
+    same_as: ClassVar = {"stuck": is_always}  # at the last healthy value
 
     def begin(self, before: FloatArray) -> State:
         """Hold the last healthy sample."""
@@ -109,6 +121,10 @@ class Hardover(Fault):
     """
 
     kind: ClassVar[str] = "hardover"
+    occurs: ClassVar[str] = "a short circuit to the supply; the gyro of the Schiaparelli lander for a second (ESA 2017)"
+    shape: ClassVar = Shape(how="beyond", family="replacing", parameter="limit")
+    typical: ClassVar = Typical(shown={"limit": 50.0, "rate_limit": 25.0}, gyro=(60.0, -150.0), angle=(60.0, -90.0))
+    same_as: ClassVar = {"stuck": is_always}  # only the stop's place tells that it is one
     limit: float = severity()
     rate_limit: float | None = severity(per_second=True, low=0.0, above=True, default=None)
 
@@ -149,6 +165,9 @@ class Stale(Fault):
     """
 
     kind: ClassVar[str] = "stale"
+    occurs: ClassVar[str] = "a task that runs more seldom than it is asked"
+    shape: ClassVar = Shape(how="repeated", family="replacing", parameter="hold_s")
+    typical: ClassVar = Typical(shown={"hold_s": 1.0}, gyro=(0.1, 0.5), angle=(0.1, 0.5))
     hold_s: float = severity(unit="s", low=0.0, above=True)
 
     def begin(self, before: FloatArray) -> State:
@@ -185,6 +204,17 @@ class Delay(Fault):
     """
 
     kind: ClassVar[str] = "delay"
+    occurs: ClassVar[str] = "an overloaded bus, a queue that is never emptied"
+    shape: ClassVar = Shape(
+        how="search",
+        family="timing",
+        parameter="delay_s",
+        low=0.01,
+        high=1.0,
+        when="late",
+        passes_for=("motion", "turn"),
+    )
+    typical: ClassVar = Typical(shown={"delay_s": 0.6}, gyro=(0.03, 0.2), angle=(0.05, 0.2))
     delay_s: float = severity(unit="s", low=0.0)
 
     def begin(self, before: FloatArray) -> State:
@@ -232,6 +262,10 @@ class Swap(Formula):
     """
 
     kind: ClassVar[str] = "swap"
+    beside: ClassVar[str] = "with"
+    occurs: ClassVar[str] = "crossed plugs, another mounting's axes"
+    shape: ClassVar = Shape(how="swapped", family="cross-axis")
+    typical: ClassVar = Typical(shown={"other": "q"})
     other: str = other_channel()
 
     @property
@@ -270,6 +304,8 @@ class Float(Formula):
     """
 
     kind: ClassVar[str] = "float"
+    occurs: ClassVar[str] = "a broken push rod; of surfaces alone, as physics goes"
+    typical: ClassVar = Typical(shown={"flow": "q", "ratio": 1.5}, gyro=(), angle=())
     flow: str = other_channel()
     ratio: float = severity(unit="")
 

@@ -1,0 +1,184 @@
+"""How a kind of fault shows: what its class says of it to the engines that look for it, and how large it usually is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from gtmbench.checks import listed, number, shown
+from gtmbench.errors import InputError
+from gtmbench.values.record import FloatArray
+
+How = Literal[
+    "linear",  # it adds so much of a shape that the class gives: size times what it reads at size one
+    "search",  # values of one parameter are tried on the class
+    "gain",  # linear; near -1 it is a wrong sign
+    "sign",
+    "fixed",  # no parameter: what the class reads
+    "tone",  # its frequency is where the spectrum of the residual peaks
+    "white",  # noise, by its spectrum
+    "walk",  # a random walk, by its spectrum
+    "spikes",
+    "last",  # one reading for good: the last healthy one,
+    "beyond",  # one beyond all healthy ones,
+    "constant",  # or any other
+    "repeated",  # readings are repeated evenly
+    "rounded",  # readings are whole multiples of one
+    "turned",  # it mixes two sensors of the same make
+    "swapped",  # it changes two of them
+]
+PassesFor = Literal["motion", "loop", "turn", "estimator", "excitation"]
+HELD: tuple[How, ...] = ("last", "constant", "beyond", "repeated")  # the same reading again and again
+CONSTANT = HELD[:3]
+SHOWN: tuple[How, ...] = (*HELD, "rounded")  # by the sensor's own readings
+Of = Literal["", "reach", "slew"]
+Read = Literal["", "limit", "step"]
+When = Literal["", "late", "traced", "straight"]
+Readings = Callable[[FloatArray, FloatArray], bool]  # by those before a fault, and those since
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """How a kind of fault shows to a diagnosis, which holds it against what every other kind would have read.
+
+    Attributes
+    ----------
+    how : str
+        How it is looked for: `How` has all; a class of one's own is "linear", "search" or "fixed".
+    family : str
+        Kinds that studies leave out together.
+    parameter : str
+        The one that is found.
+    healthy : float
+        Of "linear": the parameter at which nothing is wrong. Reads F(y; healthy + s) = y + s (F(y; healthy + 1) - y).
+    size : str
+        Of "search": another parameter, in which the kind is linear about zero; it is found beside.
+    low, high : float
+        Of "search": between which values it is looked for, in the parameter's unit, or times `of`.
+    of : str
+        "reach": the most that the sensor should have read; "slew": twice the fastest that it should have changed.
+    read : str
+        Of "search": what the readings show it as: the "limit" that they meet again and again, their usual "step".
+    when : str
+        What has to be seen of the readings: that they are "late", "straight" (held), "traced" (or clipped).
+    price : float
+        What the kind costs a priori, in nats: the logarithm of how much rarer it is than others.
+    column, beside : str
+        Of "linear": a diagnosis' own name of the shape; "felt" for what each accelerometer reads.
+    spread : float
+        By how much its parameter's error is larger than noise alone lets expect.
+    passes_for : tuple of str
+        What healthy looks like it: "motion" (a model's error in it, filters, mounts, vibration), the answer of a "loop"
+        to another sensor's fault, of a gyro a "turn" that its angle reads, of an angle an "estimator" set anew, another
+        "excitation" than was learnt.
+    of_angle : str
+        Of a gyro: the kind of its angle that looks the same near wings level.
+
+    Examples
+    --------
+    >>> Shape(how="search", parameter="fading_s", low=0.5, high=60.0).family
+    'own'
+    >>> Shape(how="linear", parameter="size", price=float("nan"))
+    Traceback (most recent call last):
+    gtmbench.errors.InputError: shape: price is nan; it must be a finite number of at least 0
+    """
+
+    how: How
+    family: str = "own"
+    parameter: str = ""
+    healthy: float = 0.0
+    size: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    of: Of = ""
+    read: Read = ""
+    when: When = ""
+    price: float = 0.0
+    column: str = ""
+    beside: str = ""
+    spread: float = 1.0
+    passes_for: tuple[PassesFor, ...] = ()
+    of_angle: str = ""
+
+    def __post_init__(self) -> None:
+        for name, of in (("how", How), ("of", Of), ("read", Read), ("when", When)):
+            legal = get_args(of)
+            if (value := getattr(self, name)) not in legal:
+                raise InputError(f"shape: {name} is {shown(value)}; it must be {listed(filter(None, legal), 'or')}")
+        number("shape: price", self.price, 0.0)
+        number("shape: healthy", self.healthy)
+        if self.how == "search":
+            number("shape: low", self.low, 0.0, above=True)
+            number("shape: high", self.high, self.low, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WholeLog:
+    """How a kind shows to the engine that judges a whole log: as an error of a gyro that is linear in its size.
+
+    Attributes
+    ----------
+    wrong : callable
+        From what a gyro reads and the times, each of shape (blocks,), to what it reads too much at size one.
+    name : str
+        As the engine calls it, if not as the kind is called.
+    price : float
+        Minus the log of its odds a priori, in nats.
+    low, high : float
+        Between what its size is.
+    of_motion : bool
+        Whether `high` is times the largest deviation of a gyro, and one more.
+    least : float
+        What is smaller is no failure.
+    shortest_s : float
+        In less it looks like another one, or like chance.
+    is_gain : bool
+        Whether it needs motion to show.
+    mirror : float
+        The size at which a gyro's own noise explains itself; NaN for none.
+    grows_from : str
+        The kind that its beginning looks like, where it grows with the time since its onset.
+    parameter : callable, optional
+        From a size to the class's parameter, where that isn't the size.
+    """
+
+    wrong: Callable[[FloatArray, FloatArray], FloatArray] = field(repr=False)
+    name: str = ""
+    price: float = 0.0
+    low: float = -math.inf
+    high: float = math.inf
+    of_motion: bool = False
+    least: float = 0.0
+    shortest_s: float = 0.0
+    is_gain: bool = False
+    mirror: float = math.nan
+    grows_from: str = ""
+    parameter: Callable[[float], float] | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Typical:
+    """How large a kind usually is: for pictures, campaigns, studies and certificates.
+
+    Attributes
+    ----------
+    shown : mapping
+        Parameters with which it is well seen on a gyro that turns by 20 deg/s; "axis" and "other" for another gyro.
+    gyro, angle : tuple of float
+        Mild and strong figures of its parameter, in the channel's unit or in percents of something.
+    of : str
+        What these are percents of: "rms", "peak" or "slew".
+    certified_s : float or None
+        Within which a certificate lets it be detected; None for kinds that certificates leave out.
+    largest : str
+        What a sensor is called that has the largest there is.
+    """
+
+    shown: Mapping[str, object] = field(default_factory=dict)
+    gyro: tuple[float, ...] = (0.0,)
+    angle: tuple[float, ...] = (0.0,)
+    of: str = ""
+    certified_s: float | None = None
+    largest: str = ""
