@@ -35,7 +35,7 @@ import gtmbench as gb
 from gtmbench.bench.attitude_filter import REFERENCE_NOISE_DEG, estimated_attitude
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.certificate import KINDS, certificate_of
+from gtmbench.study.log.certificate import certificate_of, kinds
 from gtmbench.values.attitude import ESTIMATORS
 from gtmbench.values.channels import ATTITUDE, GYROS, header_of
 from studies.conduct import Campaign, Findings, conducted
@@ -196,7 +196,7 @@ def certificate(task: Task) -> Iterator[Row]:
     for row in certificate_of(watch.monitor, [watch]).rows:
         if row.size is None:
             continue
-        kind = next(kind for kind in KINDS if kind.fault.kind == row.kind)
+        kind = next(kind for kind in kinds() if kind.fault.kind == row.kind)
         last_s = watch.record.end_s - kind.within_s
         able_s = watch.record.time_s[watch.monitor.superposition(watch, row.sensor).armed]
         for onset_s in draw.choice(able_s[able_s < last_s], 3):

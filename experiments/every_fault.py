@@ -36,7 +36,8 @@ from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.monitor.alarms import AlarmLogic
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.detectors.protocol import Watch
-from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.registry import FAULTS, how_of
+from gtmbench.faults.shape import CONSTANT
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.markdown import markdown
@@ -77,42 +78,36 @@ class Kind(NamedTuple):
     is_graded: bool = True  # whether smaller figures tell of a smaller fault
 
 
-def twice(figure: float) -> float:
-    """Return a limit that is reached less."""
-    return 2.0 * figure
+def _kind(cls: type[gb.Fault]) -> Kind:
+    """Return what is tried of a kind, as its class says; most mild figures are 2 to 6 times the least that is found."""
+    shape, typical = cls.shape, cls.typical
+    assert typical is not None
+    numbers = [each.name for each in cls.parameters() if each.is_severity]
+    name = next((each for each in numbers if shape is not None and each == shape.figure), "")
+    settings = {each.name for each in cls.parameters() if each.is_required} - {name}
+    fixed = {each: value for each, value in typical.shown.items() if each in settings and value not in GYROS}
+    mild, strong = typical.gyro[0], typical.gyro[-1]
+
+    def weaker(figure: float) -> float:
+        """Return half of it; half of a wrong gain; twice a limit, which is reached less."""
+        healthy = 0.0 if shape is None else shape.healthy
+        return 2.0 * figure if 0.0 < strong < mild else healthy + (figure - healthy) / 2.0
+
+    return Kind(
+        family="" if shape is None else shape.family,
+        name=name,
+        gyro=typical.gyro,
+        angle=typical.angle,
+        of=f"% of {typical.of}" if typical.of else "",
+        others=fixed,
+        weaker=weaker,
+        is_graded=how_of(cls.kind) not in CONSTANT,
+    )
 
 
-def nearer_one(factor: float) -> float:
-    """Return half of a wrong gain."""
-    return 1.0 + (factor - 1.0) / 2.0
-
-
-RMS, PEAK, SLEW = "% of rms", "% of peak", "% of slew"  # of what the channel does on that flight while it is broken
-# Gyros: deg/s, attitude: deg. On three other flights most mild ones were 2 to 6 times the least that was found.
+# Gyros: deg/s, attitude: deg; shares are of what the channel does on that flight while it is broken
 KINDS: dict[str, Kind] = {
-    "bias": Kind("additive", "size", (0.3, 2.0), (1.0, 4.0)),
-    "drift": Kind("additive", "slope", (0.01, 0.05), (0.2, 1.0)),
-    "random_walk": Kind("additive", "gain", (0.2, 1.0), (0.5, 2.0)),
-    "oscillation": Kind("additive", "amplitude", (1.0, 3.0), (0.3, 1.5), others={"frequency_hz": 1.5}),
-    "scale_factor": Kind("multiplicative", "factor", (1.1, 1.3), (1.1, 1.3), weaker=nearer_one),
-    "sign_flip": Kind("multiplicative"),
-    "lag": Kind("timing", "lag_s", (0.03, 0.2), (0.05, 0.2)),
-    "delay": Kind("timing", "delay_s", (0.03, 0.2), (0.05, 0.2)),
-    "jam": Kind("replacing"),
-    "stuck": Kind("replacing", "value", (0.0, 5.0), (0.0, 10.0), is_graded=False),
-    "hardover": Kind("replacing", "limit", (60.0, -150.0), (60.0, -90.0), is_graded=False),
-    "stale": Kind("replacing", "hold_s", (0.1, 0.5), (0.1, 0.5)),
-    "deadzone": Kind("clipping", "half_width", (25.0, 50.0), (25.0, 50.0), RMS),
-    "saturation": Kind("clipping", "limit", (40.0, 20.0), (40.0, 20.0), PEAK, weaker=twice),
-    "rate_saturation": Kind("clipping", "rate_limit", (20.0, 10.0), (20.0, 10.0), SLEW, weaker=twice),
-    "hysteresis": Kind("clipping", "width", (50.0, 150.0), (50.0, 150.0), RMS),
-    "quantisation": Kind("clipping", "quantum", (3.0, 8.0), (0.5, 2.0)),
-    "noise": Kind("variance", "deviation", (1.5, 4.0), (0.2, 0.6)),
-    "spikes": Kind("variance", "size", (10.0, 40.0), (2.0, 8.0), others={"rate_hz": 1.0}),
-    "dropout": Kind(""),
-    "misalignment": Kind("cross-axis", "angle_deg", (8.0, 20.0), (8.0, 20.0)),
-    "swap": Kind("cross-axis"),
-    "g_sensitivity": Kind("cross-axis", "coefficient", (0.5, 4.0), (1.0, 4.0), others={"axis": "nz"}),
+    kind: _kind(cls) for kind, cls in FAULTS.items() if cls.typical is not None and cls.typical.gyro
 }
 MILD, STRONG, ONLY = "mild", "strong", "-"
 

@@ -2,14 +2,13 @@
 
 Run ``python experiments/fault_gallery.py [--out DIR]``; it draws ``fault_gallery.png`` for `docs/reference/faults.md`.
 Panels stand as the files of `gtmbench/faults` do: what is added, how the signal is shaped, what takes its place; then
-two ways in which any of them may come. A new kind wants an entry in `SHOWN`.
+two ways in which any of them may come. A class says what is shown of it (`Typical`).
 """
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,48 +20,28 @@ from gtmbench.files.disk import atomic_write
 from gtmbench.report.figures.panels import panels
 from gtmbench.report.words.judgement import fault_text
 
-CHANNEL, NEIGHBOUR = "p", "q"
+CHANNEL = "p"
 BEGIN_S, LENGTH_S, ONSET_S = 60.0, 20.0, 5.0  # into the flight, of the picture, and into the picture
 COLUMNS = 5
 COLOURS = {additive: "#d62728", shaping: "#1f5fa8", replacing: "#b8621b"}
-SHOWN: dict[str, dict[str, Any]] = {  # severities that one sees at this size
-    "bias": {"size": 20.0},
-    "drift": {"slope": 2.0},
-    "random_walk": {"gain": 6.0, "seed": 2},
-    "oscillation": {"amplitude": 12.0, "frequency_hz": 1.5},
-    "noise": {"deviation": 6.0},
-    "spikes": {"size": 30.0, "rate_hz": 1.0},
-    "g_sensitivity": {"axis": "nz", "coefficient": 20.0},
-    "scale_factor": {"factor": 1.6},
-    "sign_flip": {},
-    "misalignment": {"axis": NEIGHBOUR, "angle_deg": 60.0},
-    "deadzone": {"half_width": 10.0},
-    "saturation": {"limit": 12.0},
-    "rate_saturation": {"rate_limit": 25.0},
-    "hysteresis": {"width": 20.0},
-    "quantisation": {"quantum": 12.0},
-    "lag": {"lag_s": 0.5},
-    "dropout": {},
-    "stuck": {},
-    "jam": {},
-    "hardover": {"limit": 50.0, "rate_limit": 25.0},
-    "stale": {"hold_s": 1.0},
-    "delay": {"delay_s": 0.6},
-    "swap": {"other": NEIGHBOUR},
-    "float": {"flow": NEIGHBOUR, "ratio": 1.5},
-}
 
 
 def faults() -> dict[str, gb.Fault]:
     """Return what is drawn, panel by panel, by titles."""
     where = {"channel": CHANNEL, "onset_s": BEGIN_S + ONSET_S}
-    kinds = [kind for family in COLOURS for kind in SHOWN if FAULTS[kind].__module__ == family.__name__]
-    shown = [FAULTS[kind](**where, **SHOWN[kind]) for kind in kinds]
+    classes = sorted((cls for cls in FAULTS.values() if cls.typical is not None), key=_place)
+    shown = [cls(**where, **cls.typical.shown) for cls in classes if cls.typical is not None]
     told = {fault_text(fault).replace(f" of {CHANNEL}", ""): fault for fault in shown}
     times = gb.Intermittent(period_s=4.0, duty=0.4, jitter=0.4, seed=3)
     told["intermittent: jam, 4 s, 40 %"] = gb.Jam(**where, intermittent=times)
     told["ramp of 10 s: bias, 20 deg/s"] = gb.Bias(**where, size=20.0, ramp_s=10.0)
     return told
+
+
+def _place(cls: type[gb.Fault]) -> int:
+    """Return where a kind stands: by its file; one of its own comes last."""
+    files = [family.__name__ for family in COLOURS]
+    return files.index(cls.__module__) if cls.__module__ in files else len(files)
 
 
 def draw(axis: Axes, title: str, fault: gb.Fault, healthy: gb.Record) -> None:

@@ -47,8 +47,17 @@ from gtmbench.errors import (
 from gtmbench.export.write import Exported, export_c
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.faults.intermittent import Intermittent
-from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
-from gtmbench.faults.kinds.replacing import Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
+from gtmbench.faults.kinds.additive import (
+    Bias,
+    Drift,
+    GSensitivity,
+    Noise,
+    Oscillation,
+    RandomWalk,
+    Spikes,
+    ThermalBias,
+)
+from gtmbench.faults.kinds.replacing import ClockSlip, Delay, Dropout, Float, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.kinds.shaping import (
     Deadzone,
     Hysteresis,
@@ -57,6 +66,7 @@ from gtmbench.faults.kinds.shaping import (
     Quantisation,
     RateSaturation,
     Saturation,
+    ScaleDrift,
     ScaleFactor,
     SignFlip,
 )
@@ -134,6 +144,7 @@ __all__ = [
     "Campaign",
     "ChangedColumn",
     "Channel",
+    "ClockSlip",
     "Controller",
     "ControllerError",
     "ConvergenceWarning",
@@ -207,6 +218,7 @@ __all__ = [
     "Residual",
     "ResidualStream",
     "Saturation",
+    "ScaleDrift",
     "ScaleFactor",
     "Scenario",
     "Score",
@@ -227,6 +239,7 @@ __all__ = [
     "SurfaceMonitor",
     "SurfaceSizes",
     "Swap",
+    "ThermalBias",
     "TotalLeastSquares",
     "Transmissibility",
     "Trial",

@@ -9,6 +9,7 @@ import numpy as np
 
 from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
+from gtmbench.engine.explanations import gyros
 from gtmbench.engine.finding import REFERENCES, Finding, Side
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
@@ -27,7 +28,6 @@ _AT_ONCE_S = 3.0  # as well as three onsets are dated
 _SHORTEST_S = 10.0  # what lasts no longer is a contact's or a gust's, and no gyro's
 _PASSES_S, _LEFT_S = 25.0, 20.0  # what passes so soon may be references'; unless the log ends soon after
 _OFTEN = 2.0  # samples of a gyro in a block, or a factor is made by what it folds back
-_PASSING = ("bias", "drift", "scale", "deadzone")  # a gyro that fails seldom heals
 _BESIDE, _AS_STRONG = 0.5, 0.3  # of its time and its evidence: two that cancel each other
 _LEARNT_DEG_S = 2.5  # the largest offset of a healthy gyro that an estimator learns in flight
 _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
@@ -107,7 +107,7 @@ def _passes(model: Model, finding: Finding) -> bool:
     """Tell whether it is over soon, or was."""
     start_s = model.flight.blocks.start_s
     end_s = start_s + model.cells * model.cell_s
-    if finding.best.kind not in _PASSING:
+    if finding.best.kind not in gyros.kinds():  # a gyro that fails seldom heals
         return False
     if finding.best.kind == "drift" and finding.end_s < end_s - _LEFT_S:
         return True  # what grows doesn't end at once

@@ -125,6 +125,11 @@ def _of_gyro(
     return Effect(gyros=gyros, gains=gains, turned=turned, turning=turning)
 
 
+def seconds(flight: Flight) -> FloatArray:
+    """Return the time since the log began, at each block's beginning: what grows is less by that of its onset."""
+    return flight.time_s - 0.5 * flight.blocks.period_s
+
+
 def kept_a_block(flight: Flight, fades_s: float) -> float:
     """Return how much of what it was off by an attitude still is a block later."""
     return 1.0 - flight.blocks.period_s / fades_s

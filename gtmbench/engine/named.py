@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from gtmbench.detectors.alarm import MOST_PROBABLE, Alarm, Judgement
+from gtmbench.engine.explanations.angle import STEP
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
+from gtmbench.faults.kinds.additive import Bias
+from gtmbench.faults.kinds.shaping import SignFlip
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State
 
 WHOLE = "the whole log"  # the test of such alarms
-_BIAS, _DRIFT, _SCALE, _SIGN, _DEADZONE = "bias", "drift", "scale_factor", "sign_flip", "deadzone"  # kinds of faults
-_KINDS = {"step": _BIAS, "scale": _SCALE}  # as explanations call them
-_PARAMETERS = {_BIAS: "size", _DRIFT: "slope", _DEADZONE: "half_width", FROZEN: "value"}
 _TURNED = 0.25  # about a factor of -1: the sign is wrong
 
 
@@ -28,14 +29,16 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
     >>> judged.kind, judged.parameters["factor"], [round(end, 2) for end in judged.intervals["factor"]]
     ('scale_factor', 0.5, [0.48, 0.53])
     """
-    kind = _KINDS.get(finding.best.kind, finding.best.kind)
-    name, size, interval = _PARAMETERS.get(kind, ""), finding.size, finding.interval
-    if kind == _SCALE:  # e = k y: the reading is 1 / (1 - k) times the turn
-        name, size = "factor", _factor(finding.size)
-        low, high = sorted(map(_factor, interval))
+    kind, size, interval = _kind_of(finding), finding.size, finding.interval
+    cls = loaded_faults().get(kind)
+    name = cls.shape.parameter if cls is not None and cls.shape is not None else ""
+    whole = None if cls is None else cls.whole_log
+    if whole is not None and whole.parameter is not None:
+        size = whole.parameter(finding.size)
+        low, high = sorted(map(whole.parameter, interval))
         interval = (low, high)
-        kind = _SIGN if abs(size + 1.0) < _TURNED else kind
-    is_told = bool(name) and kind != _SIGN
+        kind = SignFlip.kind if abs(size + 1.0) < _TURNED else kind
+    is_told = (whole is not None or kind == FROZEN) and kind != SignFlip.kind
     sensor, imu = (None, "") if finding.named is None else gyro_and_imu(finding.named)
     return Judgement(
         time_s=time_s,
@@ -92,6 +95,8 @@ def alarm_of(finding: Finding, number: int, span_s: Span) -> Alarm:
     )
 
 
-def _factor(gain: float) -> float:
-    """Return by which a gyro's turns are multiplied whose error is so much of what it reads."""
-    return 1.0 / (1.0 - gain) if abs(1.0 - gain) > 1e-6 else float("inf")
+def _kind_of(finding: Finding) -> str:
+    """Return the kind of fault that an explanation is."""
+    called = {cls.whole_log.name: kind for kind, cls in loaded_faults().items() if cls.whole_log is not None}
+    called[STEP] = Bias.kind
+    return called.get(finding.best.kind, finding.best.kind)

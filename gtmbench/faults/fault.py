@@ -23,7 +23,8 @@ from gtmbench.faults.parameter import Parameter as Parameter
 from gtmbench.faults.parameter import other_channel as other_channel
 from gtmbench.faults.parameter import setting as setting
 from gtmbench.faults.parameter import severity as severity
-from gtmbench.faults.shape import Readings, Shape, Typical, WholeLog
+from gtmbench.faults.same import Same
+from gtmbench.faults.shape import Shape, Typical, WholeLog
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, unit_of
 from gtmbench.values.clock import Value, even_times_s
@@ -75,7 +76,7 @@ class Fault:
     shape: ClassVar[Shape | None] = None
     whole_log: ClassVar[WholeLog | None] = None
     typical: ClassVar[Typical | None] = None
-    same_as: ClassVar[Mapping[str, Readings]] = {}  # a kind told in its place: when both would have read the same
+    same_as: ClassVar[Mapping[str, Same]] = {}  # a kind told in its place: when both would have read the same
     beside: ClassVar[str] = "and"  # between its sensor's name and the other's that it reads
 
     channel: str

@@ -112,7 +112,7 @@ def fault_kinds() -> tuple[str, ...]:
     Examples
     --------
     >>> fault_kinds()[:6]
-    ('bias', 'drift', 'oscillation', 'random_walk', 'noise', 'spikes')
+    ('bias', 'drift', 'thermal_bias', 'oscillation', 'random_walk', 'noise')
     """
     return tuple(dict.fromkeys([*loaded_faults(), *installed(GROUP)]))
 

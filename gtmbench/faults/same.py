@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from gtmbench.values.record import FloatArray
 
 _OF_NOISE = 3.0  # deviations
+
+
+class Same(NamedTuple):
+    """When a fault reads what another kind would: by the readings before it, and those since; and why."""
+
+    reads: Callable[[FloatArray, FloatArray], bool]
+    why: str
 
 
 def is_always(*_: FloatArray) -> bool:
@@ -15,7 +25,7 @@ def is_always(*_: FloatArray) -> bool:
 
 
 def is_beyond(before: FloatArray, since: FloatArray) -> bool:
-    """Whether a sensor that is stuck reads more than it ever read before."""
+    """Whether it reads more than it ever read before."""
     return len(before) > 0 and bool(abs(since[-1]) > np.abs(before).max())
 
 

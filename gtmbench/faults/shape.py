@@ -35,8 +35,7 @@ CONSTANT = HELD[:3]
 SHOWN: tuple[How, ...] = (*HELD, "rounded")  # by the sensor's own readings
 Of = Literal["", "reach", "slew"]
 Read = Literal["", "limit", "step"]
-When = Literal["", "late", "traced", "straight"]
-Readings = Callable[[FloatArray, FloatArray], bool]  # by those before a fault, and those since
+When = Literal["", "late", "growing", "traced", "straight"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +61,8 @@ class Shape:
     read : str
         Of "search": what the readings show it as: the "limit" that they meet again and again, their usual "step".
     when : str
-        What has to be seen of the readings: that they are "late", "straight" (held), "traced" (or clipped).
+        What has to be seen before it is tried: readings that are "late", an error that is "growing", readings that are
+        "straight" (held) or "traced" (held or clipped).
     price : float
         What the kind costs a priori, in nats: the logarithm of how much rarer it is than others.
     column, beside : str
@@ -82,7 +82,7 @@ class Shape:
     'own'
     >>> Shape(how="linear", parameter="size", price=float("nan"))
     Traceback (most recent call last):
-    gtmbench.errors.InputError: shape: price is nan; it must be a finite number of at least 0
+    gtmbench.errors.InputError: shape: price is nan; it must be a finite number, 0 or more
     """
 
     how: How
@@ -101,6 +101,11 @@ class Shape:
     spread: float = 1.0
     passes_for: tuple[PassesFor, ...] = ()
     of_angle: str = ""
+
+    @property
+    def figure(self) -> str:
+        """The parameter that says how large it is."""
+        return self.size or self.parameter
 
     def __post_init__(self) -> None:
         for name, of in (("how", How), ("of", Of), ("read", Read), ("when", When)):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from gtmbench.checks import listed, meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
+from gtmbench.faults.px4 import WORDS
 from gtmbench.faults.registry import find_fault
 from gtmbench.values.channels import breakable_list
 
@@ -22,7 +24,8 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
     Parameters
     ----------
     text : str
-        ``KIND:CHANNEL``, and behind another colon the kind's parameters, ``duration_s`` and ``ramp_s``, between commas.
+        ``KIND:CHANNEL``, or a failure as PX4 calls it, such as ``px4_slow:CHANNEL``, and behind another colon the
+        kind's parameters, ``duration_s`` and ``ramp_s``, between commas.
         Figures are in the channel's unit.
     onset_s : float, optional
         When it begins, where the text has no ``onset_s``.
@@ -42,6 +45,8 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
     5.0
     >>> gb.fault("jam:elevator", onset_s=20).channel
     'elevator'
+    >>> gb.fault("px4_slow:q", onset_s=20).hold_s
+    0.1
     """
     kind, _, rest = text.partition(":")
     channel, _, settings = rest.partition(":")
@@ -49,9 +54,10 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
     if not channel.strip():
         raise InputError(f"{where} names no channel; {_HOW}")
     try:
-        cls = find_fault(kind.strip())
+        word = WORDS.get(kind.strip())
+        cls = find_fault(kind.strip() if word is None else word.kind)
         (name,) = breakable_list("its channel", [channel.strip()])
-        given = _given(cls, settings)
+        given = _given(cls, settings, {} if word is None else word.parameters)
         given.setdefault("onset_s", onset_s)
         if given["onset_s"] is None:
             raise InputError("nothing says when it begins; add --onset SECONDS, or onset_s=SECONDS behind the channel")
@@ -61,10 +67,10 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
         raise InputError(f"{where}: {error}") from error
 
 
-def _given(cls: type[Fault], text: str) -> dict[str, Any]:
-    """Return the parameters and times that a text gives."""
+def _given(cls: type[Fault], text: str, usual: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters and times that a text gives, and others as usual."""
     parameters = {item.name: item for item in cls.parameters()}
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = dict(usual)
     for part in filter(None, map(str.strip, text.split(","))):
         key, equals, value = map(str.strip, part.partition("="))
         known = [*parameters, *_TIMES]

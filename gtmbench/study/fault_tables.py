@@ -202,12 +202,14 @@ def _intermittent(block: Mapping[str, Any]) -> Intermittent | None:
     written = "{period_s = ..., duty = ...}"
     table = keys(
         table_of("intermittent", block["intermittent"], written),
-        ["period_s", "duty", "jitter", "seed"],
+        ["period_s", "duty", "jitter", "seed", "by_chance"],
         where="intermittent",
     )
     for key in ("period_s", "duty"):
         if key not in table:
-            raise InputError(f"intermittent: key '{key}' is missing; it is {written}, and perhaps jitter and seed")
+            raise InputError(
+                f"intermittent: key '{key}' is missing; it is {written}, and perhaps jitter, seed and by_chance"
+            )
     return Intermittent(**table)
 
 

@@ -26,7 +26,7 @@ Of one watch of a record with one fault or several, for any detector:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,8 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
+from gtmbench.faults.registry import FAULTS, how_of
+from gtmbench.faults.same import Same
 from gtmbench.values.channels import COMMANDS, OF_OWN_RATE, axis_of, names_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record
@@ -43,48 +45,11 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 NO_ALARM = "no alarm came"  # all that can be said of a miss, where a detector shows no score
 _TIE = 1e-9  # seconds
 _JUDGED_S = 20.0
-_OF_NOISE = 3.0  # deviations
-
-
-def _always(*_: FloatArray) -> bool:
-    """Whatever it reads."""
-    return True
-
-
-def _is_beyond(before: FloatArray, since: FloatArray) -> bool:
-    """Whether a sensor that is stuck reads more than it ever read before."""
-    return len(before) > 0 and bool(abs(since[-1]) > np.abs(before).max())
-
-
-def _is_last(before: FloatArray, since: FloatArray) -> bool:
-    """Whether it reads what it read last, within the noise: what changes from one reading to the next."""
-    if len(before) < 2:
-        return False
-    noise = float(np.sqrt(0.5 * np.mean(np.square(np.diff(before)))))
-    return bool(abs(since[-1] - before[-1]) <= _OF_NOISE * noise)
-
-
-def _is_constant(_: FloatArray, since: FloatArray) -> bool:
-    """Whether it has read one value ever since."""
-    return bool(np.ptp(since) == 0.0)
-
-
-def _is_one_sided(_: FloatArray, since: FloatArray) -> bool:
-    """Whether its readings have never reached zero since."""
-    return bool(np.all(since > 0.0) or np.all(since < 0.0))
 
 
 # the kind injected, the kind told: when both would have read the same, by the readings before, and since the fault
-SAME_KINDS: Mapping[tuple[str, str], Callable[[FloatArray, FloatArray], bool]] = {
-    ("jam", "stuck"): _always,  # a jam is stuck, at the last healthy value
-    ("stuck", "jam"): _is_last,
-    ("hardover", "stuck"): _always,  # at its stop it is stuck, and only the stop's place tells that it is one
-    ("stuck", "hardover"): _is_beyond,
-    ("saturation", "stuck"): _is_constant,  # the signal never came back within the limit
-    ("deadzone", "stuck"): _is_constant,  # nor left the deadzone,
-    ("deadzone", "bias"): _is_one_sided,  # nor came into it, and has lost the half-width
-    ("hysteresis", "stuck"): _is_constant,  # nor left its play
-    ("hysteresis", "jam"): _is_constant,
+SAME_KINDS: Mapping[tuple[str, str], Same] = {
+    (kind, told): same for kind, cls in FAULTS.items() for told, same in cls.same_as.items()
 }
 
 
@@ -307,10 +272,10 @@ class Truth:
             return kind is not None
         if fault.channel not in self.broken:  # a surface: nothing was read of what it did
             return False
-        holds, read_s, reads = SAME_KINDS.get((fault.kind, kind)), self.broken.time_s, self.broken[fault.channel]
+        same, read_s, reads = SAME_KINDS.get((fault.kind, kind)), self.broken.time_s, self.broken[fault.channel]
         before = reads[(read_s < fault.onset_s - _TIE) & np.isfinite(reads)]
         since = reads[self._there(fault) & (read_s <= time_s + _TIE) & np.isfinite(reads)]
-        return holds is not None and len(since) > 0 and holds(before, since)
+        return same is not None and len(since) > 0 and same.reads(before, since)
 
     def _there(self, fault: Fault) -> BoolArray:
         """Tell when a fault is active, and no longer coming on."""
@@ -325,11 +290,9 @@ class Truth:
 
     def stuck_at(self, fault: Fault) -> float | None:
         """Return what a sensor reads that a fault has stuck; None of other kinds, and where it never got there."""
-        if fault.kind == "stuck":
-            return fault.severities["value"]
-        if fault.kind == "hardover":
-            return fault.severities["limit"]
-        if fault.kind != "jam" or fault.channel not in self.broken:
+        if fault.shape is not None and how_of(fault.kind) in ("constant", "beyond"):
+            return fault.severities[fault.shape.parameter]
+        if how_of(fault.kind) != "last" or fault.channel not in self.broken:
             return None
         reads = self.broken[fault.channel][self._there(fault)]
         reads = reads[np.isfinite(reads)]

@@ -17,7 +17,7 @@ import scipy.stats
 import gtmbench as gb
 from dissertation.reproduction import RESULTS, reproduce, tally
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.detectors.isolation.hypotheses import FAMILIES
+from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import FAULTS
 from gtmbench.files.folders import SUMS
@@ -262,7 +262,7 @@ def test_what_is_said_of_a_fault_of_q_is_summed_up(alarms, said):
 def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():
     kinds = runpy.run_path(str(EXPERIMENTS / "every_fault.py"))["KINDS"]
     assert set(kinds) == set(FAULTS) - {"float"}  # of surfaces only
-    assert {kind.family for kind in kinds.values()} - {""} == set(FAMILIES)
+    assert {kind.family for kind in kinds.values()} - {""} == set(families())
 
 
 def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path, run):

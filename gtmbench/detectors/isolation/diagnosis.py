@@ -36,6 +36,7 @@ from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.detectors.isolation.transients import transients
 from gtmbench.detectors.virtual import ANGLES, integrable
 from gtmbench.faults.kinds.additive import Bias
+from gtmbench.faults.kinds.shaping import ScaleFactor
 from gtmbench.faults.registry import FAULTS, how_of, passes_for
 from gtmbench.faults.shape import SHOWN
 from gtmbench.values.attitude import AttitudeEstimator
@@ -70,7 +71,7 @@ DOUBT = "motion or model"
 SAME = frozenset((kind, cls.shape.of_angle) for kind, cls in FAULTS.items() if cls.shape and cls.shape.of_angle)
 _RATES = frozenset(of_angle for of_gyro, of_angle in SAME if of_gyro != of_angle)  # what a bias of its gyro is
 # and whose noise alone tells them apart, which counts hide; an estimator's angle has no such fault
-_SAME_IN_COUNTS = frozenset({("scale_factor", "scale_factor")})
+_SAME_IN_COUNTS = frozenset({(ScaleFactor.kind, ScaleFactor.kind)})
 
 
 def entered(bank: Bank, candidates: Sequence[str]) -> set[str]:

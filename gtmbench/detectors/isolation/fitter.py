@@ -436,9 +436,12 @@ class Fitter:
         return np.asarray(np.sqrt(np.diag(self.columns.covariance(names))))
 
     def looks(self, when: str) -> bool:
-        """Tell whether the readings look as a kind wants it: late, held (straight), or held or clipped (traced)."""
+        """Tell whether the readings look as a kind wants it: late, growing, held (straight), or held or clipped."""
         if when == "late":
             return self.is_late()
+        if when == "growing":
+            nothing, ramp = self.anything[()].deviance, self.anything[("1", "t")].deviance
+            return ramp < min(self.half_explained, nothing - WORTH)
         return not when or (self.is_straight if when == "straight" else self.is_traced)
 
     def is_late(self) -> bool:

@@ -65,7 +65,8 @@ class Search:
             value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
         else:
             value = _least(tried, spaced(self.low, self.high, _GRID), fitter.half_explained)
-            wander = 0.0 if name.endswith("_s") else suspect.wander
+            unit = next(each.unit for each in self.cls.parameters() if each.name == name)
+            wander = suspect.wander if unit is None else 0.0
             error = partial(self._error, tried, value, wander)
         changes, sizes = self._changes(fitter, value)
         found = {name: value, **sizes}

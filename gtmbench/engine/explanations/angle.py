@@ -12,13 +12,13 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.effect import Effect
-from gtmbench.engine.explanation import Explanation
-from gtmbench.engine.explanations.drift import seconds
+from gtmbench.engine.explanation import Explanation, seconds
 from gtmbench.engine.flight import Flight
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray
 
 _MOST_DEG = 40.0  # a bank or pitch that errs by more would have shown in the flight
+STEP = "step"  # a bias of an angle
 _STEP_DEG, _DRIFT_DEG_S, _SCALE, _SHORTEST_S = 2.0, 0.1, 0.12, 7.0  # the least that fail
 _LOWEST, _HIGHEST = -4.0, 3.0  # as a gyro's scale
 _PSI = 2
@@ -34,7 +34,7 @@ def explanations(flight: Flight) -> list[Explanation]:
         found += [
             Explanation(
                 suspect=name,
-                kind="step",
+                kind=STEP,
                 effect=partial(_off, angle=angle, wrong=_one),
                 price=np.inf if is_driven else 1.0,
                 low=-max(most, 60.0),

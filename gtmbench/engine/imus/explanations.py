@@ -10,12 +10,11 @@ import numpy as np
 
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S, Explanation
-from gtmbench.engine.explanations import bias, drift, noise, scale
+from gtmbench.engine.explanations import gyros, noise
 from gtmbench.engine.flight import Flight, means_about
 from gtmbench.engine.imus.imu import Imu, gyro_of, rough_of
 
 _USUAL_S, _LEAST_POWER = 10.0, 1e-3  # over which shares are told, in (deg/s)^2
-_KINDS = (bias, drift, scale)
 _FADES_S = (0.0, TIMES_S[1])  # IMUs part at once; of the attitude it is enough to know about how it follows
 
 
@@ -53,14 +52,14 @@ def _as_watched(imu: Imu, flight: Flight) -> Imu:
 
 
 def _of(own: Flight, imu: Imu) -> Iterator[Explanation]:
-    for kind in _KINDS:
-        for each in (one for one in kind.explanations(own) if one.fades_s in _FADES_S):
-            yield replace(
-                each,
-                suspect=gyro_of(each.suspect, imu.name),
-                base=each.base and _named(each.base, imu),
-                effect=partial(_moved, own=own, imu=imu, effect=each.effect),
-            )
+    names = [name for name, whole in gyros.kinds().items() if not whole.of_motion]
+    for each in (one for one in gyros.of_kinds(own, names) if one.fades_s in _FADES_S):
+        yield replace(
+            each,
+            suspect=gyro_of(each.suspect, imu.name),
+            base=each.base and _named(each.base, imu),
+            effect=partial(_moved, own=own, imu=imu, effect=each.effect),
+        )
 
 
 def _named(base: str, imu: Imu) -> str:

@@ -85,6 +85,46 @@ class Drift(Formula):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ThermalBias(Formula):
+    """A bias follows a temperature that settles: y + size (1 - exp(-(t - onset)/warming_s)).
+
+    Parameters
+    ----------
+    size : float
+        What is added in the end, in the channel's unit.
+    warming_s : float
+        The time constant with which it warms up or cools down, in seconds.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.ThermalBias(channel="p", onset_s=1.0, size=2.0, warming_s=1.0).stream(sample_period_s=1.0)
+    >>> [round(step(time_s, [1.0]), 3) for time_s in range(5)]
+    [1.0, 1.0, 2.264, 2.729, 2.9]
+    """
+
+    kind: ClassVar[str] = "thermal_bias"
+    occurs: ClassVar[str] = "a heater that fails, sun on the housing, the cold of a climb"
+    shape: ClassVar = Shape(
+        how="search",
+        family="additive",
+        parameter="warming_s",
+        size="size",
+        low=0.5,
+        high=20.0,
+        when="growing",
+    )
+    typical: ClassVar = Typical(shown={"size": 25.0, "warming_s": 4.0}, gyro=(2.0, 5.0), angle=(2.0, 5.0))
+    size: float = severity()
+    warming_s: float = severity(unit="s", low=0.0, above=True)
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Add what has warmed up."""
+        share: Value = -np.expm1(-elapsed_s / self.warming_s)
+        return now[0] + self.size * share
+
+
+@dataclass(frozen=True, kw_only=True)
 class Oscillation(Formula):
     """A sine is added: y + amplitude sin(2 pi frequency_hz (t - onset) + phase_deg); or it `replaces` the signal.
 

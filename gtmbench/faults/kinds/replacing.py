@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.faults.distortions import followed, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.faults.same import is_always, is_beyond, is_last
+from gtmbench.faults.same import Same, is_always, is_beyond, is_last
 from gtmbench.faults.shape import Shape, Typical
 from gtmbench.values.clock import FloatArray, Value
 
@@ -58,7 +58,10 @@ class Stuck(Formula):
     occurs: ClassVar[str] = "a broken wire, a converter that is off"
     shape: ClassVar = Shape(how="constant", family="replacing", parameter="value")
     typical: ClassVar = Typical(gyro=(0.0, 5.0), angle=(0.0, 10.0))
-    same_as: ClassVar = {"jam": is_last, "hardover": is_beyond}
+    same_as: ClassVar = {
+        "jam": Same(is_last, "it may have been there already"),
+        "hardover": Same(is_beyond, "only the place of its stop tells one"),
+    }
     value: float = severity(default=0.0)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value | float:
@@ -82,7 +85,7 @@ class Jam(Fault):
     occurs: ClassVar[str] = "a frozen vane, a task that has stopped; the dissertation's"
     shape: ClassVar = Shape(how="last", family="replacing")
     typical: ClassVar = Typical()
-    same_as: ClassVar = {"stuck": is_always}  # at the last healthy value
+    same_as: ClassVar = {"stuck": Same(is_always, "it is stuck, at the last healthy value")}
 
     def begin(self, before: FloatArray) -> State:
         """Hold the last healthy sample."""
@@ -124,7 +127,7 @@ class Hardover(Fault):
     occurs: ClassVar[str] = "a short circuit to the supply; the gyro of the Schiaparelli lander for a second (ESA 2017)"
     shape: ClassVar = Shape(how="beyond", family="replacing", parameter="limit")
     typical: ClassVar = Typical(shown={"limit": 50.0, "rate_limit": 25.0}, gyro=(60.0, -150.0), angle=(60.0, -90.0))
-    same_as: ClassVar = {"stuck": is_always}  # only the stop's place tells that it is one
+    same_as: ClassVar = {"stuck": Same(is_always, "at its stop it is stuck")}
     limit: float = severity()
     rate_limit: float | None = severity(per_second=True, low=0.0, above=True, default=None)
 
@@ -242,6 +245,54 @@ class Delay(Fault):
         if share:
             late = late + share * (history[max(row - 1, 0)] - late)
         return late, history[-(samples + 1) :]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClockSlip(Fault):
+    """Time stamps slip, so that readings come later and later: y_b(t) = y(t - slip (t - onset)).
+
+    Parameters
+    ----------
+    slip : float
+        Seconds a second.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.ClockSlip(channel="p", onset_s=1.0, slip=0.5).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([0.0, 1.0, 3.0, 5.0, 7.0])]
+    [0.0, 1.0, 2.0, 3.0, 4.0]
+    """
+
+    kind: ClassVar[str] = "clock_slip"
+    occurs: ClassVar[str] = "a logger's own clock that runs slow, a queue that is emptied too slowly"
+    shape: ClassVar = Shape(
+        how="search",
+        family="timing",
+        parameter="slip",
+        low=0.0005,
+        high=0.2,
+        when="late",
+        passes_for=("motion", "turn"),
+    )
+    typical: ClassVar = Typical(shown={"slip": 0.1}, gyro=(0.005, 0.02), angle=(0.005, 0.02))
+    slip: float = severity(unit="", low=0.0, high=1.0)
+
+    def begin(self, before: FloatArray) -> State:
+        """Remember the last healthy sample."""
+        return None, (float(before[0]),)
+
+    def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
+        """Look back over a stretch and what was before, from its first reading that is needed on."""
+        number = periods(elapsed_s, sample_period_s, sample_period_s)
+        first = number[0] - 1.0 if carried[0] is None else carried[0]
+        history = np.concatenate([carried[1], readings[:, 0]])
+        at = np.maximum(number - self.slip * elapsed_s / sample_period_s - first, 0.0)
+        rows = at.astype(np.int64)
+        share = at - rows
+        after = history[np.minimum(rows + 1, len(history) - 1)]
+        late = np.where(share > 0.0, history[rows] + share * (after - history[rows]), history[rows])
+        return late, (first + rows[-1], tuple(history[rows[-1] :].tolist()))
 
 
 @dataclass(frozen=True, kw_only=True)

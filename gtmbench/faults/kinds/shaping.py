@@ -12,7 +12,7 @@ import numpy as np
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Following, Formula, State, check_unit
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.faults.same import is_constant, is_one_sided
+from gtmbench.faults.same import Same, is_constant, is_one_sided
 from gtmbench.faults.shape import Shape, Typical, WholeLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import FloatArray, Value
@@ -63,6 +63,34 @@ class ScaleFactor(Formula):
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
         """Scale."""
         return self.factor * now[0]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaleDrift(Formula):
+    """The gain goes wrong by and by: (1 + rate (t - onset)) y.
+
+    Parameters
+    ----------
+    rate : float
+        In 1/s.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> step = gb.ScaleDrift(channel="p", onset_s=1.0, rate=0.1).stream(sample_period_s=1.0)
+    >>> [step(time_s, [y]) for time_s, y in enumerate([2.0, 2.0, 2.0, 2.0])]
+    [2.0, 2.0, 2.2, 2.4]
+    """
+
+    kind: ClassVar[str] = "scale_drift"
+    occurs: ClassVar[str] = "ageing, a supply that runs down, warming up"
+    shape: ClassVar = Shape(how="linear", family="multiplicative", parameter="rate", spread=1.7)
+    typical: ClassVar = Typical(shown={"rate": 0.08}, gyro=(0.005, 0.02), angle=(0.005, 0.02), certified_s=20.0)
+    rate: float = severity(unit="1/s")
+
+    def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
+        """Scale by more and more."""
+        return now[0] + self.rate * elapsed_s * now[0]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,9 +186,9 @@ class Deadzone(Formula):
     typical: ClassVar = Typical(
         shown={"half_width": 10.0}, gyro=(25.0, 50.0), angle=(25.0, 50.0), of="rms", certified_s=10.0, largest="dead"
     )
-    same_as: ClassVar = {  # it has
-        "stuck": is_constant,  # never left the deadzone,
-        "bias": is_one_sided,  # nor come into it, and has lost the half-width
+    same_as: ClassVar = {
+        "stuck": Same(is_constant, "the signal never left the deadzone"),
+        "bias": Same(is_one_sided, "the signal never came into the deadzone, and has lost the half-width"),
     }
     half_width: float = severity(per_second=False, low=0.0)
 
@@ -197,7 +225,7 @@ class Saturation(Formula):
         how="search", family="clipping", parameter="limit", low=0.01, high=1.0, of="reach", read="limit", when="traced"
     )
     typical: ClassVar = Typical(shown={"limit": 12.0}, gyro=(40.0, 20.0), angle=(40.0, 20.0), of="peak")
-    same_as: ClassVar = {"stuck": is_constant}  # the signal never came back within the limit
+    same_as: ClassVar = {"stuck": Same(is_constant, "the signal never came back within the limit")}
     limit: float = severity(per_second=False, low=0.0)
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
@@ -287,7 +315,10 @@ class Hysteresis(Following):
         passes_for=("loop", "turn"),
     )
     typical: ClassVar = Typical(shown={"width": 20.0}, gyro=(50.0, 150.0), angle=(50.0, 150.0), of="rms")
-    same_as: ClassVar = {"stuck": is_constant, "jam": is_constant}  # it has never left its play
+    same_as: ClassVar = {
+        "stuck": Same(is_constant, "the signal never left its play"),
+        "jam": Same(is_constant, "the same: that value is the last healthy one"),
+    }
     width: float = severity(low=0.0)
 
     def follow(self, y: Value, before: Value, sample_period_s: float) -> Value:

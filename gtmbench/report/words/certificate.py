@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.checks import listed
-from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.report.words.units import duration_text, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
@@ -79,9 +79,11 @@ def certificate_notes(certificate: Certificate) -> list[str]:
     rows, notes = certificate.rows, []
     if any(row.size is None for row in rows):
         notes.append("in ... %: even the largest fault tried would have been detected this rarely")
-    dead = [row.sensor for row in rows if row.kind == "deadzone" and row.size is None]
-    if dead:
-        notes.append(f"A dead {listed(dead, 'or')} would not have been detected at {_share(SHARE)} of start times")
+    for kind, cls in loaded_faults().items():
+        unseen = [row.sensor for row in rows if row.kind == kind and row.size is None]
+        if unseen and cls.typical is not None and cls.typical.largest:
+            never = f"would not have been detected at {_share(SHARE)} of start times"
+            notes.append(f"A {cls.typical.largest} {listed(unseen, 'or')} {never}")
     if any(row.time_constant_s is not None for row in rows):
         notes.append(
             "The attitude is taken to follow a gyro's fault, by an estimator with a time constant of "
@@ -99,14 +101,15 @@ def size_text(row: Smallest, size: float | None) -> str:
     """
     if size is None:
         return "-"
-    if row.kind == "scale_factor":
+    if how_of(row.kind) == "gain":
         return f"{_two(100.0 * size)} %"
     return f"{_two(size)} {unit_text(row)}".rstrip()
 
 
 def unit_text(row: Smallest) -> str:
     """Return the unit of a row's sizes; "" for a scale error, which is a share."""
-    (size,) = (each for each in FAULTS[row.kind].parameters() if each.is_severity)
+    cls = loaded_faults()[row.kind]
+    size = next(each for each in cls.parameters() if cls.shape is not None and each.name == cls.shape.figure)
     unit = unit_of(row.sensor) if size.unit is None else size.unit
     return per_second(unit) if size.per_second else unit
 

@@ -22,7 +22,6 @@ from gtmbench.values.record import Span
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET, _CLOSE_S = "onset_s", 0.1  # an interval that short isn't told
-_PREPOSITIONS = {"swap": "with", "misalignment": "towards", "g_sensitivity": "to"}
 _BEFORE = {_ONSET: "from ", "value": "at "}
 _FLOWN_ON = {
     SUSPECTED: "suspected: flown on only as far as the other sensors agree",
@@ -54,7 +53,8 @@ def fault_text(fault: Fault) -> str:
 
 def _beside(kind: str, other: str) -> str:
     """Name the other channel of a kind that mixes two."""
-    return f"{_PREPOSITIONS.get(kind, 'and')} {other}"
+    cls = loaded_faults().get(kind, Fault)
+    return f"{cls.beside} {other}"
 
 
 def _severities(fault: Fault) -> str:

@@ -24,8 +24,11 @@ from gtmbench.detectors.surfaces.deviation import WINDOWS_S
 from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
-from gtmbench.faults.kinds.additive import Bias, Drift, Noise
-from gtmbench.faults.kinds.shaping import Deadzone, ScaleFactor
+from gtmbench.faults.kinds.additive import Bias
+from gtmbench.faults.kinds.shaping import ScaleFactor
+from gtmbench.faults.linear import grows
+from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.shape import Shape
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S, AttitudeEstimator
 from gtmbench.values.channels import GYROS
 from gtmbench.values.pieces import deviation, pieces
@@ -51,32 +54,46 @@ class Kind:
     Attributes
     ----------
     fault : type of Fault
-    parameter : str
-        Its size: how far it is from where the fault changes nothing.
+    shape : Shape
     within_s : float
         How long after its onset it has to alarm.
     """
 
     fault: type[Fault]
-    parameter: str
+    shape: Shape
     within_s: float = 10.0
 
     def at(self, sensor: str, onset_s: float, size: float, *, is_turned: bool) -> Fault:
-        """Return the fault of a size, upwards or, where it has two directions and is turned, downwards."""
-        value = -size if is_turned and self.parameter in _DIRECTED else size
-        value += self.fault is ScaleFactor
-        parameters: dict[str, Any] = {self.parameter: value}
+        """Return the fault of a size, upwards or, where it has two directions and is turned, downwards.
+
+        The size is how far its parameter is from where it changes nothing.
+        """
+        value = -size if is_turned and self.shape.how in ("linear", "gain") else size
+        parameters: dict[str, Any] = {self.shape.figure: self.shape.healthy + value}
         return self.fault(channel=sensor, onset_s=onset_s, **parameters)
 
+    def most(self, on: Sequence[Superposition], within_s: float) -> float:
+        """Return the largest size that is tried: by what sensors and residuals do, or by what the kind says."""
+        parameter = next(each for each in self.fault.parameters() if each.name == self.shape.figure)
+        if self.shape.of == "reach":  # nothing is left
+            readings = [each.record[each.sensor] for each in on]
+            return max(float(max(np.nanmax(x, initial=0.0), -np.nanmin(x, initial=0.0))) for x in readings)
+        if parameter.unit is not None:
+            most = self.shape.high or _TURNED
+        else:
+            done = [deviation(each.record[each.sensor] for each in on), deviation(each.residual.raw for each in on)]
+            most = _RANGE * sum(done)
+        return most / within_s if grows(self.fault) else most
 
-_DIRECTED = ("size", "slope", "factor")
-KINDS = (
-    Kind(fault=Bias, parameter="size"),
-    Kind(fault=Drift, parameter="slope", within_s=20.0),
-    Kind(fault=ScaleFactor, parameter="factor"),
-    Kind(fault=Deadzone, parameter="half_width"),
-    Kind(fault=Noise, parameter="deviation"),
-)
+
+def kinds() -> tuple[Kind, ...]:
+    """Return the kinds that certificates have, by what their classes say; noise, which adds no shape, last."""
+    found = [
+        Kind(fault=cls, shape=cls.shape, within_s=cls.typical.certified_s)
+        for cls in loaded_faults().values()
+        if cls.shape is not None and cls.typical is not None and cls.typical.certified_s is not None
+    ]
+    return tuple(sorted(found, key=lambda kind: kind.shape.how == "white"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -251,7 +268,7 @@ def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, nam
     rows = [
         _hardest(tried, named=named)
         for sensor in _certified(monitor)
-        for tried in _trials(monitor, watches, sensor, KINDS).values()
+        for tried in _trials(monitor, watches, sensor, kinds()).values()
     ]
     missing = "" if rows else "too little of it was watched"
     seconds = sum(3600.0 * watch.armed_hours for watch in watches)
@@ -311,7 +328,6 @@ def _trials(
         return {}
     on = [monitor.superposition(watch, sensor) for watch in watches]
     through = [[replace(each, estimator=by) for each in on] for by in _estimators(monitor, sensor)]
-    large = _RANGE * (deviation(each.record[each.sensor] for each in on) + deviation(each.residual.raw for each in on))
     places: dict[float, list[list[_Place]]] = {}
     tried = {}
     for kind in kinds:
@@ -319,7 +335,7 @@ def _trials(
         if within_s not in places:
             places[within_s] = _places(monitor, through, watches, within_s)
         if places[within_s][0]:
-            most = _most(kind, on, large / within_s if kind.fault is Drift else large)
+            most = kind.most(on, within_s)
             tried[kind] = [
                 [_Trial(kind=kind, place=place, is_turned=bool(i % 2), most=most) for i, place in enumerate(each)]
                 for each in places[within_s]
@@ -387,16 +403,6 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
         there = np.flatnonzero(able[i][rows])
         onsets.append((i, rows.start + int(there[chosen - int(ends[place])])))  # counted from the end
     return onsets
-
-
-def _most(kind: Kind, on: Sequence[Superposition], large: float) -> float:
-    """Return the largest size that is tried."""
-    if kind.fault is ScaleFactor:
-        return _TURNED
-    if kind.fault is Deadzone:
-        readings = [each.record[each.sensor] for each in on]
-        return max(float(max(np.nanmax(x, initial=0.0), -np.nanmin(x, initial=0.0))) for x in readings)  # nothing left
-    return large
 
 
 def _smallest(trials: Sequence[_Trial]) -> Smallest:

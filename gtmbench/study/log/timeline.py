@@ -14,6 +14,7 @@ from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
+from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
@@ -34,8 +35,7 @@ from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
 
-_LASTING, _LASTS_S = ("bias", "drift", "scale_factor", "sign_flip"), 10.0  # what the whole log shows of a gyro
-_GAINS = ("scale_factor", "deadzone")
+_LASTS_S = 10.0  # of what the whole log shows of a gyro
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
 _COMPARED = "compared with others, and nothing was found; no size is promised"
 _SOON_S = 15.0  # between the onsets of one failure
@@ -177,9 +177,22 @@ def _to_the_end(judged: Judged, span: SensorSpan, span_s: Span) -> SensorSpan:
     return replace(span, end_s=max(span.end_s, span_s[1])) if lasts else span
 
 
+def _needs_motion(kind: str | None) -> bool:
+    """Tell whether a kind shows in motion alone."""
+    cls = loaded_faults().get(kind or "")
+    return cls is not None and cls.whole_log is not None and cls.whole_log.is_gain
+
+
+def _may_last(kind: str | None) -> bool:
+    """Tell whether a kind shows as well as its own size does, however the aircraft moves."""
+    cls = loaded_faults().get(kind or "")
+    whole = None if cls is None else cls.whole_log
+    return how_of(kind) == "sign" or (whole is not None and not whole.of_motion)
+
+
 def _unless_unlike(sensor: str, span: SensorSpan, alarmed: Sequence[Claim]) -> Claim:
     """Return what the engine claims; not a wrong gain where a residual rose that no gain of the sensor explains."""
-    if span.judgement is None or span.judgement.kind not in _GAINS:
+    if span.judgement is None or not _needs_motion(span.judgement.kind):
         return sensor, span
     unlike = [
         other
@@ -234,7 +247,7 @@ def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Ch
     others = sorted(meeting) or sorted({GYROS[each.axis] for each in changed} - {sensor})
     bending = {*meeting, *parting(changed)} - {sensor}
     kind = None if span.judgement is None else span.judgement.kind
-    lasts = sensor in GYROS and kind in _LASTING and span.duration_s >= _LASTS_S
+    lasts = sensor in GYROS and _may_last(kind) and span.duration_s >= _LASTS_S
     if not (others or lasts):
         return ""
     if not shows(judged.flight.blocks, sensor, failure_of(span)):

@@ -12,7 +12,7 @@ from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
 from gtmbench.detectors.monitor.following import Following
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.study.log.certificate import KINDS, certificate_of
+from gtmbench.study.log.certificate import certificate_of, kinds
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors
@@ -139,7 +139,7 @@ def test_a_fault_that_the_attitude_follows_alarms_by_superposition_where_the_ben
     draw, said, alarmed = np.random.default_rng(3), [], []
     on = watched().monitor.superposition(watched(), sensor)
     for estimator in (replace(SLOW, time_constant_s=tau) for tau in (FASTEST_S, SLOWEST_S)):
-        for kind in KINDS:
+        for kind in kinds():
             size = certificate().of(sensor, kind.fault.kind).size
             for times in (0.3, 1.0, 2.0):
                 if size is None:

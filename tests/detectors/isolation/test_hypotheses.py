@@ -14,7 +14,6 @@ from gtmbench.detectors.isolation.diagnosis import SAME
 from gtmbench.detectors.isolation.effects import Effects, paths_of
 from gtmbench.detectors.isolation.noise import spikes_in
 from gtmbench.detectors.isolation.readings import habit_of, is_straighter, straight_rows
-from gtmbench.detectors.isolation.search import hysteresis_step, rate_limited_step
 from gtmbench.faults.kinds.shaping import Hysteresis, RateSaturation
 from gtmbench.faults.registry import FAULTS
 from tests.helpers import monitors
@@ -58,14 +57,14 @@ def test_what_a_change_shows_is_what_filtering_anew_gives(bank, channel, size, t
         assert np.abs(shown[output][0][rows] - exact).max() <= tolerance * max(np.abs(exact).max(), 1.0)
 
 
-@pytest.mark.parametrize(("fault", "step"), [(RateSaturation, rate_limited_step), (Hysteresis, hysteresis_step)])
-def test_a_step_from_the_reading_before_is_the_faults_own(fault, step):
+@pytest.mark.parametrize("fault", [RateSaturation, Hysteresis])
+def test_many_steps_from_readings_before_are_those_of_one_after_the_other(fault):
     rng = np.random.default_rng(5)
     y, before = rng.normal(size=200), rng.normal(size=200)
     name, value = next(iter(fault.parameters())).name, 0.7
     own = fault(channel="p", onset_s=0.0, **{name: value})
     reads = [own.distort_sample([now], 1.0, PERIOD_S, was)[0] for now, was in zip(y, before, strict=True)]
-    np.testing.assert_array_equal(step(value, y, before, PERIOD_S), reads)
+    np.testing.assert_array_equal(own.follow(y, before, PERIOD_S), reads)
 
 
 # a sensor's own readings

@@ -13,7 +13,7 @@ from gtmbench.report.tables.fleet import fleet_row
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
-from gtmbench.study.log.certificate import KINDS, SHARE, Certificate, Smallest, certificate_of
+from gtmbench.study.log.certificate import SHARE, Certificate, Smallest, certificate_of, kinds
 from gtmbench.study.log.claims import of_certificate
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out
@@ -21,7 +21,7 @@ from gtmbench.verdict.verdict import verdict_of
 from tests.helpers.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.helpers.monitors import monitor, record
 
-KIND = {kind.fault.kind: kind for kind in KINDS}
+KIND = {kind.fault.kind: kind for kind in kinds()}
 
 
 @cache
@@ -173,7 +173,7 @@ def test_of_a_gyro_that_reads_nothing_no_scale_and_no_deadzone_is_seen_but_a_bia
 
 
 def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
-    monkeypatch.setattr("gtmbench.study.log.certificate.KINDS", (KIND["bias"], KIND["deadzone"]))
+    monkeypatch.setattr("gtmbench.study.log.certificate.kinds", lambda: (KIND["bias"], KIND["deadzone"]))
     watch = monitor().watch(record(4000, seed=62).between(0.0, 79.0))
     said = certificate_of(monitor(), [watch], named=True)
     assert said.is_named
@@ -199,7 +199,7 @@ def test_the_report_holds_it_in_words_and_numbers():
 
 
 def test_with_names_asks_for_them(monkeypatch):
-    monkeypatch.setattr("gtmbench.study.log.certificate.KINDS", (KIND["bias"],))
+    monkeypatch.setattr("gtmbench.study.log.certificate.kinds", lambda: (KIND["bias"],))
     assert not short().certificate.is_named
     assert short().with_names().certificate.is_named
 
