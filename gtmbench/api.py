@@ -72,6 +72,7 @@ from gtmbench.faults.kinds.shaping import (
 )
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.registry import register_fault
+from gtmbench.faults.shape import Shape, Typical
 from gtmbench.faults.typed import fault
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.intake.contents import LogColumn, log_columns
@@ -226,6 +227,7 @@ __all__ = [
     "ScoredLog",
     "SensorChain",
     "SensorPath",
+    "Shape",
     "SignFlip",
     "Signatures",
     "SimpleDetector",
@@ -246,6 +248,7 @@ __all__ = [
     "Trim",
     "TrimError",
     "Tuned",
+    "Typical",
     "Unread",
     "Verdict",
     "Watch",

@@ -8,6 +8,7 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
+from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
 _TS_S = 0.01
@@ -49,7 +50,7 @@ def tried(cls: type[Fault], parameters: dict[str, float], late_s: float = 0.0) -
 
 
 def grows(cls: type[Fault]) -> bool:
-    """Tell whether a linear kind adds more and more from its onset on.
+    """Tell whether what a kind does changes with the time since its onset.
 
     >>> from gtmbench.faults.kinds.additive import Bias, Drift
     >>> grows(Bias), grows(Drift)
@@ -59,9 +60,17 @@ def grows(cls: type[Fault]) -> bool:
 
 
 def _is_growing(cls: type[Fault]) -> bool:
-    if cls.shape is None or cls.shape.how != "linear" or cls.shape.beside:
+    shape = cls.shape
+    if shape is None or shape.beside or shape.how not in ("linear", "search"):
         return False
-    return _differ(tried(cls, size_one(cls)), tried(cls, size_one(cls), late_s=1.0))
+    usual = size_one(cls) if shape.how == "linear" else _amid(shape)
+    return _differ(tried(cls, usual), tried(cls, usual, late_s=1.0))
+
+
+def _amid(shape: Shape) -> dict[str, float]:
+    """Return parameters amid those that are searched."""
+    sizes = {shape.size: 1.0} if shape.size else {}
+    return {shape.parameter: float(np.sqrt(shape.low * shape.high)), **sizes}
 
 
 def check_shape(cls: type[Fault]) -> None:
@@ -89,9 +98,7 @@ def check_shape(cls: type[Fault]) -> None:
         if _differ(2.0 * one, two) or not one.any():
             raise InputError(f"{cls.kind} isn't linear in {shape.parameter}; give it a shape that is a search")
     else:
-        sizes = {shape.size: 1.0} if shape.size else {}
-        middle = float(np.sqrt(shape.low * shape.high))
-        tried(cls, {shape.parameter: middle, **sizes} if shape.parameter else {})
+        tried(cls, _amid(shape) if shape.how == "search" else {})
 
 
 def _differ(one: FloatArray, other: FloatArray) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from gtmbench.detectors.isolation.fitter import Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.faults.fault import Fault
+from gtmbench.faults.linear import grows
 from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
@@ -23,6 +24,8 @@ _AT_LIMIT = 1.0 - 1e-6
 _SHOWN = 1e-6  # of a parameter that readings show, its error
 _BELOW, _ABOVE = 0.7, 1.4  # times the usual step of readings that run straight: their slew rate
 _NOTHING = 1e-12
+_LATER_S = 0.1  # over which what is later is told
+_LATE_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)  # between the onset of what grows and where it is surely there
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
@@ -52,25 +55,38 @@ class Search:
         return cls(cls=fault, shape=shape, low=shape.low * times, high=shape.high * times, shown=shown)
 
     def fits(self, fitter: Fitter) -> Iterator[Fit]:
-        """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood."""
+        """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood.
+
+        What changes with the time since its onset is tried with several onsets before where it is surely there.
+        """
         if not 0.0 < self.low < self.high:
             return
         suspect, name = fitter.suspect, self.shape.parameter
-
-        def tried(values: FloatArray) -> FloatArray:
-            changes = np.array([self._changes(fitter, value)[0] for value in values.tolist()])
-            return suspect.deviances(fitter.left_of(changes))
-
+        grid = spaced(self.low, self.high, _GRID)
+        sure_s = float(suspect.time_s[suspect.sure])
+        late_s = 0.0
+        if grows(self.cls):
+            late_s = self._late_s(fitter, grid, sure_s - suspect.earliest_s)
+        tried = partial(self._deviances, fitter, late_s=late_s)
         if self.low < self.shown < self.high:
             value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
         else:
-            value = _least(tried, spaced(self.low, self.high, _GRID), fitter.half_explained)
+            value = _least(tried, grid, fitter.half_explained)
             unit = next(each.unit for each in self.cls.parameters() if each.name == name)
-            wander = suspect.wander if unit is None else 0.0
-            error = partial(self._error, tried, value, wander)
-        changes, sizes = self._changes(fitter, value)
-        found = {name: value, **sizes}
+            error = partial(self._error, tried, value, suspect.wander if unit is None else 0.0)
+        changes, beside = self._changes(fitter, value, late_s)
+        found = {name: value, **beside}
         yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), error)
+
+    def _late_s(self, fitter: Fitter, grid: FloatArray, most_s: float) -> float:
+        """Return about how long before it is surely there the fault began."""
+        times_s = [each for each in _LATE_S if each <= most_s]
+        return min(times_s, key=lambda each: float(self._deviances(fitter, grid, each).min()))
+
+    def _deviances(self, fitter: Fitter, values: FloatArray, late_s: float) -> FloatArray:
+        """Return -2 log likelihood of what some values leave."""
+        changes = np.array([self._changes(fitter, value, late_s)[0] for value in values.tolist()])
+        return fitter.suspect.deviances(fitter.left_of(changes))
 
     def _error(self, tried: Callable[[FloatArray], FloatArray], value: float, wander: float) -> Parameters:
         """Return the parameter's standard error, or that its value is a bound: the search's own end."""
@@ -81,15 +97,30 @@ class Search:
             return {name: -math.inf}
         return _curved(name, tried, value, wander)
 
-    def _changes(self, fitter: Fitter, value: float) -> tuple[FloatArray, Parameters]:
-        """Return what a value adds to the readings, and the size that goes with it, where the kind has one."""
-        name, size = self.shape.parameter, self.shape.size
-        if not size:
-            return fitter.added(self.cls, {name: value}), {}
-        suspect, change = fitter.suspect, fitter.added(self.cls, {name: value, size: 1.0})
-        wave = np.where(suspect.there, suspect.shown(change[np.newaxis])[0], 0.0)
-        weight = float(np.sum(wave * np.nan_to_num(suspect.white)) / max(np.sum(np.square(wave)), _NOTHING))
-        return weight * change, {size: weight}
+    def _changes(self, fitter: Fitter, value: float, late_s: float) -> tuple[FloatArray, Parameters]:
+        """Return what a value adds to the readings, and what was found beside: its size, since when it is there.
+
+        Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
+        difference.
+        """
+        shape, suspect = self.shape, fitter.suspect
+        parameters = {shape.parameter: value} | ({shape.size: 1.0} if shape.size else {})
+        change = fitter.added(self.cls, parameters, late_s=late_s)
+        columns = [change] if shape.size else []
+        if grows(self.cls):
+            columns.append((fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S)
+        if not columns:
+            return change, {}
+        waves = suspect.shown(np.array([*columns, change])) * suspect.there
+        residual = np.nan_to_num(suspect.white) - (0.0 if shape.size else waves[-1])
+        waves = waves[:-1].reshape(len(columns), -1)
+        weights = np.linalg.lstsq(waves.T, residual.ravel(), rcond=None)[0].tolist()
+        size = weights[0] if shape.size else 1.0
+        later_s = weights[-1] / size if grows(self.cls) and size else 0.0
+        later_s = min(max(later_s, -late_s), _LATE_S[-1])
+        total = size * (change + later_s * columns[-1]) if grows(self.cls) else size * change
+        onset = {"onset_s": float(suspect.time_s[suspect.sure]) - late_s - later_s} if grows(self.cls) else {}
+        return total, ({shape.size: size} if shape.size else {}) | onset
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:

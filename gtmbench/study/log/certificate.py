@@ -83,7 +83,7 @@ class Kind:
         else:
             done = [deviation(each.record[each.sensor] for each in on), deviation(each.residual.raw for each in on)]
             most = _RANGE * sum(done)
-        return most / within_s if grows(self.fault) else most
+        return most / within_s if self.shape.how == "linear" and grows(self.fault) else most
 
 
 def kinds() -> tuple[Kind, ...]:
