@@ -45,6 +45,10 @@ experiments: .venv/ready ## every printed result and figure of the dissertation;
 figures: .venv/ready ## figures of README and docs, filled in from the results of experiments
 	$(BIN)/python experiments/figures.py
 
+kinds: .venv/ready ## what other files say of the kinds of faults: names, lists, scenarios, rows of tables, the picture
+	$(BIN)/python -m tests.project.kinds
+	$(BIN)/python experiments/fault_gallery.py --out docs/reference
+
 export-check: .venv/ready ## an exported monitor on qemu's Cortex-M4: flash, memory, instructions a call; says what to install where a tool is missing
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python experiments/on_board.py --check
 

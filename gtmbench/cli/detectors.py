@@ -42,7 +42,7 @@ def import_option(command: F) -> F:
         expose_value=False,
         is_eager=True,
         callback=brought,
-        help="Import this first, to register your own faults for use in scenarios.",
+        help="Import this first, to register your own faults, for scenarios and for names in a verdict.",
     )(command)
 
 

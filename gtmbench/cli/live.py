@@ -11,7 +11,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.command import Command
-from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import (
     attitude_option,
     check_screen,
@@ -40,6 +40,7 @@ _INTERRUPTED = 130
 @attitude_option
 @click.option("--system", type=int, help="The MAVLink system to watch, if several fly on one link.")
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
+@import_option
 @click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
 @click.option("--save", type=click.Path(path_type=Path), help="Write every packet to this telemetry log (.tlog).")
 @click.option("--record", type=click.Path(path_type=Path), help="Record it (.rrd) for `gtmbench view`.")

@@ -11,7 +11,7 @@ import click
 
 from gtmbench.checks import whole
 from gtmbench.cli.command import Command
-from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.output import (
     F,
@@ -77,6 +77,7 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 @click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
 @click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
 @click.option("--time-limit", type=float, help="Seconds allowed for a log.  [default: none; 900 for each of several]")
+@import_option
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
 def monitor_command(

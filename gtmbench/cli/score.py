@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.cli.command import Command
-from gtmbench.cli.detectors import detector_option
+from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.monitor import healthy_option, healthy_part
 from gtmbench.cli.output import (
     common_options,
@@ -30,6 +30,7 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 @click.argument("log", type=click.Path(path_type=Path))
 @map_option
 @detector_option("The default, auto, uses the relations that the log's channels allow.")
+@import_option
 @healthy_option("[default: the log before the first failure, 300 s at most]")
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @scope_options

@@ -39,7 +39,7 @@ WORDS: Mapping[str, Word] = {
     "px4_garbage": Word(
         kind="noise",
         parameters={"deviation": 500.0},
-        differs="PX4 publishes noise like memory that nobody wrote; here it is added to what is read, and normal",
+        differs="PX4 publishes random noise in place of readings; here it is normal, and added to them",
     ),
     "px4_wrong": Word(
         kind="bias", differs="PX4 says a wrong value that looks reasonable; here it is off by a size that you give"

@@ -40,12 +40,12 @@ When = Literal["", "late", "growing", "traced", "straight"]
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """How a kind of fault shows to a diagnosis, which holds it against what every other kind would have read.
+    """How a kind of fault shows to a diagnosis, which compares it with what every other kind would have read.
 
     Attributes
     ----------
     how : str
-        How it is looked for: `How` has all; a class of one's own is "linear", "search" or "fixed".
+        How it is looked for: "linear", "search" or "fixed"; others are those of kinds that there are.
     family : str
         Kinds that studies leave out together.
     parameter : str
@@ -73,16 +73,17 @@ class Shape:
         What healthy looks like it: "motion" (a model's error in it, filters, mounts, vibration), the answer of a "loop"
         to another sensor's fault, of a gyro a "turn" that its angle reads, of an angle an "estimator" set anew, another
         "excitation" than was learnt.
-    of_angle : str
-        Of a gyro: the kind of its angle that looks the same near wings level.
+    of_angle : tuple of str
+        Of a gyro: the kinds of its angle that look the same near wings level.
 
     Examples
     --------
-    >>> Shape(how="search", parameter="fading_s", low=0.5, high=60.0).family
+    >>> import gtmbench as gb
+    >>> gb.Shape(how="search", parameter="fading_s", low=0.5, high=60.0).family
     'own'
-    >>> Shape(how="linear", parameter="size", price=float("nan"))
+    >>> gb.Shape(how="linear", parameter="size", price=-1.0)
     Traceback (most recent call last):
-    gtmbench.errors.InputError: shape: price is nan; it must be a finite number, 0 or more
+    gtmbench.errors.InputError: shape: price is -1.0; it must be a finite number, 0 or more
     """
 
     how: How
@@ -100,7 +101,7 @@ class Shape:
     beside: str = ""
     spread: float = 1.0
     passes_for: tuple[PassesFor, ...] = ()
-    of_angle: str = ""
+    of_angle: tuple[str, ...] = ()
 
     @property
     def figure(self) -> str:
@@ -179,6 +180,12 @@ class Typical:
         Within which a certificate lets it be detected; None for kinds that certificates leave out.
     largest : str
         What a sensor is called that has the largest there is.
+
+    Examples
+    --------
+    >>> import gtmbench as gb
+    >>> gb.Typical(shown={"share": 0.5}, gyro=(0.2, 0.8)).gyro[-1]
+    0.8
     """
 
     shown: Mapping[str, object] = field(default_factory=dict)

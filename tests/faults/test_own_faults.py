@@ -126,7 +126,7 @@ def test_a_scenario_imports_nothing(tmp_path, kind):
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
     message, imported = json.loads(done.stdout)
-    assert f"kind is '{kind}'; there are drift, deadzone, saturation, rate_saturation, jam" in message
+    assert f"kind is '{kind}'; there are bias, drift, thermal_bias" in message
     assert imported == []
 
 
@@ -195,7 +195,7 @@ def made(**members):
         (lambda: made(distort=None), r"hers\.Own has no distort; define how it changes the samples"),
         (
             lambda: made(kind="drift"),
-            r"kind 'drift' of hers\.Own is taken by gtmbench\.faults\.additive\.Drift; give it another",
+            r"kind 'drift' of hers\.Own is taken by gtmbench\.faults\.kinds\.additive\.Drift; give it another",
         ),
         (
             lambda: made(__annotations__={"size": float}),
@@ -231,7 +231,7 @@ def test_an_import_that_fails_says_with_what(tmp_path):
         import_package(str(tmp_path / "none.py"))
     (tmp_path / "bad.py").write_text(OWN.replace('"bias_step"', '"drift"'))
     with pytest.raises(
-        InputError, match=r"bad\.py: kind 'drift' of .*BiasStep is taken by gtmbench\.faults\.additive\.Drift"
+        InputError, match=r"bad\.py: kind 'drift' of .*BiasStep is taken by gtmbench\.faults\.kinds\.additive\.Drift"
     ):
         import_package(str(tmp_path / "bad.py"))
 

@@ -68,8 +68,8 @@ EARLY = "too early to tell"
 DOUBT = "motion or model"
 
 # faults of a gyro, and of the angle about the same axis, that look the same near wings level
-SAME = frozenset((kind, cls.shape.of_angle) for kind, cls in FAULTS.items() if cls.shape and cls.shape.of_angle)
-_RATES = frozenset(of_angle for of_gyro, of_angle in SAME if of_gyro != of_angle)  # what a bias of its gyro is
+SAME = frozenset((kind, angle) for kind, cls in FAULTS.items() if cls.shape for angle in cls.shape.of_angle)
+_RATES = frozenset(angle for gyro, angle in SAME if gyro == Bias.kind)  # of an angle: what a bias of its gyro is
 # and whose noise alone tells them apart, which counts hide; an estimator's angle has no such fault
 _SAME_IN_COUNTS = frozenset({(ScaleFactor.kind, ScaleFactor.kind)})
 

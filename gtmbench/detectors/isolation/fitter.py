@@ -160,7 +160,13 @@ class Fitter:
 
     @cached_property
     def given(self) -> dict[str, type[Fault]]:
-        """The kinds that are linear in a shape which their class alone gives."""
+        """The kinds that are linear in a shape which their class alone gives.
+
+        None where the attitude bends with the sensor: what it reads is known there, and no such shape of what it
+        should read.
+        """
+        if self.is_driven:
+            return {}
         return {
             kind: cls
             for kind, cls in loaded_faults().items()
@@ -440,8 +446,9 @@ class Fitter:
         if when == "late":
             return self.is_late()
         if when == "growing":
-            nothing, ramp = self.anything[()].deviance, self.anything[("1", "t")].deviance
-            return ramp < min(self.half_explained, nothing - WORTH)
+            ramp, least = self.plain("1", "t").deviance, min(left.deviance for left in self.anything.values())
+            grows = self.plain("1").deviance - ramp > WORTH and ramp < self.half_explained
+            return grows and ramp - least > WORTH  # otherwise a drift is as good
         return not when or (self.is_straight if when == "straight" else self.is_traced)
 
     def is_late(self) -> bool:

@@ -34,6 +34,8 @@ _REPEATED = 3  # samples and more are no chance
 
 
 def _linear(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
+    if not (shape.column or shape.beside) and cls.kind not in fitter.given:
+        return
     if shape.beside:
         for axis in fitter.felt:
             yield from _leaking(fitter, cls, shape, axis)

@@ -25,7 +25,7 @@ _SHOWN = 1e-6  # of a parameter that readings show, its error
 _BELOW, _ABOVE = 0.7, 1.4  # times the usual step of readings that run straight: their slew rate
 _NOTHING = 1e-12
 _LATER_S = 0.1  # over which what is later is told
-_LATE_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)  # between the onset of what grows and where it is surely there
+_MOST_LATE_S = 5.0  # than the test's estimate of an onset
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
@@ -57,7 +57,7 @@ class Search:
     def fits(self, fitter: Fitter) -> Iterator[Fit]:
         """Give the best fit: of values evenly spaced in their logarithm, then of the best neighbourhood.
 
-        What changes with the time since its onset is tried with several onsets before where it is surely there.
+        What changes with the time since its onset is tried about the test's estimate of that.
         """
         if not 0.0 < self.low < self.high:
             return
@@ -66,7 +66,7 @@ class Search:
         sure_s = float(suspect.time_s[suspect.sure])
         late_s = 0.0
         if grows(self.cls):
-            late_s = self._late_s(fitter, grid, sure_s - suspect.earliest_s)
+            late_s = sure_s - float(suspect.time_s[suspect.onset])
         tried = partial(self._deviances, fitter, late_s=late_s)
         if self.low < self.shown < self.high:
             value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
@@ -77,11 +77,6 @@ class Search:
         changes, beside = self._changes(fitter, value, late_s)
         found = {name: value, **beside}
         yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), error)
-
-    def _late_s(self, fitter: Fitter, grid: FloatArray, most_s: float) -> float:
-        """Return about how long before it is surely there the fault began."""
-        times_s = [each for each in _LATE_S if each <= most_s]
-        return min(times_s, key=lambda each: float(self._deviances(fitter, grid, each).min()))
 
     def _deviances(self, fitter: Fitter, values: FloatArray, late_s: float) -> FloatArray:
         """Return -2 log likelihood of what some values leave."""
@@ -117,7 +112,7 @@ class Search:
         weights = np.linalg.lstsq(waves.T, residual.ravel(), rcond=None)[0].tolist()
         size = weights[0] if shape.size else 1.0
         later_s = weights[-1] / size if grows(self.cls) and size else 0.0
-        later_s = min(max(later_s, -late_s), _LATE_S[-1])
+        later_s = min(max(later_s, -late_s), _MOST_LATE_S)
         total = size * (change + later_s * columns[-1]) if grows(self.cls) else size * change
         onset = {"onset_s": float(suspect.time_s[suspect.sure]) - late_s - later_s} if grows(self.cls) else {}
         return total, ({shape.size: size} if shape.size else {}) | onset

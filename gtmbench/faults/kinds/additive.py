@@ -39,7 +39,12 @@ class Bias(Formula):
         "a supply that sags, a thermal shock; the MPU-6050 gyro's data sheet allows 20 deg/s to begin with"
     )
     shape: ClassVar = Shape(
-        how="linear", family="additive", parameter="size", column="1", passes_for=("estimator",), of_angle="drift"
+        how="linear",
+        family="additive",
+        parameter="size",
+        column="1",
+        passes_for=("estimator",),
+        of_angle=("drift", "thermal_bias"),
     )
     whole_log: ClassVar = WholeLog(
         wrong=lambda read, _: np.ones(len(read)), least=0.4
@@ -113,6 +118,7 @@ class ThermalBias(Formula):
         low=0.5,
         high=20.0,
         when="growing",
+        of_angle=("thermal_bias",),
     )
     typical: ClassVar = Typical(shown={"size": 25.0, "warming_s": 4.0}, gyro=(2.0, 5.0), angle=(2.0, 5.0))
     size: float = severity()
@@ -149,7 +155,7 @@ class Oscillation(Formula):
     kind: ClassVar[str] = "oscillation"
     occurs: ClassVar[str] = "unstable electronics; liquid and solid oscillatory failures (Goupil 2010)"
     shape: ClassVar = Shape(
-        how="tone", family="additive", parameter="amplitude", passes_for=("motion",), of_angle="oscillation"
+        how="tone", family="additive", parameter="amplitude", passes_for=("motion",), of_angle=("oscillation",)
     )
     typical: ClassVar = Typical(shown={"amplitude": 12.0, "frequency_hz": 1.5}, gyro=(1.0, 3.0), angle=(0.3, 1.5))
     amplitude: float = severity(low=0.0)

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from gtmbench.bench.controller import found_controller
 from gtmbench.errors import InputError
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.jobs.cluster import check_cluster, completed_on_cluster, difference
@@ -214,7 +215,7 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     faults = [one.fault for spec in specs for one in (spec, *spec.also)]
     functions = [getattr(detector, "function", None) for detector in detectors.detectors.values()]
     controllers = [found_controller(each) for scenario in campaign.scenarios if (each := scenario.setup.controller)]
-    return files_of([*faults, *detectors.detectors.values(), *functions, *controllers])
+    return files_of([*faults, *loaded_faults().values(), *detectors.detectors.values(), *functions, *controllers])
 
 
 def _worked(

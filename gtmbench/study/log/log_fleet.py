@@ -18,6 +18,7 @@ from typing import Any
 from gtmbench.checks import number, one_line, shown, whole
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.arrow_table import Column, Row, table_of
 from gtmbench.files.disk import UnwrittenError, is_file
 from gtmbench.files.shipped import code_facts
@@ -98,9 +99,9 @@ class Watching:
         return logs_in(sources, apart=[each for each in self.healthy if isinstance(each, Path)])
 
     def files(self) -> tuple[str, ...]:
-        """Return the files of the user's own that the detector stands in."""
+        """Return the files of the user's own that the detector, and kinds of faults, stand in."""
         detector = prepared(self.detector)
-        return files_of([detector, getattr(detector, "function", None)])
+        return files_of([detector, getattr(detector, "function", None), *loaded_faults().values()])
 
     def facts(self) -> Mapping[str, Any]:
         """Return what a row hangs on, as plain values; files by what is in them."""
