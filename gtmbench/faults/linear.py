@@ -40,13 +40,13 @@ def tried(cls: type[Fault], parameters: dict[str, float], late_s: float = 0.0) -
     elapsed_s: FloatArray = _TS_S * np.arange(_ROWS, dtype=np.float64)
     signal = 5.0 * np.sin(4.0 * elapsed_s) + 2.0
     reads, _ = fault.distort(signal[:, np.newaxis], elapsed_s + late_s, _TS_S, fault.begin(signal[:1]))
-    change: FloatArray = np.asarray(reads, dtype=np.float64) - signal
-    if change.shape != signal.shape or not np.isfinite(change).all():
+    reads = np.asarray(reads, dtype=np.float64)
+    if reads.shape != signal.shape or not np.isfinite(reads).all():
         given = ", ".join(f"{name} = {value:g}" for name, value in parameters.items())
         raise InputError(
             f"{cls.kind}: with {given} it reads no number of a healthy signal; correct its distort or shape"
         )
-    return change
+    return np.asarray(reads - signal)
 
 
 def grows(cls: type[Fault]) -> bool:

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
+import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import rate_limited
 from gtmbench.faults.fault import inject
@@ -430,3 +431,72 @@ def test_what_one_channel_loses_to_a_swap_that_comes_in_the_other_gains():
     given = flight()
     after = inject(given, Swap(**WHERE, other="r", ramp_s=1.0))
     np.testing.assert_allclose(after["q"] + after["r"], given["q"] + given["r"], atol=1e-12)
+
+
+def test_a_gain_that_drifts_grows_in_proportion_to_time_and_signal():
+    record = flat(np.linspace(-3.0, 5.0, 900))
+    broken = gb.inject(record, gb.ScaleDrift(channel="p", onset_s=2.0, rate=0.25))["p"]
+    since_s = np.maximum(record.time_s - 2.0, 0.0)
+    np.testing.assert_allclose(broken, record["p"] * (1.0 + 0.25 * since_s), atol=1e-12)
+
+
+def test_a_bias_that_warms_up_settles_as_the_temperature_does():
+    record = flat(np.zeros(900))
+    added = gb.inject(record, gb.ThermalBias(channel="p", onset_s=1.0, size=-2.0, warming_s=0.5))["p"]
+    assert added[100] == 0.0
+    assert added[150] == pytest.approx(-2.0 * (1.0 - np.exp(-1.0)))
+    slopes = np.diff(added[100:]) / 0.01
+    np.testing.assert_allclose(slopes, -(added[100:-1] + 0.5 * np.diff(added[100:]) + 2.0) / 0.5, atol=2e-4)
+
+
+def test_a_clock_that_slips_reads_the_signal_of_its_own_time():
+    record = flat(np.arange(900) * 0.01)  # reads its own time
+    broken = gb.inject(record, gb.ClockSlip(channel="p", onset_s=2.0, slip=0.3))["p"]
+    own_s = np.where(record.time_s < 2.0, record.time_s, record.time_s - 0.3 * (record.time_s - 2.0))
+    np.testing.assert_allclose(broken, own_s, atol=1e-9)
+
+
+def flat(values):
+    return gb.Record(values, channels=["p"], sample_period_s=0.01)
+
+
+def test_spells_and_pauses_by_chance_last_as_long_as_they_should_on_average():
+    times = gb.Intermittent(period_s=2.0, duty=0.3, seed=5, by_chance=True)
+    time_s = np.arange(4_000_000) * 0.01
+    on = times.is_on(time_s)
+    changes = np.flatnonzero(np.diff(on.astype(int)))
+    lasts_s = np.diff(changes) * 0.01
+    spells_s, pauses_s = lasts_s[1::2], lasts_s[::2]
+    assert on[0]
+    assert np.mean(on) == pytest.approx(0.3, abs=0.01)
+    for lasts, mean in ((spells_s, 0.6), (pauses_s, 1.4)):
+        assert np.mean(lasts) == pytest.approx(mean, rel=0.03)
+        assert np.std(lasts) == pytest.approx(mean, rel=0.05)  # exponential: as its mean
+    some = range(0, 30_000, 7)
+    assert [times.is_on(float(time_s[row])) for row in some] == on[list(some)].tolist()
+
+
+def test_by_chance_there_is_no_jitter():
+    with pytest.raises(gb.InputError, match=r"jitter is 0\.2"):
+        gb.Intermittent(period_s=2.0, duty=0.3, jitter=0.2, by_chance=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "named"),
+    [
+        ("px4_off:q", "dropout", {}),
+        ("px4_stuck:q", "jam", {}),
+        ("px4_slow:q", "stale", {"hold_s": 0.1}),
+        ("px4_slow:q:hold_s=0.4", "stale", {"hold_s": 0.4}),
+        ("px4_delayed:q", "delay", {"delay_s": 0.5}),
+        ("px4_wrong:q:size=5", "bias", {"size": 5.0}),
+    ],
+)
+def test_a_failure_may_be_called_as_px4_does(text, kind, named):
+    fault = gb.fault(text, onset_s=3.0)
+    assert (fault.kind, fault.channel, fault.severities) == (kind, "q", named)
+
+
+def test_what_px4_leaves_open_is_asked_for():
+    with pytest.raises(gb.InputError, match="a bias needs size"):
+        gb.fault("px4_wrong:q", onset_s=3.0)

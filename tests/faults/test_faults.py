@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
-from gtmbench.faults import kinds as faults
+from gtmbench.faults import registry as faults
 from gtmbench.faults.fault import Fault, inject, other_channel, severity
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds.additive import Drift
@@ -62,14 +62,18 @@ FAULTS = {**faults.FAULTS, "crosstalk": Crosstalk, "bias_step": BiasStep, "hold"
 # parameters that bite on `flight()`; a severity that doesn't stand here is tried at 0.7, another channel is r
 BITING = {"half_width": 0.8, "limit": 1.1, "rate_limit": 6.0, "frequency_hz": 1.3, "rate_hz": 40.0, "factor": 0.6}
 BITING |= {"lag_s": 0.1, "delay_s": 0.035, "hold_s": 0.05, "angle_deg": 40.0, "seed": 3, "phase_deg": 20.0}
-BITING |= {"replaces": False}
+BITING |= {"replaces": False, "warming_s": 0.5, "slip": 0.3}
 SEVERE = {
     kind: {item.name: "r" if item.is_channel else BITING.get(item.name, 0.7) for item in cls.parameters()}
     for kind, cls in FAULTS.items()
 } | {"g_sensitivity": {"axis": "nz", "coefficient": 0.7}}
 # what is missing doesn't show there
-COVERS = ("jam", "float", "stuck", "hardover", "dropout", "stale", "delay", "swap", "hold")
-ROUNDED = ("oscillation", "lag")  # sines and filters of arrays may round otherwise than those of numbers
+COVERS = ("jam", "float", "stuck", "hardover", "dropout", "stale", "delay", "clock_slip", "swap", "hold")
+ROUNDED = (
+    "oscillation",
+    "lag",
+    "thermal_bias",
+)  # sines and filters of arrays may round otherwise than those of numbers
 RANDOM = ("random_walk", "noise", "spikes")
 every_kind = pytest.mark.parametrize("kind", FAULTS)
 

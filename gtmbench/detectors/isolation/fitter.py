@@ -446,9 +446,8 @@ class Fitter:
         if when == "late":
             return self.is_late()
         if when == "growing":
-            ramp, least = self.plain("1", "t").deviance, min(left.deviance for left in self.anything.values())
-            grows = self.plain("1").deviance - ramp > WORTH and ramp < self.half_explained
-            return grows and ramp - least > WORTH  # otherwise a drift is as good
+            ramp = self.plain("1", "t").deviance
+            return self.plain("1").deviance - ramp > WORTH and ramp < self.half_explained
         return not when or (self.is_straight if when == "straight" else self.is_traced)
 
     def is_late(self) -> bool:

@@ -9,14 +9,14 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.detectors.isolation.fitter import Fit, Fitter, Parameters
+from gtmbench.detectors.isolation.fitter import WORTH, Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.parabola import spaced, vertex
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.linear import grows
 from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
-_GRID = 12
+_GRID, _COARSE = 12, 6
 _TURNS = 5
 _FINER = 4
 _BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
@@ -62,16 +62,16 @@ class Search:
         if not 0.0 < self.low < self.high:
             return
         suspect, name = fitter.suspect, self.shape.parameter
-        grid = spaced(self.low, self.high, _GRID)
-        sure_s = float(suspect.time_s[suspect.sure])
-        late_s = 0.0
+        late_s, worth = 0.0, fitter.half_explained
+        grid = spaced(self.low, self.high, _COARSE if grows(self.cls) else _GRID)
         if grows(self.cls):
-            late_s = sure_s - float(suspect.time_s[suspect.onset])
+            late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset])
+            worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
         tried = partial(self._deviances, fitter, late_s=late_s)
         if self.low < self.shown < self.high:
             value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
         else:
-            value = _least(tried, grid, fitter.half_explained)
+            value = _least(tried, grid, worth)
             unit = next(each.unit for each in self.cls.parameters() if each.name == name)
             error = partial(self._error, tried, value, suspect.wander if unit is None else 0.0)
         changes, beside = self._changes(fitter, value, late_s)
@@ -96,26 +96,35 @@ class Search:
         """Return what a value adds to the readings, and what was found beside: its size, since when it is there.
 
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
-        difference.
+        difference. Where that explains no more, the test's onset stands.
         """
         shape, suspect = self.shape, fitter.suspect
         parameters = {shape.parameter: value} | ({shape.size: 1.0} if shape.size else {})
         change = fitter.added(self.cls, parameters, late_s=late_s)
-        columns = [change] if shape.size else []
-        if grows(self.cls):
-            columns.append((fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S)
-        if not columns:
+        if not grows(self.cls):
+            return self._sized(fitter, change)
+        later = (fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S
+        waves = (suspect.shown(np.array([change, later])) * suspect.there).reshape(2, -1)
+        white = np.nan_to_num(suspect.white).ravel()
+        size = float(waves[0] @ white / max(waves[0] @ waves[0], _NOTHING)) if shape.size else 1.0
+        left = white - size * waves[0]
+        both = waves if shape.size else waves[1:]
+        weights, rest = np.linalg.lstsq(both.T, white if shape.size else left, rcond=_NOTHING)[:2]
+        if len(rest) and float(left @ left - rest[0]) > WORTH:
+            later_s = float(weights[-1]) / (float(weights[0]) if shape.size else 1.0)
+            moved_s = min(max(later_s, -late_s), _MOST_LATE_S)
+            change, late_s = change + moved_s * later, late_s + moved_s
+        total, sized = self._sized(fitter, change)
+        return total, sized | {"onset_s": float(suspect.time_s[suspect.sure]) - late_s}
+
+    def _sized(self, fitter: Fitter, change: FloatArray) -> tuple[FloatArray, Parameters]:
+        """Return a change of size one times the size that explains most, where the kind has one."""
+        if not self.shape.size:
             return change, {}
-        waves = suspect.shown(np.array([*columns, change])) * suspect.there
-        residual = np.nan_to_num(suspect.white) - (0.0 if shape.size else waves[-1])
-        waves = waves[:-1].reshape(len(columns), -1)
-        weights = np.linalg.lstsq(waves.T, residual.ravel(), rcond=None)[0].tolist()
-        size = weights[0] if shape.size else 1.0
-        later_s = weights[-1] / size if grows(self.cls) and size else 0.0
-        later_s = min(max(later_s, -late_s), _MOST_LATE_S)
-        total = size * (change + later_s * columns[-1]) if grows(self.cls) else size * change
-        onset = {"onset_s": float(suspect.time_s[suspect.sure]) - late_s - later_s} if grows(self.cls) else {}
-        return total, ({shape.size: size} if shape.size else {}) | onset
+        suspect = fitter.suspect
+        wave = suspect.shown(change[np.newaxis])[0] * suspect.there
+        size = float(np.sum(wave * np.nan_to_num(suspect.white)) / max(np.sum(np.square(wave)), _NOTHING))
+        return size * change, {self.shape.size: size}
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:

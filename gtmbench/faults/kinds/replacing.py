@@ -280,19 +280,21 @@ class ClockSlip(Fault):
 
     def begin(self, before: FloatArray) -> State:
         """Remember the last healthy sample."""
-        return None, (float(before[0]),)
+        return None, 0.0, (float(before[0]),)
 
     def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
-        """Look back over a stretch and what was before, from its first reading that is needed on."""
+        """Look back over a stretch and what was before, from the first reading on that is still needed."""
+        if not len(elapsed_s):
+            return elapsed_s, carried
         number = periods(elapsed_s, sample_period_s, sample_period_s)
-        first = number[0] - 1.0 if carried[0] is None else carried[0]
-        history = np.concatenate([carried[1], readings[:, 0]])
-        at = np.maximum(number - self.slip * elapsed_s / sample_period_s - first, 0.0)
-        rows = at.astype(np.int64)
-        share = at - rows
+        least, first, kept = carried if carried[0] is not None else (number[0] - 1.0, number[0] - 1.0, carried[2])
+        history = np.concatenate([kept, readings[:, 0]])
+        at = np.maximum(number - self.slip * elapsed_s / sample_period_s, least)
+        share = at - np.floor(at)
+        rows = (at - share - first).astype(np.int64)
         after = history[np.minimum(rows + 1, len(history) - 1)]
         late = np.where(share > 0.0, history[rows] + share * (after - history[rows]), history[rows])
-        return late, (first + rows[-1], tuple(history[rows[-1] :].tolist()))
+        return late, (least, first + float(rows[-1]), tuple(history[rows[-1] :].tolist()))
 
 
 @dataclass(frozen=True, kw_only=True)

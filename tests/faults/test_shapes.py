@@ -1,0 +1,115 @@
+"""How kinds show: what a class says of itself holds, or it is refused in a line."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+import gtmbench as gb
+from gtmbench.faults import registry
+from gtmbench.faults.linear import check_shape, grows, tried
+from gtmbench.faults.registry import FAULTS
+
+LINEAR = [cls for cls in FAULTS.values() if cls.shape is not None and cls.shape.how in ("linear", "gain")]
+SIGNAL = 4.0 * np.sin(np.arange(300) / 9.0)
+
+
+@pytest.fixture(autouse=True)
+def nothing_registered(monkeypatch):
+    monkeypatch.setattr(registry, "_registered", {})
+
+
+def own(effect, **said):
+    """Return a class of a user's whose reading is effect(y, size, t)."""
+
+    @dataclass(frozen=True, kw_only=True)
+    class Own(gb.Fault):
+        kind = "own"
+        shape = gb.Shape(**{"how": "linear", "parameter": "size"} | said)
+        size: float = gb.severity()
+
+        def distort(self, readings, elapsed_s, sample_period_s, carried):
+            return effect(readings[:, 0], self.size, elapsed_s), carried
+
+    return Own
+
+
+@pytest.mark.parametrize("cls", [cls for cls in LINEAR if not cls.shape.beside], ids=lambda cls: cls.kind)
+def test_a_linear_kind_adds_its_size_times_what_it_adds_at_size_one(cls):
+    healthy, name = cls.shape.healthy, cls.shape.parameter
+    one, many = tried(cls, {name: healthy + 1.0}), tried(cls, {name: healthy - 3.5})
+    np.testing.assert_allclose(many, -3.5 * one, rtol=1e-12, atol=1e-12)
+    assert not tried(cls, {name: healthy}).any()
+
+
+def test_what_grows_is_what_does_more_a_second_later():
+    assert {cls.kind for cls in FAULTS.values() if grows(cls)} == {"drift", "thermal_bias", "scale_drift", "clock_slip"}
+
+
+@pytest.mark.parametrize(
+    "fault", [gb.Deadzone(channel="p", onset_s=0.0, half_width=1.5), gb.Saturation(channel="p", onset_s=0.0, limit=2.0)]
+)
+def test_what_should_have_been_read_reads_the_same_once_more(fault):
+    def read(signal):
+        return fault.distort(signal[:, np.newaxis], np.arange(300) / 100.0, 0.01, None)[0]
+
+    broken = read(SIGNAL)
+    should = fault.undone(broken, SIGNAL)
+    np.testing.assert_allclose(read(should), broken, atol=1e-12)
+    told = (broken != 0.0) & (np.abs(broken) < 2.0 - 1e-6)  # what it doesn't tell is taken from what is expected
+    np.testing.assert_allclose(should[told], SIGNAL[told], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cls", "said"),
+    [
+        (own(lambda y, *_: y * np.nan), r"own: with size = 1 it reads no number"),
+        (own(lambda y, *_: y[:-1]), r"own: with size = 1 it reads no number"),
+        (own(lambda y, size, *_: y + size**2), r"own isn't linear in size; give it a shape that is a search"),
+        (own(lambda y, *_: y), r"own isn't linear in size"),
+        (own(lambda y, size, *_: size * y), r"own: with size = 0 it changes something; say what is healthy"),
+        (
+            own(lambda y, size, *_: y + size, parameter="gain"),
+            r"own: its shape's parameter is 'gain'; it has \['size'\]",
+        ),
+        (own(lambda y, size, *_: y + size, how="white"), r"its shape's how is 'white'; it must be 'linear', 'search'"),
+        (own(lambda y, size, *_: y + size, how="fixed", parameter=""), r"own: its shape leaves size open"),
+        (own(lambda y, *_: y / 0.0, how="search", low=1.0, high=4.0), r"own: with size = 2 it reads no number"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_shape_that_isnt_what_it_says_is_refused(cls, said):
+    with pytest.raises(gb.InputError, match=said):
+        gb.register_fault(cls)
+    assert "own" not in registry.fault_kinds()
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"how": "linar"}, "how is 'linar'; it must be linear, search"),
+        ({"how": "linear", "price": float("nan")}, "price is nan"),
+        ({"how": "linear", "price": -3.0}, "price is -3.0"),
+        ({"how": "search", "parameter": "size", "low": 4.0, "high": 1.0}, "high is 1.0"),
+        ({"how": "search", "parameter": "size", "low": 0.0, "high": 1.0}, "low is 0.0"),
+        ({"how": "search", "low": 1.0, "high": 2.0, "when": "never"}, "when is 'never'"),
+    ],
+)
+def test_a_shape_with_a_bad_figure_is_refused(said, message):
+    with pytest.raises(gb.InputError, match=message):
+        gb.Shape(**said)
+
+
+def test_a_class_that_reads_another_channel_or_leaves_a_parameter_open_needs_a_default():
+    @dataclass(frozen=True, kw_only=True)
+    class Leak(gb.Fault):
+        kind = "leak"
+        shape = gb.Shape(how="linear", parameter="share")
+        share: float = gb.severity(unit="")
+        source: str = gb.other_channel()
+
+        def distort(self, readings, elapsed_s, sample_period_s, carried):
+            return readings[:, 0] + self.share * readings[:, 1], carried
+
+    with pytest.raises(gb.InputError, match="leak: its shape leaves source open"):
+        check_shape(Leak)
