@@ -73,6 +73,7 @@ class Fault:
 
     kind: ClassVar[str]
     occurs: ClassVar[str] = ""  # where, for the page of kinds
+    printed: ClassVar[str] = ""  # as which figure of the dissertation
     shape: ClassVar[Shape | None] = None
     whole_log: ClassVar[WholeLog | None] = None
     typical: ClassVar[Typical | None] = None

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
+from gtmbench.faults.px4 import WORDS
 from gtmbench.faults.registry import FAULTS
 from gtmbench.study.score import SAME_KINDS
 
@@ -83,7 +84,8 @@ def page(text: str) -> str:
         ]
         table = rf"(## {heading}\n\|[^\n]*\n\|[^\n]*\n)(?:\|[^\n]*\n)*"
         text = re.sub(table, lambda head, rows=rows: head[1] + "".join(rows).replace("|y|", "abs(y)"), text)
-    return text
+    words = "".join(f"| `{word}` | `{each.kind}` | {each.differs or 'nothing'} |\n" for word, each in WORDS.items())
+    return re.sub(r"(?:\| `px4_\w+` \|[^\n]*\n)+", lambda _: words, text)
 
 
 def keys(text: str) -> str:

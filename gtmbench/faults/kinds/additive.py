@@ -75,6 +75,7 @@ class Drift(Formula):
     """
 
     kind: ClassVar[str] = "drift"
+    printed: ClassVar[str] = "Fig. 4.3"
     occurs: ClassVar[str] = "warming up; the dissertation's, 0.05 deg/s²"
     # what is slow in the noise looks like a slope
     shape: ClassVar = Shape(how="linear", family="additive", parameter="slope", column="t", spread=1.7)

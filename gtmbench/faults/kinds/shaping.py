@@ -40,11 +40,7 @@ class ScaleFactor(Formula):
     kind: ClassVar[str] = "scale_factor"
     occurs: ClassVar[str] = "a range that is set otherwise than it is read; ageing"
     shape: ClassVar = Shape(
-        how="gain",
-        family="multiplicative",
-        parameter="factor",
-        healthy=1.0,
-        passes_for=("estimator", "excitation"),
+        how="gain", family="multiplicative", parameter="factor", healthy=1.0, passes_for=("estimator", "excitation")
     )
     whole_log: ClassVar = WholeLog(  # e = k y, so that its factor is 1 / (1 - k); k = 2 turns its sign
         wrong=lambda read, _: read,
@@ -169,6 +165,7 @@ class Deadzone(Formula):
     """
 
     kind: ClassVar[str] = "deadzone"
+    printed: ClassVar[str] = "Fig. 4.4"
     occurs: ClassVar[str] = "friction; the dissertation's"
     shape: ClassVar = Shape(
         how="search", family="clipping", parameter="half_width", low=0.01, high=1.0, of="reach", when="straight"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
 from gtmbench.report.score_units import LOWEST, around, level, norm_of, part, tints
@@ -132,12 +133,6 @@ def _prediction(monitor: NormMonitor, baseline: Baseline) -> Figure:
     return figure
 
 
-_SOURCES = {
-    "drift": " (Fig. 4.3, there at the start of the window)",
-    "deadzone": " (Fig. 4.4, there at the start of the window)",
-}
-
-
 def _norm(scenario: str, trials: list[Trial]) -> Figure:
     """Draw a score in its unit, at the times when it is known: of the healthy record, and of every trial."""
     baseline = trials[0].baseline
@@ -169,7 +164,8 @@ def _norm(scenario: str, trials: list[Trial]) -> Figure:
     axis.set_ylabel(as_it_is(f"{healthy.name}{window} ({healthy.unit})"))
     one_legend(figure, [axis], columns=1, where="outside right upper")
     kinds = sorted({trial.fault for trial in trials})
-    source = _SOURCES.get(kinds[0], "") if own and len(kinds) == 1 else ""
+    printed = loaded_faults()[kinds[0]].printed if own and len(kinds) == 1 and kinds[0] in loaded_faults() else ""
+    source = f" ({printed}, there at the start of the window)" if printed else ""
     under = ", ".join(kind.replace("_", " ") for kind in kinds)
     of = "" if under == scenario.replace("_", " ") else f"{scenario}: "
     figure.suptitle(as_it_is(f"{of}{healthy.name} under {under}{source}"))

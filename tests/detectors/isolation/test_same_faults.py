@@ -40,6 +40,18 @@ PAIRS = {
         gb.Bias(channel="r", onset_s=ONSET_S, size=0.5),
         gb.Drift(channel="psi", onset_s=ONSET_S, slope=-0.5),
     ),
+    ("bias", "thermal_bias"): (  # which has hardly begun to settle
+        gb.Bias(channel="r", onset_s=ONSET_S, size=0.5),
+        gb.ThermalBias(channel="psi", onset_s=ONSET_S, size=-500.0, warming_s=1000.0),
+    ),
+    ("thermal_bias", "drift"): (  # which has settled
+        gb.ThermalBias(channel="r", onset_s=ONSET_S, size=0.5, warming_s=0.005),
+        gb.Drift(channel="psi", onset_s=ONSET_S, slope=-0.5),
+    ),
+    ("thermal_bias", "thermal_bias"): (
+        gb.ThermalBias(channel="r", onset_s=ONSET_S, size=0.5, warming_s=0.005),
+        gb.ThermalBias(channel="psi", onset_s=ONSET_S, size=-500.0, warming_s=1000.0),
+    ),
     ("oscillation", "oscillation"): (
         gb.Oscillation(channel="p", onset_s=ONSET_S, amplitude=2.0 * OMEGA, frequency_hz=0.2, phase_deg=-90.0),
         gb.Oscillation(channel="phi", onset_s=ONSET_S, amplitude=2.0, frequency_hz=0.2),
