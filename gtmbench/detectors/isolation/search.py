@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -38,6 +38,7 @@ class Search:
     low: float
     high: float
     shown: float = 0.0
+    is_dated: bool = False  # whether the onset is found beside, where the test's doesn't explain as much
 
     @classmethod
     def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> Search:
@@ -67,6 +68,11 @@ class Search:
         if grows(self.cls):
             late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset])
             worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
+            dated = replace(self, is_dated=True)
+            least = [float(each._deviances(fitter, grid, late_s).min()) for each in (self, dated)]
+            if not self.is_dated and least[1] < least[0] - WORTH:
+                yield from dated.fits(fitter)
+                return
         tried = partial(self._deviances, fitter, late_s=late_s)
         if self.low < self.shown < self.high:
             value, error = self.shown, partial(dict[str, float], {name: _SHOWN * self.shown})
@@ -76,7 +82,16 @@ class Search:
             error = partial(self._error, tried, value, suspect.wander if unit is None else 0.0)
         changes, beside = self._changes(fitter, value, late_s)
         found = {name: value, **beside}
-        yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), error)
+
+        def errors() -> Parameters:
+            told, size = error(), self.shape.size
+            if not size or not math.isfinite(told[name]):
+                return told
+            beyond = self._changes(fitter, value + told[name], late_s)[1][size]  # it hangs on the other parameter
+            of_noise = abs(found[size]) / max(float(np.linalg.norm(_shown(fitter, changes))), _NOTHING)
+            return told | {size: float(np.hypot(beyond - found[size], of_noise))}
+
+        yield fitter.fixed(self.cls.kind, self.shape.family, changes, found, len(found), errors)
 
     def _deviances(self, fitter: Fitter, values: FloatArray, late_s: float) -> FloatArray:
         """Return -2 log likelihood of what some values leave."""
@@ -96,35 +111,40 @@ class Search:
         """Return what a value adds to the readings, and what was found beside: its size, since when it is there.
 
         Both are linear: a size is a factor, and what it does a little later is what it does now and so much of the
-        difference. Where that explains no more, the test's onset stands.
+        difference.
         """
-        shape, suspect = self.shape, fitter.suspect
+        shape = self.shape
         parameters = {shape.parameter: value} | ({shape.size: 1.0} if shape.size else {})
         change = fitter.added(self.cls, parameters, late_s=late_s)
-        if not grows(self.cls):
-            return self._sized(fitter, change)
-        later = (fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S
-        waves = (suspect.shown(np.array([change, later])) * suspect.there).reshape(2, -1)
-        white = np.nan_to_num(suspect.white).ravel()
-        size = float(waves[0] @ white / max(waves[0] @ waves[0], _NOTHING)) if shape.size else 1.0
-        left = white - size * waves[0]
-        both = waves if shape.size else waves[1:]
-        weights, rest = np.linalg.lstsq(both.T, white if shape.size else left, rcond=_NOTHING)[:2]
-        if len(rest) and float(left @ left - rest[0]) > WORTH:
-            later_s = float(weights[-1]) / (float(weights[0]) if shape.size else 1.0)
-            moved_s = min(max(later_s, -late_s), _MOST_LATE_S)
-            change, late_s = change + moved_s * later, late_s + moved_s
-        total, sized = self._sized(fitter, change)
-        return total, sized | {"onset_s": float(suspect.time_s[suspect.sure]) - late_s}
+        onset = {}
+        if grows(self.cls):
+            later = (fitter.added(self.cls, parameters, late_s=late_s + _LATER_S) - change) / _LATER_S
+            moved_s = self._moved_s(fitter, change, later) if self.is_dated else 0.0
+            moved_s = min(max(moved_s, -late_s), _MOST_LATE_S)
+            change = change + moved_s * later
+            onset = {"onset_s": float(fitter.suspect.time_s[fitter.suspect.sure]) - late_s - moved_s}
+        if not shape.size:
+            return change, onset
+        wave = _shown(fitter, change)[0]
+        size = float(wave @ _white(fitter) / max(wave @ wave, _NOTHING))
+        return size * change, {shape.size: size} | onset
 
-    def _sized(self, fitter: Fitter, change: FloatArray) -> tuple[FloatArray, Parameters]:
-        """Return a change of size one times the size that explains most, where the kind has one."""
-        if not self.shape.size:
-            return change, {}
-        suspect = fitter.suspect
-        wave = suspect.shown(change[np.newaxis])[0] * suspect.there
-        size = float(np.sum(wave * np.nan_to_num(suspect.white)) / max(np.sum(np.square(wave)), _NOTHING))
-        return size * change, {self.shape.size: size}
+    def _moved_s(self, fitter: Fitter, change: FloatArray, later: FloatArray) -> float:
+        """Return how much earlier the fault began than was taken, by least squares."""
+        waves, white = _shown(fitter, change, later), _white(fitter)
+        if self.shape.size:
+            size, moved = np.linalg.lstsq(waves.T, white, rcond=_NOTHING)[0].tolist()
+            return float(moved / size) if size else 0.0
+        return float(waves[1] @ (white - waves[0]) / max(waves[1] @ waves[1], _NOTHING))
+
+
+def _shown(fitter: Fitter, *changes: FloatArray) -> FloatArray:
+    """Return what changes show in the residuals, shape (changes, samples)."""
+    return np.asarray((fitter.suspect.shown(np.array(changes)) * fitter.suspect.there).reshape(len(changes), -1))
+
+
+def _white(fitter: Fitter) -> FloatArray:
+    return np.nan_to_num(fitter.suspect.white).ravel()
 
 
 def _least(tried: Callable[[FloatArray], FloatArray], values: FloatArray, worth: float) -> float:

@@ -273,6 +273,7 @@ class ClockSlip(Fault):
         low=0.0005,
         high=0.2,
         when="late",
+        spread=8.0,  # small differences of readings, in which the model's error is far more than noise
         passes_for=("motion", "turn"),
     )
     typical: ClassVar = Typical(shown={"slip": 0.1}, gyro=(0.005, 0.02), angle=(0.005, 0.02))

@@ -92,4 +92,14 @@ def test_a_price_makes_a_kind_less_likely():
     )
     gb.register_fault(dear)
     assert told(Rectified(channel="p", onset_s=ONSET_S, share=0.5), seed=92).kind == "rectified"
-    assert pickle.loads(pickle.dumps(Rectified(channel="p", onset_s=1.0, share=0.5))).share == 0.5
+
+
+@pytest.mark.parametrize(("channel", "size"), [("r", 3.0), ("psi", 5.0), ("theta", -4.0)])
+def test_a_bias_that_settles_is_told_with_its_size_and_never_laid_on_the_other_sensor_of_its_axis(channel, size):
+    fault = gb.ThermalBias(channel=channel, onset_s=ONSET_S, size=size, warming_s=4.0)
+    judged = told(fault, seed=94)
+    assert set(judged.candidates[:1]) == {channel}
+    if judged.sensor is not None:
+        assert (judged.sensor, judged.kind) == (channel, "thermal_bias")
+        low, high = judged.intervals["size"]
+        assert low <= size <= high
