@@ -41,6 +41,7 @@ from gtmbench.faults.registry import FAULTS, how_of, passes_for
 from gtmbench.faults.shape import SHOWN
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
+from gtmbench.values.record import FloatArray
 
 DECISIVE = 20.0  # of BIC: odds of e^10
 _NEARLY, _MOSTLY = 0.97, 0.9  # of what is wrong
@@ -171,6 +172,8 @@ def _must_be(case: Case, fit: FittedHypothesis) -> bool:
     least = 1.0 if fit.how == "white" else _QUIET
     if all(case.sickness.get(output, 0.0) <= least for output in axis_of(fit.channel)):
         return False
+    if fit.how == "spikes" and not _rose_alone(case, fit.channel):
+        return False
     if fit.how == "white":
         return _is_steady(case, fit.channel)
     return all(_is_healed(case, fit, output) for output in case.sickness if output in fit.left.outputs)
@@ -188,17 +191,25 @@ def _is_healed(case: Case, fit: FittedHypothesis, output: str) -> bool:
 
 def _is_steady(case: Case, channel: str) -> bool:
     """Tell whether a sensor's residual alone is stronger than it was, all through the case: noise that came to stay."""
+    if not _rose_alone(case, channel):
+        return False
+    squares = _squares(case, channel)
+    quarters = [float(np.nanmean(part)) for part in np.array_split(squares, 4) if np.isfinite(part).any()]
+    return len(quarters) > 2 and min(quarters) > _EVEN * float(np.nanmean(squares))
+
+
+def _rose_alone(case: Case, channel: str) -> bool:
+    """Tell whether a sensor's residual is stronger than it was, and others aren't: what shakes all is vibration."""
     if channel not in case.residuals.raw:
         return False
-    squares = {
-        output: np.square(np.clip(case.white[output][case.judged], -MOST, MOST)) for output in case.residuals.raw
-    }
+    squares = {output: _squares(case, output) for output in case.residuals.raw}
     power = {output: float(np.nanmean(of)) if np.isfinite(of).any() else 0.0 for output, of in squares.items()}
-    parts = np.array_split(squares[channel], 4)
-    quarters = [float(np.nanmean(part)) for part in parts if np.isfinite(part).any()]
     shared = max((of for output, of in power.items() if output not in (channel, *case.others)), default=0.0)
-    rose = power[channel] > case.monitor.tolerances[channel].high and shared < 1.0 + _SHARED * (power[channel] - 1.0)
-    return rose and len(quarters) > 2 and min(quarters) > _EVEN * power[channel]
+    return power[channel] > case.monitor.tolerances[channel].high and shared < 1.0 + _SHARED * (power[channel] - 1.0)
+
+
+def _squares(case: Case, output: str) -> FloatArray:
+    return np.square(np.clip(case.white[output][case.judged], -MOST, MOST))
 
 
 def _weighed(case: Case, ranking: list[FittedHypothesis], first: Judgement) -> Judgement:
