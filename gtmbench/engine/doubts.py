@@ -15,6 +15,8 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
+from gtmbench.engine.relations.attitude import log_rough
+from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import constants_of_gyro
 from gtmbench.engine.sums import CELL, blocks_of_cells
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -34,6 +36,7 @@ _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
+_SHARED = 0.25  # of the rise of a gyro's roughness, in (deg/s)^2, that another's may have
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
@@ -99,7 +102,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
     reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
     reasons += [*_follows(model, finding), *_gain_between(model, finding), *_shaken(model, finding)]
-    reasons += [*_leaks(finding, found), *_outvoted(model, finding)]
+    reasons += [*_leaks(finding, found), *_outvoted(model, finding), *_shakes_all(model.flight, finding)]
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -277,6 +280,23 @@ def _shaken(model: Model, finding: Finding) -> list[str]:
     if all(means_part(flight, imu, axis, inside) for imu in own):
         return []
     return ["the means of the IMUs agree, and only noise differs: vibration"]
+
+
+def _shakes_all(flight: Flight, finding: Finding) -> list[str]:
+    """Doubt noise of a gyro where others got rougher by a part of as much: what shakes all shows in the quietest most.
+
+    A relation of logarithms can't tell: the same shaking is a larger part of what a quiet gyro usually has.
+    """
+    if finding.best.kind != "noise" or finding.best.suspect not in GYROS:
+        return []
+    inside = blocks_of_cells(finding.first, finding.last, len(flight))
+    rough, asked = np.exp(log_rough(flight)), in_motion(flight)
+    if not (inside & asked).any() or not (asked & ~inside).any():
+        return []
+    rises = np.nanmedian(rough[inside & asked], axis=0) - np.nanmedian(rough[asked & ~inside], axis=0)
+    axis = axis_number(finding.best.suspect)
+    others = np.delete(rises, axis)
+    return ["other gyros are rougher, too: vibration"] if others.max() > _SHARED * rises[axis] else []
 
 
 def _bears_out(finding: Finding, changed: Span) -> bool:
