@@ -30,7 +30,7 @@ from gtmbench.values.record import Span
 
 _TOGETHER = 0.5  # of the shorter of two tables; chosen: those of one recorder begin and end together
 _OTHER_SENSOR = re.compile(r"gps|gnss|mag|compass")  # its heading isn't the attitude's
-_KIND = re.compile(r"gyr|acc|mag|imu|ahrs|att|orient|euler|baro|press|gps|gnss|air|pitot")
+_KIND = re.compile(r"gyr|linear|acc|mag|imu|ahrs|att|orient|euler|baro|press|gps|gnss|air|pitot")
 _AXES = {"rate": GYROS, "angle": ATTITUDE, "acceleration": ACCELEROMETERS}
 _MOST_KEPT = 512  # folders
 
@@ -135,7 +135,9 @@ def _tables_of(raw: RawLog) -> list[_Table]:
 
 def _measured_once(name: str) -> set[str]:
     """Return the channels that show which log a table is of: a flight has one sensor of each."""
-    return {*SENSORS} - {"altitude", *(["psi"] if _OTHER_SENSOR.search(name.lower()) else [])}
+    others = ["psi"] if _OTHER_SENSOR.search(name.lower()) else []
+    others += ACCELEROMETERS if "linear" in name.lower() else ()  # a phone's, worked out: without gravity
+    return {*SENSORS} - {"altitude", *others}
 
 
 def _span_s(timed: RawLog, name: str) -> Span | None:

@@ -354,8 +354,9 @@ def rises_evenly(series: RawSeries) -> Meaning | None:
     """Return the unit of a column that is called anything and rises by even steps, as only a time does; else None."""
     if _COUNTS.search(series.name):
         return None
-    steps = np.diff(series.values()[:_BEGINNING])
-    if len(steps) < _FEWEST_STEPS or not np.all(steps > 0) or np.ptp(series.values()[:_BEGINNING]) == len(steps):
+    values = series.values()[:_BEGINNING]
+    steps = np.diff(values[np.isfinite(values)])  # a header that stands there again is a row without a number
+    if len(steps) < _FEWEST_STEPS or not np.all(steps > 0) or np.sum(steps) == len(steps):
         return None
     usual = float(np.median(steps))
     even = np.mean(np.abs(steps - usual) < _UNEVEN * usual)

@@ -94,6 +94,7 @@ def test_without_a_header_columns_go_by_their_numbers(tmp_path, truth):
     text = csv(columns(truth, note="alike"), header=False)
     with pytest.raises(gb.InputError, match="no header: columns are called by their numbers, as in --map time=1:s"):
         opened(tmp_path, text, needs=SIX)
+    assert "no header" in " ".join(gb.open_log(tmp_path / "log.csv").method)
     mapping = [
         f"{name}={place}:{unit}"
         for place, (name, unit) in enumerate(zip(SIX, ["rad/s"] * 3 + ["rad"] * 3, strict=True), 3)

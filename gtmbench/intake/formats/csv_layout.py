@@ -27,6 +27,7 @@ _THOUSANDS, _POINT = re.compile(r"[-+]?\d{1,3}(,\d{3})+"), re.compile(r"[-+]?[\d
 _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
+_STAMP = re.compile(r"\d{4}([-/])\d\d\1\d\d \d\d:\d\d:\d\d")
 _LONGEST_FACT = 200  # characters of a line that states a fact
 _LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
@@ -97,6 +98,9 @@ def layout_of(path: Path) -> Layout:
         skipped = next(number for number in range(skipped, len(lines)) if lines[number].strip()) + 1
     if rows and len(rows[0]) == len(names) + 1 and not rows[0][-1]:
         names.append("")  # rows that end in a separator
+    if rows and separator == SPACES and len(rows[0]) == len(names) + 1 and _STAMP.match(" ".join(rows[0])):
+        names.insert(0, "date")  # one name stands above a date and a time of day
+        units.insert(0, "")
     if rows and len(rows[0]) > len(names):
         raise InputError(more_cells(names, separator))
     above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
