@@ -72,17 +72,8 @@ def layout_of(path: Path) -> Layout:
     lines = head.decode(encoding, errors="replace").splitlines()
     if len(head) == LONGEST_LINE_BYTES:
         lines = lines[:-1]  # cut in two
-        if not lines:
-            raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
-    told = _SEP.fullmatch(lines[0]) if lines else None
-    place = _first(lines, 1 if told else 0)
-    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
-        place -= 1  # the header itself is written as a comment
-    if place == len(lines):
-        raise InputError("it is empty")
-    separator = told["separator"].replace("\\t", "\t") if told else _separator(lines, place)
-    found = _below_a_preamble(lines) if not told and not _heads_rows(lines, place, separator) else None
-    place, separator = found or (place, separator)
+        _check_beginning(lines)
+    place, separator = _header(lines)
     names = _cells(lines[place].lstrip("#%/ \t"), separator)
     check_columns([f"{number}" for number, _ in enumerate(names)])
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 2 + _ABOVE] if line.strip()]
@@ -116,6 +107,29 @@ def layout_of(path: Path) -> Layout:
         facts={pair[1]: pair[2] for line in above if (pair := _FACT.fullmatch(line))},
         rate_hz=float(rate["rate"]) * (1e3 if rate["kilo"] else 1.0) if rate else 0.0,
     )
+
+
+def _check_beginning(lines: Sequence[str]) -> None:
+    """Refuse a large file whose beginning holds no row: a million lines above a table aren't looked through."""
+    if not lines:
+        raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
+    said = (line for line in lines if not _is_comment(line))
+    if not any(_ONLY_NUMBER.fullmatch(cell) for line in said for cell in re.split(r"[\s,;|]+", line)):
+        raise InputError(f"its first {len(lines)} lines hold no row of numbers; cut what stands above the table")
+
+
+def _header(lines: Sequence[str]) -> tuple[int, str]:
+    """Return which line is the header, or the first row without one, and what separates cells."""
+    told = _SEP.fullmatch(lines[0]) if lines else None
+    place = _first(lines, 1 if told else 0)
+    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
+        place -= 1  # the header itself is written as a comment
+    if place == len(lines):
+        raise InputError("it is empty")
+    if told:
+        return place, told["separator"].replace("\\t", "\t")
+    separator = _separator(lines, place)
+    return (None if _heads_rows(lines, place, separator) else _below_a_preamble(lines)) or (place, separator)
 
 
 def _check_header(cells: Sequence[str], count: int, separator: str) -> None:

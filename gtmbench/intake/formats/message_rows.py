@@ -42,7 +42,7 @@ def _rows_of_planner(path: Path) -> Rows:
     rows = [cells for cells in _split(path, ",") if len(cells) > _FIRST_NAME and _planners_topic(cells) in USED]
     received = clock_texts([cells[0] for cells in rows])
     if received is None:
-        raise InputError("it holds no message with motion")
+        raise InputError("no message with motion in it begins with a date")
     for cells, received_s in zip(rows, received.seconds.tolist(), strict=True):
         pairs = zip(cells[_FIRST_NAME::2], cells[_FIRST_NAME + 1 :: 2], strict=False)
         numbers = {name: value for name, text in pairs if name and (value := _number(text)) is not None}

@@ -141,7 +141,7 @@ def _clocks(topics: Messages) -> dict[str, FloatArray]:
         for field, per_second in _CLOCKS.items()
         if field in columns
     }
-    late = [float(np.median(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
+    late = [float(np.nanmedian(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
     after_s = float(np.median(late)) if late else 0.0
     return {name: clocks.get(name, np.asarray(columns[RECEIVED]) - after_s) for name, columns in topics.items()}
 
