@@ -304,7 +304,8 @@ def _fits_in(
         own = tuple(np.sign(gains).tolist())
         own = own if axes == len(GYROS) else (*own, own[0] * own[1])  # axes are right-handed
         rate_unit = _rate_unit(gyros, gains)
-        if rate_unit is None or (gyros.signs and own != gyros.signs):
+        is_frame = own == gyros.signs if gyros.signs else math.prod(own) == gyros.handed
+        if rate_unit is None or not is_frame:  # a sign on one axis alone, or two axes swapped, are a fault and no frame
             continue
         sines = [(_gain_of_sine(witness, turned, motion.time_s), why) for witness, why in witnesses]
         witnessed = [why for gain, why in sines if _WITNESS_GAIN[0] < abs(gain) < _WITNESS_GAIN[1]]
@@ -313,7 +314,6 @@ def _fits_in(
         share = float(np.mean(np.square(correlations)))
         turned_signs = sum(sign < 0 for sign in (*own, *signs))
         flips = turned_signs if felt is None else 2 * sum(map(operator.ne, own, felt)) + 0.5 * turned_signs
-        flips += len(GYROS) * (gyros.is_reordered and math.prod(own) != gyros.handed)
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
         yield _Fit(
             gyros=gyros,

@@ -138,7 +138,7 @@ def test_of_two_gyros_that_fit_alike_none_is_taken(tmp_path):
         gb.open_log(path, needs=CHANNELS)
 
 
-@pytest.mark.parametrize("order", ["yxz", "yzx"])
+@pytest.mark.parametrize("order", ["zxy", "yzx"])
 def test_gyros_at_each_others_axes_are_read_by_their_motion(tmp_path, order):
     table = makers.flight(60.0)
     turned = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
@@ -149,6 +149,23 @@ def test_gyros_at_each_others_axes_are_read_by_their_motion(tmp_path, order):
     assert all(np.abs(log.segments[0][name] - table[name]).max() < 1e-9 for name in "pqr")
     told = [source.guessed for source in log.sources if source.channel == "p"]
     assert f"in the order gyro_{order[0]}, gyro_{order[1]}, gyro_{order[2]}" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("order", "signs"),
+    [("yxz", (1, 1, 1)), ("xzy", (1, 1, 1)), ("xyz", (-1, 1, 1)), ("xyz", (1, -1, 1)), ("xyz", (1, 1, -1))],
+)
+def test_what_no_rotation_explains_is_a_fault_and_never_undone(tmp_path, order, signs):
+    """Two gyros at each other's axes, or one that reads the other way round."""
+    table = makers.flight(60.0)
+    columns = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
+    columns |= {
+        f"g{axis}": sign * makers.RAD * table[name] for axis, name, sign in zip(order, "pqr", signs, strict=True)
+    }
+    path = tmp_path / "turned.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match="don't show one motion in any unit"):
+        gb.open_log(path, needs=CHANNELS)
 
 
 def test_an_autopilots_controllers_and_estimates_are_no_gyros(tmp_path):
