@@ -24,9 +24,9 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
 _DEG = math.degrees(1.0)
-_FINE_UNITS = ("cdeg", "ddeg", "mdeg")  # of angles that are beyond what deg allows
+_FINE_UNITS = ("cdeg", "ddeg", "mdeg", "mrad")  # of angles that are beyond what deg allows
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
-_RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
+_RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 # whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
 _COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
 _MOST_TRIPLES = 6

@@ -1,5 +1,6 @@
 """Every format: values as they were logged, units and signs right, and the same file as its own library reads it."""
 
+import re
 import shlex
 import subprocess
 import sys
@@ -166,6 +167,29 @@ def test_what_no_rotation_explains_is_a_fault_and_never_undone(tmp_path, order, 
     pd.DataFrame(columns).to_csv(path, index=False)
     with pytest.raises(gb.InputError, match="don't show one motion in any unit"):
         gb.open_log(path, needs=CHANNELS)
+
+
+@pytest.mark.parametrize("angle", [1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)])
+@pytest.mark.parametrize("rate", [1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)])
+def test_a_unit_that_nothing_states_is_read_rightly_or_asked_for(tmp_path, rate, angle):
+    """Of gyros and angles in parts of a degree, or of a radian: never in another unit that fits them as well."""
+    table = makers.flight(60.0)
+    columns = {"time_s": table.time_s} | {
+        f"g{axis}": table[name] / rate for axis, name in zip("xyz", "pqr", strict=True)
+    }
+    columns |= {name: table[own] / angle for name, own in zip(("roll", "pitch", "yaw"), CHANNELS[3:], strict=True)}
+    path = tmp_path / "open.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    said = ""
+    try:
+        (record,) = gb.open_log(path, needs=CHANNELS).segments
+    except gb.InputError as error:
+        said = str(error)
+    if said:
+        assert rate not in (1.0, np.degrees(1.0))
+        assert re.search("two readings fit alike|neither gravity nor a climb shows which", said)
+        return
+    assert all(np.abs(record[name] - table[name]).max() < 1e-4 for name in "pqr")
 
 
 def test_an_autopilots_controllers_and_estimates_are_no_gyros(tmp_path):
