@@ -29,15 +29,7 @@ def annotated_failures(path: Path) -> list[Injection]:
     Anomalies that weren't injected: of what happened by itself, so `kind` is "anomaly", and `sensor` the class in the
     data set's words.
 
-    Parameters
-    ----------
-    path : Path
-        Of the log.
-
-    Raises
-    ------
-    InputError
-        If the file speaks of this log in another layout.
+    `path`: of the log. Raises an InputError if the file speaks of this log in another layout.
     """
     folders = path.resolve().parents[: _LAYERS + 1]
     for folder in folders:

@@ -37,22 +37,12 @@ _MOST_KEPT = 512  # folders
 
 @dataclass(frozen=True, kw_only=True)
 class _Table:
-    """What a table holds.
-
-    Attributes
-    ----------
-    channels : frozenset of str
-        The sensors that its columns look like, whether or not their units are known.
-    columns : frozenset of str
-        The bare names of its columns, the time's left out.
-    span_s : (start, end) or None
-        When it runs, on a clock that its log's tables share; None where no column tells the time.
-    """
+    """What a table holds."""
 
     name: str
-    channels: frozenset[str]
-    columns: frozenset[str]
-    span_s: Span | None
+    channels: frozenset[str]  # the sensors that its columns look like, whether or not their units are known
+    columns: frozenset[str]  # the bare names of its columns, the time's left out
+    span_s: Span | None  # when it runs, on a clock that its log's tables share; None where no column tells the time
 
     @property
     def kind(self) -> str:
@@ -64,8 +54,6 @@ class _Table:
 def is_log_folder(path: Path) -> bool:
     """Tell whether a folder is one log: by its names, and by what its tables hold.
 
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "failed.csv").write_text("time_s,p_deg_s" + chr(10) + "0,1.0" + chr(10) + "1,2.0")

@@ -48,18 +48,10 @@ _GAP = 5.0  # usual intervals
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """What physics say of open columns.
+    """What physics say of open columns."""
 
-    Attributes
-    ----------
-    meanings : mapping
-        Of columns, by name.
-    why_not : str
-        What is still open, with what to type; "" where nothing is, or nothing could be tried.
-    """
-
-    meanings: Mapping[str, Meaning]
-    why_not: str = ""
+    meanings: Mapping[str, Meaning]  # of columns, by name
+    why_not: str = ""  # what is still open, with what to type; "" where nothing is, or nothing could be tried
 
 
 NOTHING = Found(meanings={})
@@ -102,14 +94,8 @@ class _Fit:
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
     """Return what open gyros and angles of a log must be.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    known : mapping
-        Channels that are settled: a column and what it is.
-    angle_unit : str
-        ``rad`` or ``deg``, of what states none; "" where nobody says.
+    `raw`: its clocks known. `known`: channels that are settled: a column and what it is. `angle_unit`: ``rad`` or
+    ``deg``, of what states none; "" where nobody says.
     """
     if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return NOTHING
@@ -155,10 +141,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
 def tells_of_one_motion(raw: RawLog) -> bool:
     """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
+    `raw`: its clocks known.
     """
     told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
     if not {*GYROS, *ATTITUDE} <= set(told):
@@ -172,13 +155,7 @@ def rates_told(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    gyros, angles : sequence of RawSeries
-    factors : FloatArray
-        What brings the angles to deg.
+    `raw`: its clocks known. `factors`: what brings the angles to deg.
     """
     told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
     motion = _motion(raw, *told)

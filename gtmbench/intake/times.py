@@ -50,10 +50,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
 
     Whole seconds and the nanoseconds or microseconds beyond them, of one name, are one time.
 
-    Raises
-    ------
-    InputError
-        Where no column tells the time, or several do.
+    Raises an InputError where no column tells the time, or several do.
     """
     if raw.clocks and mapped is None:
         return raw

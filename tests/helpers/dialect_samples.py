@@ -331,7 +331,8 @@ def paparazzi_since_2022(t):
         for sensor, sign in ((1, 1.0), (2, -1.0)):
             rows.append(f"{row.time_s:.6f} 2 IMU_GYRO {sensor} " + " ".join(f"{sign * rate:.6f}" for rate in rates))
             rows.append(f"{row.time_s:.6f} 2 IMU_ACCEL {sensor} " + " ".join(f"{sign * each:.6f}" for each in felt))
-        rows.append(f"{row.time_s:.6f} 2 ATTITUDE {RAD * row.phi:.6f} {RAD * row.psi:.6f} {RAD * row.theta:.6f}")
+        angles = " ".join(f"{round(4096 * RAD * getattr(row, name))}" for name in ANGLES)
+        rows.append(f"{row.time_s:.6f} 2 AHRS_EULER_INT 0 0 0 {angles} 1")
     return {"22_12_08__09_18_56.data": "\n".join(rows) + "\n"}
 
 
@@ -343,6 +344,14 @@ def datcon_with_units(t):
     columns |= scaled(t, RATES, [f"IMU_ATTI(0):gyro:{a}[degrees/Sec]" for a in "XYZ"])
     angles = [f"IMU_ATTI(0):{a}[degrees [-180;180]]" for a in ("roll", "pitch", "yaw")]
     return {"FLY124.csv": csv(columns | scaled(t, ANGLES, angles) | {"Attribute|Value": ""})}
+
+
+@sample
+def datcon_3(t):
+    """The same with the units left out."""
+    header, _, rows = datcon_with_units(t)["FLY124.csv"].partition("\n")
+    plain = [name.partition("[")[0] for name in header.split(",")]
+    return {"FLY124.csv": ",".join(plain) + "\n" + rows}
 
 
 @sample

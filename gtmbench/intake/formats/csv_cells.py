@@ -25,22 +25,12 @@ _DECIMALS = re.compile(r"[-+]?\d*(?:\.(?P<decimals>\d*))?")
 
 @dataclass(frozen=True, kw_only=True)
 class Notation:
-    """How a column's numbers are written.
+    """How a column's numbers are written."""
 
-    Attributes
-    ----------
-    least, most : int
-        Decimals: of its cells that have the fewest, and the most.
-    decimal : str
-        What stands before them.
-    missing : str
-        What stands for no number.
-    """
-
-    least: int
+    least: int  # least, most: decimals: of its cells that have the fewest, and the most
     most: int
-    decimal: str = "."
-    missing: str = ""
+    decimal: str = "."  # what stands before them
+    missing: str = ""  # what stands for no number
 
     @classmethod
     def of(cls, numbers: Sequence[str], decimal: str = ".", missing: str = "") -> Notation:

@@ -36,32 +36,17 @@ _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, des
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a table is written.
+    """How a table is written."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        Of its columns; without a header their numbers.
-    encoding, separator, decimal : str
-    skipped : int
-        Lines before the first row of values.
-    is_nameless : bool
-        Whether it has no header.
-    rate_hz : float
-        Samples a second, as a line above the table states it; 0 where none does.
-    facts : mapping of str
-        What other lines there say: a name and a number.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names, units: of its columns; without a header their numbers
     units: tuple[str, ...]
     encoding: str
     separator: str
     decimal: str
-    skipped: int
-    is_nameless: bool = False
-    rate_hz: float = 0.0
-    facts: Mapping[str, str] = field(default_factory=dict)
+    skipped: int  # lines before the first row of values
+    is_nameless: bool = False  # whether it has no header
+    rate_hz: float = 0.0  # samples a second, as a line above the table states it; 0 where none does
+    facts: Mapping[str, str] = field(default_factory=dict)  # what other lines there say: a name and a number
 
 
 def layout_of(path: Path) -> Layout:

@@ -50,11 +50,7 @@ def rflymad_injections(
 ) -> list[Injection]:
     """Return the faults that a log of RflyMAD says were injected; nothing of other logs.
 
-    Parameters
-    ----------
-    topics : mapping of str to mapping of str to array of shape (messages,)
-    clocks : mapping of str to array of shape (messages,)
-        In seconds.
+    `clocks`: in seconds.
     """
     fields = topics.get(_TOPIC, {})
     if not {"id", "mode"} <= set(fields):

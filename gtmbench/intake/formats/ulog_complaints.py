@@ -35,12 +35,7 @@ def ulog_complaints(
 ) -> list[Event]:
     """Return what a log says of sensors; what it begins with is no event.
 
-    Parameters
-    ----------
-    topics, clocks
-        Fields by topic, and their times.
-    messages : iterable of (time in s, text)
-        That the autopilot logged.
+    `topics`, `clocks`: fields by topic, and their times. `messages`: that the autopilot logged.
     """
     return [*_sensors(topics, clocks), *_estimators(topics, clocks), *_lanes(topics, clocks), *_texts(messages)]
 
