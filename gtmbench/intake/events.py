@@ -109,6 +109,11 @@ def of_kind(events: Iterable[Event], *kinds: EventKind) -> list[Event]:
     return [event for event in events if event.kind in kinds]
 
 
+def complaint(time_s: float, text: str, about: str, number: int | None = None) -> Event:
+    """Return what an autopilot says against a sensor."""
+    return Event(kind=EventKind.COMPLAINT, time_s=float(time_s), text=text, about=about, number=number)
+
+
 def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
     """Return the samples with which a flag rises that was down for 5 s; one that it begins with isn't.
 

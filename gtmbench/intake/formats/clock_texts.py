@@ -27,7 +27,7 @@ _DATE = (
 )
 _CLOCK = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?P<f>[.,:]\d{1,9})?"
 _TEXT = re.compile(
-    rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,\s]\s*|$))?"
+    rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,/\s]\s*|$))?"
     rf"(?:{_CLOCK}(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?)?"
     r"(?:\s*(?:(?P<utc>Z|UTC|GMT)|(?P<zone>[+-]\d\d):?(?P<zone_m>\d\d)?))?"
 )
