@@ -53,10 +53,7 @@ _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
             "airspeed": ("tas_test_ratio",),
         },
     ),
-    (
-        r"(X|N)KF4(#0)?",
-        {"magnetometer": ("SM",), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},
-    ),
+    (r"(X|N)KF4(#0)?", {"magnetometer": ("SM",), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)}),
     (  # of 2014
         r"EKF4",
         {"magnetometer": ("SMX", "SMY", "SMZ"), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},

@@ -112,10 +112,7 @@ def _tables_of(raw: RawLog) -> list[_Table]:
         channels[triple.clock] |= {*_AXES[triple.kind]} & _measured_once(triple.clock)
     return [
         _Table(
-            name=name,
-            channels=frozenset(channels[name]),
-            columns=frozenset(columns[name]),
-            span_s=_span_s(timed, name),
+            name=name, channels=frozenset(channels[name]), columns=frozenset(columns[name]), span_s=_span_s(timed, name)
         )
         for name in channels
     ]

@@ -115,12 +115,7 @@ def _told_time(raw: RawLog, mapped: str | None) -> _Told:
         first = float(stamps[np.isfinite(stamps)][0])
         stamps, since_s = stamps - first, (first - (_MATLAB if first > _DAYS[1][0] else _SHEET)) * _DAY_S
     return _Told(
-        columns=(series,),
-        stamps=stamps,
-        stated=stated,
-        per_second=per_second,
-        guessed=meaning.guessed,
-        since_s=since_s,
+        columns=(series,), stamps=stamps, stated=stated, per_second=per_second, guessed=meaning.guessed, since_s=since_s
     )
 
 

@@ -52,9 +52,7 @@ def read_alfa(path: Path) -> RawLog:
         column
         for topic, fields in columns.items()
         for column in topic_series(
-            topic,
-            {name: partial(np.asarray, values) for name, values in fields.items()},
-            is_imu=topic == _IMU,
+            topic, {name: partial(np.asarray, values) for name, values in fields.items()}, is_imu=topic == _IMU
         )
     ]
     left_out = sorted(set(tables) - set(stamps))

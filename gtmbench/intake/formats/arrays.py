@@ -28,12 +28,7 @@ _TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[
 
 
 def log_of_arrays(
-    kind: str,
-    arrays: Arrays,
-    part: str = "",
-    *,
-    labels: Mapping[str, Sequence[str]] = {},
-    notes: Sequence[str] = (),
+    kind: str, arrays: Arrays, part: str = "", *, labels: Mapping[str, Sequence[str]] = {}, notes: Sequence[str] = ()
 ) -> RawLog:
     """Return a log of arrays by their paths, ``flight/imu/gyro``: columns of an array are ``gyro[0]``, ``gyro[1]``.
 

@@ -16,10 +16,7 @@ from gtmbench.values.record import BoolArray
 _IMUS, _ESTIMATORS = ("IMU", "IMU2", "IMU3"), ("EKF4", "NKF4", "XKF4")
 TOLD_BY = (*_IMUS, *_ESTIMATORS, "MSG")
 MOST_INSTANCES = 5
-_OF_IMU = {
-    "gyro": ("GH", ("EG", "ErrG")),
-    "accelerometer": ("AH", ("EA", "ErrA")),
-}
+_OF_IMU = {"gyro": ("GH", ("EG", "ErrG")), "accelerometer": ("AH", ("EA", "ErrA"))}
 # squared ratios of innovations to their limits: rejected above 1
 _RATIOS = {
     "SV": "velocity",

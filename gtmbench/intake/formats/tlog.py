@@ -27,10 +27,7 @@ from gtmbench.values.clock import FloatArray
 
 _KIND = "MAVLink telemetry log"
 _STAMP_BYTES = 8
-_MARKERS = {
-    0xFE: (6, 5),
-    0xFD: (10, 7),
-}  # bytes of the header, and where the message's number is
+_MARKERS = {0xFE: (6, 5), 0xFD: (10, 7)}  # bytes of the header, and where the message's number is
 _SIGNED, _SIGNATURE_BYTES = 0x01, 13
 RECEIVED = "received"
 """Of a message's columns: when it was received, in s."""
