@@ -40,6 +40,7 @@ def opened(tmp_path, text, **options):
 
 ABOVE = {
     "facts in another width": "A flight\nof 2026, by somebody\n\n1500 rows, 7 columns\n\n",
+    "groups of columns": "Time,Gyro,Gyro,Gyro,Attitude,Attitude,Attitude\n",
     "pairs of facts": "".join(f'"key{k}","value of {k}"\n' for k in range(200))
     + '"rcRate","1"\n"looptime","500"\n"acc_1G","2048"\n',
     "numbers among them": "Session,3\nGain,0.5,1.5\nOffset,1,2\n",

@@ -146,8 +146,11 @@ def _separator(lines: Sequence[str], place: int) -> str:
 
 
 def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
-    """Tell whether rows with as many cells as a line has follow it, numbers among them."""
-    width = len(_cells(lines[place].lstrip("#%/ \t"), separator))
+    """Tell whether rows with as many cells as a line has follow it, numbers among them; groups of columns head none."""
+    cells = _cells(lines[place].lstrip("#%/ \t"), separator)
+    names, width = list(filter(None, cells)), len(cells)
+    if len(set(names)) < len(names) and not any(map(_NUMBER.match, names)):
+        return False
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + _LOOKED_AT] if line.strip()]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     return width > 1 and (

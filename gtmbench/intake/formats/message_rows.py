@@ -39,15 +39,18 @@ def read_paparazzi(path: Path, part: str = "") -> RawLog:
 
 
 def _rows_of_planner(path: Path) -> Rows:
-    rows = [cells for cells in _split(path, ",") if len(cells) > _FIRST_NAME and _planners_topic(cells) in USED]
-    received = clock_texts([cells[0] for cells in rows])
+    received = clock_texts([cells[0] for cells in _used_by_planner(path)])  # in any language's way to write dates
     if received is None:
         raise InputError("no message with motion in it begins with a date")
-    for cells, received_s in zip(rows, received.seconds.tolist(), strict=True):
+    for cells, received_s in zip(_used_by_planner(path), received.seconds.tolist(), strict=True):
         pairs = zip(cells[_FIRST_NAME::2], cells[_FIRST_NAME + 1 :: 2], strict=False)
         numbers = {name: value for name, text in pairs if name and (value := _number(text)) is not None}
         numbers.pop("Len", None)
         yield int(cells[4], 16), _planners_topic(cells), received_s, numbers  # 255, a ground station, is FF
+
+
+def _used_by_planner(path: Path) -> Iterator[list[str]]:
+    return (cells for cells in _split(path, ",") if len(cells) > _FIRST_NAME and _planners_topic(cells) in USED)
 
 
 def _planners_topic(cells: Sequence[str]) -> str:
@@ -55,14 +58,14 @@ def _planners_topic(cells: Sequence[str]) -> str:
 
 
 def _rows_of_paparazzi(path: Path, topics: Sequence[str]) -> Rows:
-    firsts: dict[str, str] = {}
+    firsts: dict[tuple[str, str], str] = {}
     for received_s, system, topic, *cells in (cells for cells in _split(path, None) if len(cells) > 3):
         if topic not in topics:
             continue
         if topic.startswith("IMU_") and len(cells) == 4:  # since 2022 the sensor's number stands before its axes
             sensor, *cells = cells
-            if firsts.setdefault(topic, sensor) != sensor:
-                continue
+            if firsts.setdefault((system, topic), sensor) != sensor:
+                topic = f"{topic}#{sensor}"  # another one, which nothing takes for the first
         numbers = {str(place): value for place, text in enumerate(cells, 1) if (value := _number(text)) is not None}
         yield int(system), topic, float(received_s), numbers
 
