@@ -25,6 +25,7 @@ from gtmbench.values.clock import FloatArray
 
 _DEG = math.degrees(1.0)
 _FINE_UNITS = ("cdeg", "ddeg", "mdeg", "mrad")  # of angles that are beyond what deg allows
+_FINE_RATES = ("mrad/s", "ddeg/s", "cdeg/s", "mdeg/s")
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
 _RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 # whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
@@ -35,6 +36,8 @@ _SMOOTHED_S, _SLOW_S = 0.4, 4.0
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
+_FRAMES = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0))  # signs of angles: right and down, left and up
+_ALONG = 0.5  # of what accelerometers feel, along z: less is no level flight, or a failure
 _WITHIN, _FINELY = 0.3, 0.1  # of a unit's factor, as a logarithm; of one that has others within half of it
 _APART = 0.04  # logarithms, by which any other unit has to be further off
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
@@ -256,7 +259,8 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     units, shown = _angle_units(angles, motion.angles, angle_unit)
     fits = list(_fits_in(raw, gyros, angles, motion, units, shown))
     if not fits and units == ["deg"] and not (angles.stated or angle_unit):  # of small angles in fine units, too
-        fits = list(_fits_in(raw, gyros, angles, motion, _FINE_UNITS, ""))
+        fine = _fits_in(raw, gyros, angles, motion, _FINE_UNITS, "")  # not of both: that is any scale
+        fits = [fit for fit in fine if fit.units[0] not in _FINE_RATES]
     yield from fits
 
 
@@ -289,9 +293,13 @@ def _fits_in(
         if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
+        if signs not in _FRAMES and not angles.signs and axes == len(GYROS) and share < _LEAST_OF_OTHER_ORDER:
+            continue  # a sign on one angle alone is a convention, where it is plain
         turned_signs = sum(sign < 0 for sign in (*own, *signs))
         flips = turned_signs if felt is None else 2 * sum(map(operator.ne, own, felt)) + 0.5 * turned_signs
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
+        if goes_down and signs[1] < 0.0 and not angles.signs:
+            continue  # a pitch is turned to agree with gravity, and never against it
         yield _Fit(
             gyros=gyros,
             angles=angles,
@@ -463,8 +471,9 @@ def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[Fl
 def _axes_felt(raw: RawLog, gyros: Triple) -> tuple[float, ...] | None:
     """Return the gyros' signs by the accelerometers of the same sensor: where z feels gravity it points up."""
     beside = [triple for triple in triples(raw.series) if triple.kind == "acceleration" and triple.clock == gyros.clock]
-    along = np.nanmean([each.values() for each in beside[0].series], axis=1) if beside else np.zeros(3)
-    if not abs(along[2]) > np.abs(along[:2]).max():
+    felt = np.array([each.values() for each in beside[0].series]) if beside else np.zeros((3, 1))
+    along = np.nanmean(felt, axis=1)
+    if not abs(along[2]) > max(np.abs(along[:2]).max(), _ALONG * float(np.nanmedian(np.linalg.norm(felt, axis=0)))):
         return None
     return (1.0, -1.0, -1.0) if along[2] > 0 else (1.0, 1.0, 1.0)
 
