@@ -10,12 +10,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from gtmbench.errors import InputError
 from gtmbench.files.disk import check_size, is_file
-from gtmbench.intake.injections import Injection
+from gtmbench.intake.injections import Injection, injected
 
 _FILE, _LOGS = "mapping.json", "ulg_files"
 _LARGEST_BYTES = 200_000_000
@@ -29,15 +30,7 @@ def annotated_failures(path: Path) -> list[Injection]:
     Anomalies that weren't injected: of what happened by itself, so `kind` is "anomaly", and `sensor` the class in the
     data set's words.
 
-    Parameters
-    ----------
-    path : Path
-        Of the log.
-
-    Raises
-    ------
-    InputError
-        If the file speaks of this log in another layout.
+    `path`: of the log. Raises an InputError if the file speaks of this log in another layout.
     """
     folders = path.resolve().parents[: _LAYERS + 1]
     for folder in folders:
@@ -72,15 +65,8 @@ def _of_classes(annotated: list[Any]) -> Iterator[Injection]:
         if not all(math.isfinite(begin) and begin <= end for begin, end, _ in ranges):
             raise ValueError("a range that ends before it begins")
         for begin, end, columns in _joined(ranges):
-            yield Injection(
-                sensor=name.lower(),
-                number=None,
-                channels=(),
-                kind="anomaly",
-                onset_s=begin / 1e6,
-                end_s=end / 1e6,
-                text=f"{name}, seen in {', '.join(columns)}",
-            )
+            text = f"{name}, seen in {', '.join(columns)}"
+            yield replace(injected(name.lower(), None, "anomaly", (begin / 1e6, end / 1e6), text), channels=())
 
 
 def _joined(ranges: list[tuple[float, float, str]]) -> Iterator[tuple[float, float, tuple[str, ...]]]:

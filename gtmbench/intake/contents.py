@@ -68,77 +68,34 @@ class LogColumn:
 
 @dataclass(frozen=True, kw_only=True)
 class LogChannel:
-    """A channel that a log has.
-
-    Attributes
-    ----------
-    name, column : str
-    unit : str
-        The column's.
-    samples : int
-        That are there.
-    logged_hz, fresh_hz : float
-        How often it is logged, and how often it is new; NaN where nothing tells.
-    why_not : str
-        Why it can't be used; "" where it can.
-    guessed : str
-        What shows that it is this channel in this unit, where nothing states it; "" where something does.
-    """
+    """A channel that a log has."""
 
     name: str
     column: str
-    unit: str
-    samples: int
-    logged_hz: float
+    unit: str  # the column's
+    samples: int  # that are there
+    logged_hz: float  # logged_hz, fresh_hz: how often it is logged, and how often it is new; NaN where nothing tells
     fresh_hz: float
-    why_not: str = ""
+    why_not: str = ""  # why it can't be used; "" where it can
+    # what shows that it is this channel in this unit, where nothing states it; "" where something does
     guessed: str = ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LogContents:
-    """What a log holds.
-
-    Attributes
-    ----------
-    path : Path
-    kind : str
-        The format.
-    span_s : (start, end) or None
-        Of the channels that can be used, on the log's clock; None without any.
-    notes : tuple of str
-        What a reader should know about its times and units.
-    columns : tuple of LogColumn
-    channels : tuple of LogChannel
-        Those of the channel table.
-    imus : tuple of str
-        The topics that hold gyros.
-    attitude_from_gyros : bool
-        Whether its attitude is that of an estimator which the gyros drive: known of PX4's and ArduPilot's.
-    events : tuple of Event
-        On the log's clock, as they stand there.
-    no_time : str
-        Why the time isn't known; "" where it is.
-    is_table : bool
-        Whether it is anybody's table, or a container of topics.
-    """
+    """What a log holds."""
 
     path: Path
-    kind: str
-    span_s: Span | None
-    notes: tuple[str, ...]
+    kind: str  # the format
+    span_s: Span | None  # of the channels that can be used, on the log's clock; None without any
+    notes: tuple[str, ...]  # what a reader should know about its times and units
     columns: tuple[LogColumn, ...]
-    channels: tuple[LogChannel, ...]
-    imus: tuple[str, ...]
+    channels: tuple[LogChannel, ...]  # those of the channel table
+    imus: tuple[str, ...]  # the topics that hold gyros
+    # whether its attitude is that of an estimator which the gyros drive: known of PX4's and ArduPilot's
     attitude_from_gyros: bool
-    events: tuple[Event, ...] = ()
-    no_time: str = ""
-    is_table: bool = True
-
-    @property
-    def own_columns(self) -> tuple[str, ...]:
-        """The columns of a table that stand under their own names."""
-        return tuple(column.name for column in self.columns if self.is_table and not (column.channel or column.why_not))
+    events: tuple[Event, ...] = ()  # on the log's clock, as they stand there
+    no_time: str = ""  # why the time isn't known; "" where it is
 
     @property
     def usable(self) -> tuple[str, ...]:
@@ -149,20 +106,9 @@ class LogContents:
 def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> LogContents:
     r"""Return what a log's file holds, and what of it is of use: nothing is resampled, one bad column spoils nothing.
 
-    Parameters
-    ----------
-    path : str, Path or ReadLog
-        A log that was read before isn't read again.
-    mapping : sequence of str
-        As `open_log` takes it.
+    `path`: a log that was read before isn't read again. `mapping`: as `open_log` takes it. Raises an InputError if the
+    file can't be read, or a mapping doesn't fit.
 
-    Raises
-    ------
-    InputError
-        If the file can't be read, or a mapping doesn't fit.
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder, "log.csv")
@@ -198,7 +144,6 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
             attitude_from_gyros=raw.attitude_from_gyros and own_attitude,
             events=tuple(raw.events()) if of_time is None else (),
             no_time=no_time,
-            is_table=list(timed.clocks) in ([], [""]),
         )
 
 

@@ -41,24 +41,11 @@ def mean_rates(
 ) -> tuple[FloatArray, BoolArray]:
     """Return gyros' means over two intervals of the attitude at ``first_s + k period_s``, and where a sample is there.
 
-    Parameters
-    ----------
-    time_s, rates : FloatArray
-        The gyros: stamps in seconds, and samples, shape (samples, channels).
-    attitude_s : FloatArray
-        The attitude's stamps. While it pauses, the integral is read at the record's own times.
-    first_s, period_s, count : float, float, int
-        The record's clock.
+    `time_s`, `rates`: the gyros: stamps in seconds, and samples, shape (samples, channels). `attitude_s`: the
+    attitude's stamps. While it pauses, the integral is read at the record's own times. `first_s`, `period_s`, `count`:
+    the record's clock. Shape (count, channels); NaN where samples are missing within the intervals. Whether a sample is
+    there, if not known.
 
-    Returns
-    -------
-    rates : FloatArray
-        Shape (count, channels); NaN where samples are missing within the intervals.
-    there : BoolArray
-        Whether a sample is there, if not known.
-
-    Examples
-    --------
     >>> time_s = np.arange(100) * 0.01
     >>> mean_rates(time_s, time_s[:, np.newaxis], time_s[::10], 0.1, 0.1, 3)[0].ravel().round(9)
     array([0.1, 0.2, 0.3])

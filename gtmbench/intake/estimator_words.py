@@ -53,10 +53,7 @@ _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
             "airspeed": ("tas_test_ratio",),
         },
     ),
-    (
-        r"(X|N)KF4(#0)?",
-        {"magnetometer": ("SM",), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},
-    ),
+    (r"(X|N)KF4(#0)?", {"magnetometer": ("SM",), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)}),
     (  # of 2014
         r"EKF4",
         {"magnetometer": ("SMX", "SMY", "SMZ"), "gps velocity": ("SV",), "height": ("SH",), "airspeed": ("SVT",)},
@@ -66,23 +63,13 @@ _RATIOS: Sequence[tuple[str, Mapping[str, Sequence[str]]]] = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EstimatorWord:
-    """A quantity that an estimator logs of its opinion.
+    """A quantity that an estimator logs of its opinion."""
 
-    Attributes
-    ----------
-    quantity : str
-        `BIAS`, in deg/s; or `RATIO`, of an innovation to what the estimator accepts: beyond 1 it rejects the sensor.
-    of : str
-        The gyro, or what is tested.
-    columns : tuple of str
-    time_s, values : FloatArray
-        Shape (rows,); of several axes the largest ratio.
-    """
-
+    # `BIAS`, in deg/s; or `RATIO`, of an innovation to what the estimator accepts: beyond 1 it rejects the sensor
     quantity: str
-    of: str
+    of: str  # the gyro, or what is tested
     columns: tuple[str, ...]
-    time_s: FloatArray = field(repr=False)
+    time_s: FloatArray = field(repr=False)  # time_s, values: shape (rows,); of several axes the largest ratio
     values: FloatArray = field(repr=False)
 
 

@@ -109,6 +109,11 @@ def of_kind(events: Iterable[Event], *kinds: EventKind) -> list[Event]:
     return [event for event in events if event.kind in kinds]
 
 
+def complaint(time_s: float, text: str, about: str, number: int | None = None) -> Event:
+    """Return what an autopilot says against a sensor."""
+    return Event(kind=EventKind.COMPLAINT, time_s=float(time_s), text=text, about=about, number=number)
+
+
 def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
     """Return the samples with which a flag rises that was down for 5 s; one that it begins with isn't.
 
@@ -125,13 +130,8 @@ def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
 def touchdowns(contacts: Sequence[tuple[float, bool]], landings: Sequence[tuple[float, bool]]) -> list[float]:
     """Return when an aircraft touched down: a landing is told when it is over, contact with the ground as it begins.
 
-    Parameters
-    ----------
-    contacts, landings : sequence of (time in s, whether)
-        Changes, in time.
+    `contacts`, `landings`: changes, in time.
 
-    Examples
-    --------
     >>> touchdowns([(3.0, True), (4.0, False), (8.0, True)], [(1.0, False), (9.0, True)])
     [8.0]
     """

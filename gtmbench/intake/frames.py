@@ -45,12 +45,7 @@ class _Rotation:
 def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     """Return the channels that have to be read otherwise than they are named, and how.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    known : mapping
-        Channels that are settled: a column and what it is.
+    `raw`: its clocks known. `known`: channels that are settled: a column and what it is.
     """
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return {}

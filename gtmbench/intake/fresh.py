@@ -130,13 +130,8 @@ def fresh_rows(values: FloatArray) -> NDArray[np.int64] | None:
 
     Regular repeats are the log's; what stands still for longer is the sensor's, and keeps its samples at the true rate.
 
-    Parameters
-    ----------
-    values : FloatArray
-        Shape (samples, axes).
+    `values`: shape (samples, axes).
 
-    Examples
-    --------
     >>> angles = np.random.default_rng(1).standard_normal((50, 3))
     >>> fresh_rows(np.repeat(angles, 8, axis=0))[:4], fresh_rows(angles) is None
     (array([ 0,  8, 16, 24]), True)

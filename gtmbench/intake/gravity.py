@@ -25,12 +25,7 @@ def forces_told(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning
     They are mounted as the gyros of the same sensor are, and gravity has to agree with that. Milligrams can't be told
     from 1,024 counts a g: neither is taken.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    known : mapping
-        Channels that are settled: a column and what it is.
+    `raw`: its clocks known. `known`: channels that are settled: a column and what it is.
     """
     clocks = {known[name][0].clock for name in GYROS if name in known}
     if not set(GYROS) <= set(known) or set(ACCELEROMETERS) & set(known) or len(clocks) > 1:

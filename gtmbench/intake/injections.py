@@ -55,6 +55,12 @@ class Injection:
     text: str
 
 
+def injected(sensor: str, number: int | None, kind: str, span: tuple[float, float | None], text: str) -> Injection:
+    """Return the failure of a sensor in all of its axes, or of what is no sensor."""
+    (onset_s, end_s), axes = span, GYROS if sensor == GYRO else ()
+    return Injection(sensor=sensor, number=number, channels=axes, kind=kind, onset_s=onset_s, end_s=end_s, text=text)
+
+
 def spells(changes: Sequence[tuple[float, float]], usual: float) -> Iterator[tuple[float, float | None, float]]:
     """Give (onset, end, value furthest from the usual one) wherever a setting was another than usual.
 

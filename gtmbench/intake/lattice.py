@@ -19,20 +19,11 @@ GRAINS_S = (0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lattice:
-    """An even clock.
-
-    Attributes
-    ----------
-    period_s : float
-    times : tuple of FloatArray
-        One a span: its samples' times on the even clock, of which some may be left out.
-    jitter_s : float
-        How far the stamps are from it, at most.
-    """
+    """An even clock."""
 
     period_s: float
-    times: tuple[FloatArray, ...]
-    jitter_s: float
+    times: tuple[FloatArray, ...]  # one a span: its samples' times on the even clock, of which some may be left out
+    jitter_s: float  # how far the stamps are from it, at most
 
 
 def find_lattice(spans: Sequence[FloatArray]) -> Lattice | None:

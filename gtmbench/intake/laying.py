@@ -17,19 +17,10 @@ class Laying:
     Rows are those that `resampled` makes of the whole stretch. One on which a sample stands is given with that sample,
     one between samples with the `AFTER`-th sample behind it, of a source that is filtered `HALF` rows later than that.
 
-    Parameters
-    ----------
-    start_s : float
-        The first sample's time.
-    period_s, typical_s : float
-        The rows' period, and the samples'.
-    channels : int
-    filtered : bool, optional
-        Whether a low-pass follows; by default only where the samples come faster than the rows. A track beside one that
-        is filtered has to be filtered alike.
+    `start_s`: the first sample's time. `period_s`, `typical_s`: the rows' period, and the samples'. `filtered`: whether
+    a low-pass follows; by default only where the samples come faster than the rows. A track beside one that is filtered
+    has to be filtered alike.
 
-    Examples
-    --------
     >>> laying = Laying(5.0, 0.1, 0.1, 1)
     >>> laying.push(np.array([5.0, 5.1]), np.array([[1.0], [2.0]]))[0].ravel()
     array([1., 2.])

@@ -43,13 +43,6 @@ class LiveClock:
 
     How often they come is known from the first two, where they are a period apart, or else from the first thirty.
 
-    Parameters
-    ----------
-    channels : sequence of str
-    sample_period_s : float
-
-    Examples
-    --------
     >>> clock = LiveClock(["p"], 0.1)
     >>> clock.push(np.array([5.0, 5.1]), np.array([[1.0], [2.0]]))
     (Record(2 samples, 5..5.1 s, every 0.1 s: p),)
@@ -71,10 +64,7 @@ class LiveClock:
 
         A record continues the one before where it begins a sample after it; else there is a gap.
 
-        Raises
-        ------
-        InputError
-            Where a row is late, or rows come too seldom; nothing is changed then.
+        Raises an InputError where a row is late, or rows come too seldom; nothing is changed then.
         """
         known = np.abs(time_s) < LATEST_S
         time_s = np.concatenate([self._held[0], time_s[known]])
@@ -236,19 +226,9 @@ def live_chunks(
 ) -> Iterator[Record]:
     """Give a table's rows as a live source would send them, on a clock that is known: a piece at a time, none kept.
 
-    Parameters
-    ----------
-    path : str or Path
-        Parquet: of other formats no part can be read alone.
-    sample_period_s : float
-        Of the monitor.
-    needs, witnesses, mapping : sequence of str
-        As `open_log` takes them.
-
-    Raises
-    ------
-    InputError
-        Where it can't be read so, saying why; that may turn up late.
+    `path`: Parquet: of other formats no part can be read alone. `sample_period_s`: of the monitor. `needs`,
+    `witnesses`, `mapping`: as `open_log` takes them. Raises an InputError where it can't be read so, saying why; that
+    may turn up late.
     """
     path, columns = Path(path), split_mapping(mapping)
     raw = read_raw(path)

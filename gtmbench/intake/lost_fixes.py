@@ -26,12 +26,6 @@ class LostFix(NamedTuple):
 def lost_fixes(time_s: FloatArray, has_fix: BoolArray, satellites: FloatArray) -> tuple[LostFix, ...]:
     """Return when a GPS lost all of its satellites between two messages.
 
-    Parameters
-    ----------
-    time_s, has_fix, satellites : shape (messages,)
-
-    Examples
-    --------
     >>> time_s = np.arange(8.0)
     >>> at_once = np.array([9, 9, 9, 0, 0, 0, 9, 9])
     >>> lost_fixes(time_s, at_once > 4, at_once)

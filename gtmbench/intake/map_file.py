@@ -18,10 +18,7 @@ _HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --ma
 def read_map_file(path: Path) -> list[str]:
     """Return a file's columns as texts ``CHANNEL=COLUMN:UNIT``.
 
-    Raises
-    ------
-    InputError
-        Where it isn't a table of texts.
+    Raises an InputError where it isn't a table of texts.
     """
     if not is_file(path):
         raise InputError(no_such(path))

@@ -159,10 +159,7 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
 def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[Chosen]:
     """Return the channels of a log: the needed ones, or all.
 
-    Raises
-    ------
-    InputError
-        Where a mapped or a needed one can't be found, with what is there and what looks like it.
+    Raises an InputError where a mapped or a needed one can't be found, with what is there and what looks like it.
     """
     chosen = _mapped_or_recognised(raw, mapped)
     own = {series.name: Chosen(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)}

@@ -43,21 +43,11 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[
 
 @dataclass(frozen=True, kw_only=True)
 class Guess:
-    """What a column's name says.
+    """What a column's name says."""
 
-    Attributes
-    ----------
-    channel : str
-        Which channel it looks like, ``time`` for the time, "" for none.
-    meaning : Meaning or None
-        What it is, where name and unit say so without doubt.
-    why_not : str
-        What is left open, where something is.
-    """
-
-    channel: str = ""
-    meaning: Meaning | None = None
-    why_not: str = ""
+    channel: str = ""  # which channel it looks like, ``time`` for the time, "" for none
+    meaning: Meaning | None = None  # what it is, where name and unit say so without doubt
+    why_not: str = ""  # what is left open, where something is
 
 
 def stated_unit(header: str, unit_beside: str = "") -> tuple[str, str]:
@@ -146,30 +136,14 @@ def is_table_header(name: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Triple:
-    """Three columns that are named as the axes of one sensor: rates, angles or accelerations.
+    """Three columns that are named as the axes of one sensor: rates, angles or accelerations."""
 
-    Attributes
-    ----------
-    kind : str
-        ``rate``, ``angle``, ``acceleration``.
-    series : tuple of RawSeries
-        About, or along, x, y and z; of an attitude without a heading two.
-    meanings : tuple of Meaning
-        What they are, where that is settled.
-    is_exact : bool
-        Whether all three names are known as they are, not by parts.
-    is_reordered : bool
-        Whether they stand in another order than their names say.
-    handed : float
-        -1 where that order makes left-handed axes of right-handed ones.
-    """
-
-    kind: str
-    series: tuple[RawSeries, ...]
-    meanings: tuple[Meaning, ...] = ()
-    is_exact: bool = True
-    is_reordered: bool = False
-    handed: float = 1.0
+    kind: str  # ``rate``, ``angle``, ``acceleration``
+    series: tuple[RawSeries, ...]  # about, or along, x, y and z; of an attitude without a heading two
+    meanings: tuple[Meaning, ...] = ()  # what they are, where that is settled
+    is_exact: bool = True  # whether all three names are known as they are, not by parts
+    is_reordered: bool = False  # whether they stand in another order than their names say
+    handed: float = 1.0  # -1 where that order makes left-handed axes of right-handed ones
 
     @property
     def clock(self) -> str:

@@ -30,29 +30,19 @@ from gtmbench.values.record import Span
 
 _TOGETHER = 0.5  # of the shorter of two tables; chosen: those of one recorder begin and end together
 _OTHER_SENSOR = re.compile(r"gps|gnss|mag|compass")  # its heading isn't the attitude's
-_KIND = re.compile(r"gyr|acc|mag|imu|ahrs|att|orient|euler|baro|press|gps|gnss|air|pitot")
+_KIND = re.compile(r"gyr|linear|acc|mag|imu|ahrs|att|orient|euler|baro|press|gps|gnss|air|pitot")
 _AXES = {"rate": GYROS, "angle": ATTITUDE, "acceleration": ACCELEROMETERS}
 _MOST_KEPT = 512  # folders
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Table:
-    """What a table holds.
-
-    Attributes
-    ----------
-    channels : frozenset of str
-        The sensors that its columns look like, whether or not their units are known.
-    columns : frozenset of str
-        The bare names of its columns, the time's left out.
-    span_s : (start, end) or None
-        When it runs, on a clock that its log's tables share; None where no column tells the time.
-    """
+    """What a table holds."""
 
     name: str
-    channels: frozenset[str]
-    columns: frozenset[str]
-    span_s: Span | None
+    channels: frozenset[str]  # the sensors that its columns look like, whether or not their units are known
+    columns: frozenset[str]  # the bare names of its columns, the time's left out
+    span_s: Span | None  # when it runs, on a clock that its log's tables share; None where no column tells the time
 
     @property
     def kind(self) -> str:
@@ -64,8 +54,6 @@ class _Table:
 def is_log_folder(path: Path) -> bool:
     """Tell whether a folder is one log: by its names, and by what its tables hold.
 
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "failed.csv").write_text("time_s,p_deg_s" + chr(10) + "0,1.0" + chr(10) + "1,2.0")
@@ -124,10 +112,7 @@ def _tables_of(raw: RawLog) -> list[_Table]:
         channels[triple.clock] |= {*_AXES[triple.kind]} & _measured_once(triple.clock)
     return [
         _Table(
-            name=name,
-            channels=frozenset(channels[name]),
-            columns=frozenset(columns[name]),
-            span_s=_span_s(timed, name),
+            name=name, channels=frozenset(channels[name]), columns=frozenset(columns[name]), span_s=_span_s(timed, name)
         )
         for name in channels
     ]
@@ -135,7 +120,9 @@ def _tables_of(raw: RawLog) -> list[_Table]:
 
 def _measured_once(name: str) -> set[str]:
     """Return the channels that show which log a table is of: a flight has one sensor of each."""
-    return {*SENSORS} - {"altitude", *(["psi"] if _OTHER_SENSOR.search(name.lower()) else [])}
+    others = ["psi"] if _OTHER_SENSOR.search(name.lower()) else []
+    others += ACCELEROMETERS if "linear" in name.lower() else ()  # a phone's, worked out: without gravity
+    return {*SENSORS} - {"altitude", *others}
 
 
 def _span_s(timed: RawLog, name: str) -> Span | None:

@@ -44,36 +44,19 @@ _ARDUPILOT_GPS = re.compile(r"GPS([#_\[]0\]?)?")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensorReadings:
-    """What a sensor of a log read.
+    """What a sensor of a log read."""
 
-    Attributes
-    ----------
-    name : str
-        The log's topic, ``GPS`` or ``vehicle_air_data``; of a table its columns.
-    channels : tuple of str
-        Which channels it is.
-    columns : tuple of str
-        The log's, one a channel, or those that they are worked out of.
-    time_s : FloatArray
-        On the log's clock, increasing, shape (readings,). Readings that only repeat the one before until the next one
-        comes are left out.
-    values : FloatArray
-        In the channels' units, shape (readings, channels).
-    is_late : bool
-        Whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated.
-    lost : tuple of LostFix
-        When it lost its fix at once, of a GPS.
-    out_of_range : tuple of OutOfRange
-        What was left out, because no sensor reads it.
-    """
-
-    name: str
-    channels: tuple[str, ...]
-    columns: tuple[str, ...]
+    name: str  # the log's topic, ``GPS`` or ``vehicle_air_data``; of a table its columns
+    channels: tuple[str, ...]  # which channels it is
+    columns: tuple[str, ...]  # the log's, one a channel, or those that they are worked out of
+    # On the log's clock, increasing, shape (readings,). Readings that only repeat the one before until the next one
+    # comes are left out.
     time_s: FloatArray = field(repr=False)
-    values: FloatArray = field(repr=False)
+    values: FloatArray = field(repr=False)  # in the channels' units, shape (readings, channels)
+    # whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated
     is_late: bool = False
-    lost: tuple[LostFix, ...] = ()
+    lost: tuple[LostFix, ...] = ()  # when it lost its fix at once, of a GPS
+    # what was left out, because no sensor reads it
     out_of_range: tuple[OutOfRange, ...] = field(default=(), repr=False)
 
     def beside(self, record: Record) -> Record:
@@ -82,8 +65,6 @@ class SensorReadings:
         Of a sensor that is faster than the record each row is the mean of its readings, so that vibration doesn't pass
         for motion.
 
-        Examples
-        --------
         >>> time_s = np.arange(10) * 0.1
         >>> readings = SensorReadings(
         ...     name="BARO",
@@ -144,14 +125,8 @@ def other_sensors_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[SensorR
     GPS velocity (of PX4 and ArduPilot with a 3-D fix only; of a table gps_north, gps_east and gps_down in m/s),
     accelerometers, airspeed, pressure altitude, and up to three magnetometers.
 
-    Parameters
-    ----------
-    log : ReadLog
-    mapping : sequence of str
-        As `open_log` takes it: a mapped channel is taken as mapped, and one that is ``none`` isn't.
+    `mapping`: as `open_log` takes it: a mapped channel is taken as mapped, and one that is ``none`` isn't.
 
-    Examples
-    --------
     >>> import tempfile
     >>> from pathlib import Path
     >>> from gtmbench.intake.read import read_log

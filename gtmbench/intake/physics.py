@@ -24,9 +24,10 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
 
 _DEG = math.degrees(1.0)
-_FINE_UNITS = ("cdeg", "ddeg", "mdeg")  # of angles that are beyond what deg allows
+_FINE_UNITS = ("cdeg", "ddeg", "mdeg", "mrad")  # of angles that are beyond what deg allows
+_FINE_RATES = ("mrad/s", "ddeg/s", "cdeg/s", "mdeg/s")
 _MOST_DEG = (361.0, 361.0, 800.0)  # roll, pitch and heading
-_RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "cdeg/s": 0.01, "mdeg/s": 1e-3}
+_RATE_UNITS = {"deg/s": 1.0, "rad/s": _DEG, "mrad/s": _DEG / 1e3, "ddeg/s": 0.1, "cdeg/s": 0.01, "mdeg/s": 1e-3}
 # whole numbers a deg/s, of the sensors that loggers are made of: ranges of 250 to 2,000 deg/s
 _COUNTS = {f"{1 / each:.6g} deg/s": 1 / each for each in (131.0, 65.5, 32.8, 16.4, 114.3, 57.14, 28.57, 14.29)}
 _MOST_TRIPLES = 6
@@ -35,6 +36,8 @@ _SMOOTHED_S, _SLOW_S = 0.4, 4.0
 _LEAST_DEG_S = 0.5  # deviation of an axis that moves
 _CORRELATED, _MOSTLY = 0.6, 0.8  # of every axis, and of two of them
 _LEAST_OF_OTHER_ORDER = 0.9  # share of the motion: that names are at the wrong axes must be plain
+_FRAMES = ((1.0, 1.0, 1.0), (1.0, -1.0, -1.0))  # signs of angles: right and down, left and up
+_ALONG = 0.5  # of what accelerometers feel, along z: less is no level flight, or a failure
 _WITHIN, _FINELY = 0.3, 0.1  # of a unit's factor, as a logarithm; of one that has others within half of it
 _APART = 0.04  # logarithms, by which any other unit has to be further off
 _ALIKE, _PRICE = 0.03, 0.04  # of scores; of a turned sign
@@ -48,18 +51,10 @@ _GAP = 5.0  # usual intervals
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """What physics say of open columns.
+    """What physics say of open columns."""
 
-    Attributes
-    ----------
-    meanings : mapping
-        Of columns, by name.
-    why_not : str
-        What is still open, with what to type; "" where nothing is, or nothing could be tried.
-    """
-
-    meanings: Mapping[str, Meaning]
-    why_not: str = ""
+    meanings: Mapping[str, Meaning]  # of columns, by name
+    why_not: str = ""  # what is still open, with what to type; "" where nothing is, or nothing could be tried
 
 
 NOTHING = Found(meanings={})
@@ -102,14 +97,8 @@ class _Fit:
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
     """Return what open gyros and angles of a log must be.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    known : mapping
-        Channels that are settled: a column and what it is.
-    angle_unit : str
-        ``rad`` or ``deg``, of what states none; "" where nobody says.
+    `raw`: its clocks known. `known`: channels that are settled: a column and what it is. `angle_unit`: ``rad`` or
+    ``deg``, of what states none; "" where nobody says.
     """
     if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return NOTHING
@@ -155,10 +144,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
 def tells_of_one_motion(raw: RawLog) -> bool:
     """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
+    `raw`: its clocks known.
     """
     told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
     if not {*GYROS, *ATTITUDE} <= set(told):
@@ -172,13 +158,7 @@ def rates_told(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
 
-    Parameters
-    ----------
-    raw : RawLog
-        Its clocks known.
-    gyros, angles : sequence of RawSeries
-    factors : FloatArray
-        What brings the angles to deg.
+    `raw`: its clocks known. `factors`: what brings the angles to deg.
     """
     told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
     motion = _motion(raw, *told)
@@ -279,7 +259,8 @@ def _fits(raw: RawLog, gyros: Triple, angles: Triple, angle_unit: str) -> Iterat
     units, shown = _angle_units(angles, motion.angles, angle_unit)
     fits = list(_fits_in(raw, gyros, angles, motion, units, shown))
     if not fits and units == ["deg"] and not (angles.stated or angle_unit):  # of small angles in fine units, too
-        fits = list(_fits_in(raw, gyros, angles, motion, _FINE_UNITS, ""))
+        fine = _fits_in(raw, gyros, angles, motion, _FINE_UNITS, "")  # not of both: that is any scale
+        fits = [fit for fit in fine if fit.units[0] not in _FINE_RATES]
     yield from fits
 
 
@@ -304,17 +285,21 @@ def _fits_in(
         own = tuple(np.sign(gains).tolist())
         own = own if axes == len(GYROS) else (*own, own[0] * own[1])  # axes are right-handed
         rate_unit = _rate_unit(gyros, gains)
-        if rate_unit is None or (gyros.signs and own != gyros.signs):
+        is_frame = own == gyros.signs if gyros.signs else math.prod(own) == gyros.handed
+        if rate_unit is None or not is_frame:  # a sign on one axis alone, or two axes swapped, are a fault and no frame
             continue
         sines = [(_gain_of_sine(witness, turned, motion.time_s), why) for witness, why in witnesses]
         witnessed = [why for gain, why in sines if _WITNESS_GAIN[0] < abs(gain) < _WITNESS_GAIN[1]]
         if not shown and not gyros.stated and any(gain for gain, _ in sines) and not witnessed:
             continue  # what a witness tells is another scale's
         share = float(np.mean(np.square(correlations)))
+        if signs not in _FRAMES and not angles.signs and axes == len(GYROS) and share < _LEAST_OF_OTHER_ORDER:
+            continue  # a sign on one angle alone is a convention, where it is plain
         turned_signs = sum(sign < 0 for sign in (*own, *signs))
         flips = turned_signs if felt is None else 2 * sum(map(operator.ne, own, felt)) + 0.5 * turned_signs
-        flips += len(GYROS) * (gyros.is_reordered and math.prod(own) != gyros.handed)
         goes_down = any(gain < 0 for gain, _ in sines)  # where a nose goes up
+        if goes_down and signs[1] < 0.0 and not angles.signs:
+            continue  # a pitch is turned to agree with gravity, and never against it
         yield _Fit(
             gyros=gyros,
             angles=angles,
@@ -486,8 +471,9 @@ def _witnesses(raw: RawLog, time_s: FloatArray, clock: str) -> Iterator[tuple[Fl
 def _axes_felt(raw: RawLog, gyros: Triple) -> tuple[float, ...] | None:
     """Return the gyros' signs by the accelerometers of the same sensor: where z feels gravity it points up."""
     beside = [triple for triple in triples(raw.series) if triple.kind == "acceleration" and triple.clock == gyros.clock]
-    along = np.nanmean([each.values() for each in beside[0].series], axis=1) if beside else np.zeros(3)
-    if not abs(along[2]) > np.abs(along[:2]).max():
+    felt = np.array([each.values() for each in beside[0].series]) if beside else np.zeros((3, 1))
+    along = np.nanmean(felt, axis=1)
+    if not abs(along[2]) > max(np.abs(along[:2]).max(), _ALONG * float(np.nanmedian(np.linalg.norm(felt, axis=0)))):
         return None
     return (1.0, -1.0, -1.0) if along[2] > 0 else (1.0, 1.0, 1.0)
 

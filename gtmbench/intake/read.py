@@ -20,30 +20,20 @@ from gtmbench.intake.times import with_time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadLog:
-    """What was read of a log's file.
-
-    Attributes
-    ----------
-    path : Path
-    raw : RawLog
-        Its columns, attitudes of quaternions among them. What a format loads column by column is loaded when it is
-        asked for.
-    """
+    """What was read of a log's file."""
 
     path: Path
+    # Its columns, attitudes of quaternions among them. What a format loads column by column is loaded when it is
+    # asked for.
     raw: RawLog = field(repr=False)
 
 
 def read_log(log: str | Path | ReadLog) -> ReadLog:
     """Read a log's file; what was read before is returned as it is.
 
-    Raises
-    ------
-    InputError
-        Where it isn't a file, is too large, isn't of a known format, or is broken; or holds tables of several logs.
+    Raises an InputError where it isn't a file, is too large, isn't of a known format, or is broken; or holds tables of
+    several logs.
 
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     _ = Path(folder, "log.csv").write_text("time_s,p_deg_s" + chr(10) + "0,1.0" + chr(10) + "1,2.0")

@@ -114,22 +114,12 @@ def nominal(typical_s: float, period_s: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Places:
-    """Even times on which a track's samples are laid: place i is at ``start_s + i step_s``.
+    """Even times on which a track's samples are laid: place i is at ``start_s + i step_s``."""
 
-    Attributes
-    ----------
-    start_s, period_s : float
-        Place 0, and the wanted period.
-    typical_s : float
-        The period of the samples.
-    finer : int
-        Places in a wanted period: more than one only where a low-pass follows.
-    """
-
-    start_s: float
+    start_s: float  # start_s, period_s: place 0, and the wanted period
     period_s: float
-    typical_s: float
-    finer: int = 1
+    typical_s: float  # the period of the samples
+    finer: int = 1  # places in a wanted period: more than one only where a low-pass follows
 
     @property
     def step_s(self) -> float:
@@ -240,17 +230,10 @@ def laid(places: Places, time_s: FloatArray, values: FloatArray, first: int, sto
 
     A sample is there, if not known, where those beside the place are.
 
-    Parameters
-    ----------
-    places : Places
-    time_s, values : FloatArray
-        Samples: increasing stamps, shape (samples,), and values, shape (samples, channels), NaN where one is missing.
-        Those that tell: `Places.before` of them before the first place, `AFTER` of them after the last.
-    first, stop : int
-        The places.
+    `time_s`, `values`: samples: increasing stamps, shape (samples,), and values, shape (samples, channels), NaN where
+    one is missing. Those that tell: `Places.before` of them before the first place, `AFTER` of them after the last.
+    `first`, `stop`: the places.
 
-    Examples
-    --------
     >>> places = Places(start_s=0.0, period_s=0.1, typical_s=0.1)
     >>> time_s = np.arange(60) * 0.1 + 0.05
     >>> laid(places, time_s, time_s[:, np.newaxis] ** 2, 20, 23)[0].ravel().round(9)

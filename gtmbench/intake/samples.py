@@ -26,30 +26,14 @@ from gtmbench.values.record import Span
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """A channel's samples that are there: rows without a number, or without a time, are none.
+    """A channel's samples that are there: rows without a number, or without a time, are none."""
 
-    Attributes
-    ----------
-    chosen : Chosen
-        The column, and how the channel is made of it.
-    rows : IntArray
-        Of the column, in order of time.
-    time_s : FloatArray
-        When they are, on the clock that `open_log` gives a record.
-    values : FloatArray
-        In the channel's unit.
-    span_s : (float, float)
-        When the column's clock begins and ends, whether its first and last cells hold a number or not.
-    out_of_range : OutOfRange or None
-        The readings that no sensor reads: they are none of the samples.
-    """
-
-    chosen: Chosen = field(repr=False)
-    rows: IntArray = field(repr=False)
-    time_s: FloatArray
-    values: FloatArray
-    span_s: Span
-    out_of_range: OutOfRange | None = None
+    chosen: Chosen = field(repr=False)  # the column, and how the channel is made of it
+    rows: IntArray = field(repr=False)  # of the column, in order of time
+    time_s: FloatArray  # when they are, on the clock that `open_log` gives a record
+    values: FloatArray  # in the channel's unit
+    span_s: Span  # when the column's clock begins and ends, whether its first and last cells hold a number or not
+    out_of_range: OutOfRange | None = None  # the readings that no sensor reads: they are none of the samples
 
     @property
     def sample_period_s(self) -> float:
@@ -70,10 +54,7 @@ class Samples:
 def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
     """Return channels of a log, found as `open_log` finds them, sample by sample.
 
-    Raises
-    ------
-    InputError
-        Where the file can't be read, or a channel isn't there.
+    Raises an InputError where the file can't be read, or a channel isn't there.
     """
     columns = split_mapping(mapping)
     read = read_log(log)
@@ -105,10 +86,7 @@ def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples
 def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
     """Write a log anew with other values of some channels, everything else as it is.
 
-    Raises
-    ------
-    InputError
-        Where the format isn't written, or a column can't hold a value.
+    Raises an InputError where the format isn't written, or a column can't hold a value.
     """
     for channel in values:
         made_of = samples[channel].chosen.series.made_of

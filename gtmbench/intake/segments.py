@@ -38,22 +38,14 @@ _BESIDE = 30  # samples: what is further away doesn't move a spline
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Parts:
-    """A track between its pauses; of an even clock, times are that clock's.
-
-    Attributes
-    ----------
-    limit_s : float
-        A step that is longer is a pause.
-    slow : list of (start, end)
-        Where it comes slower than usual.
-    """
+    """A track between its pauses; of an even clock, times are that clock's."""
 
     track: Track
     parts: tuple[Track, ...]
     even_s: float | None
     jitter_s: float
-    limit_s: float
-    slow: list[Span]
+    limit_s: float  # a step that is longer is a pause
+    slow: list[Span]  # where it comes slower than usual
 
     @cached_property
     def spans(self) -> list[Span]:
@@ -136,10 +128,7 @@ class Cut:
 def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | None) -> Cut:
     """Return the records between gaps; where some channels pause and others don't, those are missing.
 
-    Raises
-    ------
-    InputError
-        Where no stretch is long enough.
+    Raises an InputError where no stretch is long enough.
     """
     for track in tracks:
         _check_long(track)
@@ -342,10 +331,7 @@ def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filt
 
     Low-pass filtered where the record is `filtered`, or where the track comes faster.
 
-    Raises
-    ------
-    InputError
-        Where the track is too short.
+    Raises an InputError where the track is too short.
     """
     _check_long(track)
     period_s = record.sample_period_s

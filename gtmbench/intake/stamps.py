@@ -31,18 +31,11 @@ _MOST_STEPS_BACK = 0.1  # of the samples
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clock:
-    """Stamps in order of time.
+    """Stamps in order of time."""
 
-    Attributes
-    ----------
-    rows : IntArray or slice
-        Which of the log's rows are kept, in order of time; a slice of all of them where nothing was to be done.
-    time_s : FloatArray
-        When they are; several may be at one time.
-    """
-
+    # which of the log's rows are kept, in order of time; a slice of all of them where nothing was to be done
     rows: IntArray | slice
-    time_s: FloatArray
+    time_s: FloatArray  # when they are; several may be at one time
 
 
 @dataclass(kw_only=True, eq=False)
@@ -59,10 +52,7 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     What follows where a clock was set back is dated later than the log says, so that times stay in order. Stamps may
     stand there twice: which rows are one sample, their values tell (`single`).
 
-    Raises
-    ------
-    InputError
-        Where stamps are in no order, or some clocks were set back and others weren't.
+    Raises an InputError where stamps are in no order, or some clocks were set back and others weren't.
     """
     if all(_is_in_order(time_s) for time_s in clocks.values()):
         return {name: Clock(rows=slice(None), time_s=time_s) for name, time_s in clocks.items()}, (), []
@@ -246,14 +236,8 @@ def single(
     column's first number is taken; unless they come after a pause that is as long as all of them: then they were
     measured in it, and stamped late.
 
-    Parameters
-    ----------
-    label : str
-        Whose stamps they are, for a message.
-    time_s, values : FloatArray
-        Shapes (rows,) and (rows, columns).
-    breaks_s : sequence of float
-        When the clock was set: nothing is moved over that.
+    `label`: whose stamps they are, for a message. `time_s`, `values`: shapes (rows,) and (rows, columns). `breaks_s`:
+    when the clock was set: nothing is moved over that.
     """
     edges = [0, *np.searchsorted(time_s, breaks_s).tolist(), len(time_s)]
     remarks: list[Remark] = []

@@ -50,10 +50,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
 
     Whole seconds and the nanoseconds or microseconds beyond them, of one name, are one time.
 
-    Raises
-    ------
-    InputError
-        Where no column tells the time, or several do.
+    Raises an InputError where no column tells the time, or several do.
     """
     if raw.clocks and mapped is None:
         return raw
@@ -118,12 +115,7 @@ def _told_time(raw: RawLog, mapped: str | None) -> _Told:
         first = float(stamps[np.isfinite(stamps)][0])
         stamps, since_s = stamps - first, (first - (_MATLAB if first > _DAYS[1][0] else _SHEET)) * _DAY_S
     return _Told(
-        columns=(series,),
-        stamps=stamps,
-        stated=stated,
-        per_second=per_second,
-        guessed=meaning.guessed,
-        since_s=since_s,
+        columns=(series,), stamps=stamps, stated=stated, per_second=per_second, guessed=meaning.guessed, since_s=since_s
     )
 
 
@@ -354,8 +346,9 @@ def rises_evenly(series: RawSeries) -> Meaning | None:
     """Return the unit of a column that is called anything and rises by even steps, as only a time does; else None."""
     if _COUNTS.search(series.name):
         return None
-    steps = np.diff(series.values()[:_BEGINNING])
-    if len(steps) < _FEWEST_STEPS or not np.all(steps > 0) or np.ptp(series.values()[:_BEGINNING]) == len(steps):
+    values = series.values()[:_BEGINNING]
+    steps = np.diff(values[np.isfinite(values)])  # a header that stands there again is a row without a number
+    if len(steps) < _FEWEST_STEPS or not np.all(steps > 0) or np.sum(steps) == len(steps):
         return None
     usual = float(np.median(steps))
     even = np.mean(np.abs(steps - usual) < _UNEVEN * usual)

@@ -16,23 +16,12 @@ SHORTEST_S, FEWEST = 2.0, 20  # of a segment
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """Channels that share their stamps.
-
-    Attributes
-    ----------
-    channels : tuple of str
-    time_s : FloatArray
-        Increasing, shape (samples,).
-    values : FloatArray
-        Shape (samples, channels).
-    logged_s : float
-        Where repeats were left out, the period that it was logged at with them; else 0.
-    """
+    """Channels that share their stamps."""
 
     channels: tuple[str, ...]
-    time_s: FloatArray
-    values: FloatArray
-    logged_s: float = 0.0
+    time_s: FloatArray  # increasing, shape (samples,)
+    values: FloatArray  # shape (samples, channels)
+    logged_s: float = 0.0  # where repeats were left out, the period that it was logged at with them; else 0
 
     @cached_property
     def period_s(self) -> float:

@@ -26,6 +26,7 @@ _UNITS: dict[str, tuple[str, dict[str, float]]] = {
             "radps": _DEG,
             "rads-1": _DEG,
             "mrad/s": _DEG / 1e3,
+            "ddeg/s": 0.1,
             "cdeg/s": 0.01,
         }
         | {"mdeg/s": 1e-3, "mdps": 1e-3},

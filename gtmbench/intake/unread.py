@@ -23,20 +23,11 @@ _MARGIN = "margin of the resampling"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Living:
-    """When a track is there.
-
-    Attributes
-    ----------
-    track : Track
-    spans : list of (start, end)
-        Between its pauses, in time.
-    slow : list of (start, end)
-        Where its samples come slower than usual, in time.
-    """
+    """When a track is there."""
 
     track: Track
-    spans: list[Span]
-    slow: list[Span]
+    spans: list[Span]  # between its pauses, in time
+    slow: list[Span]  # where its samples come slower than usual, in time
 
     @property
     def name(self) -> str:
@@ -54,30 +45,14 @@ class Living:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
-    """All that says why a moment isn't in a segment.
+    """All that says why a moment isn't in a segment."""
 
-    Attributes
-    ----------
-    living : sequence of Living
-        Of each track.
-    read : list of (start, end)
-        The segments, from their first sample to their last.
-    short : list of (start, end)
-        What was too short to become one.
-    breaks_s : sequence of float
-        Where the log's clock was set back.
-    period_s : float
-        Of the segments.
-    join_s : float
-        No gap is shorter.
-    """
-
-    living: Sequence[Living]
-    read: list[Span]
-    short: list[Span]
-    breaks_s: Sequence[float]
-    period_s: float
-    join_s: float
+    living: Sequence[Living]  # of each track
+    read: list[Span]  # the segments, from their first sample to their last
+    short: list[Span]  # what was too short to become one
+    breaks_s: Sequence[float]  # where the log's clock was set back
+    period_s: float  # of the segments
+    join_s: float  # no gap is shorter
 
     @cached_property
     def alive(self) -> list[Span]:

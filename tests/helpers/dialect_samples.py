@@ -305,3 +305,86 @@ def ngimu_quaternion(t):
     w, x, y, z = quaternion(t, "NWU")
     turned = {"Time (s)": t.time_s, "W": w, "X": -x, "Y": -y, "Z": -z}
     return {name: text for name, text in ngimu(t).items() if name != "euler.csv"} | {"quaternion.csv": csv(turned)}
+
+
+@sample
+def mission_planner_of_2013(t):
+    """The same of an older version: dates as the computer writes them, to a second; the ground station is system FF."""
+    began = pd.Timestamp("2013-03-17 12:37:41")
+    lines = []
+    for line, time_s in zip(mission_planner(t)["flight.csv"].splitlines()[::2], t.time_s, strict=True):
+        at = began + pd.Timedelta(time_s, unit="s")
+        stamp = f"{at.month}/{at.day}/{at.year} {at:%I:%M:%S %p}"
+        lines.append(f"{stamp},{line.partition(',')[2]}")
+        if time_s % 1 == 0:
+            lines.append(f"{stamp},FE,9,7E,FF,BE,0,mavlink_heartbeat_t,custom_mode,0,type,6,autopilot,8,,Len,17")
+    return {"flight.csv": "\n".join(lines) + "\n"}
+
+
+@sample
+def paparazzi_since_2022(t):
+    """The same, where a sensor's number stands before its axes; a second one, upside down, is another sensor."""
+    rows = []
+    for row in t.itertuples():
+        rates = [RAD * getattr(row, name) for name in RATES]
+        felt = (G * row.nx, G * row.ny, -G * row.nz)
+        for sensor, sign in ((1, 1.0), (2, -1.0)):
+            rows.append(f"{row.time_s:.6f} 2 IMU_GYRO {sensor} " + " ".join(f"{sign * rate:.6f}" for rate in rates))
+            rows.append(f"{row.time_s:.6f} 2 IMU_ACCEL {sensor} " + " ".join(f"{sign * each:.6f}" for each in felt))
+        angles = " ".join(f"{round(4096 * RAD * getattr(row, name))}" for name in ANGLES)
+        rows.append(f"{row.time_s:.6f} 2 AHRS_EULER_INT 0 0 0 {angles} 1")
+    return {"22_12_08__09_18_56.data": "\n".join(rows) + "\n"}
+
+
+@sample
+def datcon_with_units(t):
+    """DatCon's CSV until version 3: units behind the names, with semicolons in them."""
+    columns = {"Tick#": us(t), "offsetTime": t.time_s + 12.3}
+    columns |= forces(t, [f"IMU_ATTI(0):accel:{a}[G]" for a in "XYZ"])
+    columns |= scaled(t, RATES, [f"IMU_ATTI(0):gyro:{a}[degrees/Sec]" for a in "XYZ"])
+    angles = [f"IMU_ATTI(0):{a}[degrees [-180;180]]" for a in ("roll", "pitch", "yaw")]
+    return {"FLY124.csv": csv(columns | scaled(t, ANGLES, angles) | {"Attribute|Value": ""})}
+
+
+@sample
+def datcon_3(t):
+    """The same with the units left out."""
+    header, _, rows = datcon_with_units(t)["FLY124.csv"].partition("\n")
+    plain = [name.partition("[")[0] for name in header.split(",")]
+    return {"FLY124.csv": ",".join(plain) + "\n" + rows}
+
+
+@sample
+def vectornav_quaternion(t):
+    """The exporter of VectorNav's SDK: fields by its names, none with a unit; QuatS is a quaternion's first part."""
+    columns = {"TimeStartup": np.round(1e9 * t.time_s).astype(np.int64) + 7_123_456_789}
+    columns |= turned_by(t, [f"Quat{a}" for a in "SXYZ"])
+    columns |= scaled(t, RATES, [f"UncompGyro{a}" for a in "XYZ"], RAD)
+    return {"vn.csv": csv(columns | forces(t, [f"UncompAcc{a}" for a in "XYZ"], G))}
+
+
+@sample
+def x_plane_again(t):
+    """Data.txt of which the output was switched on twice: the header stands there again."""
+    lines = x_plane(t)["Data.txt"].splitlines()
+    return {"Data.txt": "\n".join([*lines[: len(t) // 2], lines[1], *lines[len(t) // 2 :]]) + "\n"}
+
+
+@sample
+def phyphox_tables(t):
+    """Phyphox of another experiment: axes alone beside the tables' names, and what is left without gravity."""
+    tables = {
+        "Gyroscope": scaled(t, RATES, [f"{a} (rad/s)" for a in "XYZ"], RAD, FLU),
+        "Accelerometer": forces(t, [f"{a} (m/s^2)" for a in "XYZ"], G, up=True),
+        "Linear Accelerometer": {f"{a} (m/s^2)": 0.1 * t.nx for a in "XYZ"},
+    }
+    return {f"{name}.csv": csv({"Time (s)": t.time_s, **columns}, sep=";") for name, columns in tables.items()}
+
+
+@sample
+def emlid(t):
+    """RTKLIB's .pos, which Emlid writes: facts and the header as comments, one name above a date and a time of day."""
+    stamps = pd.Timestamp("2022-08-24 09:12:32") + pd.to_timedelta(t.time_s, unit="s")
+    above = "% program   : RTKPOST\n% pos mode  : Kinematic\n%\n%  GPST  latitude(deg) longitude(deg) height(m) Q ns\n"
+    rows = [f"{at:%Y/%m/%d %H:%M:%S.%f} 60.1 30.2 {120.0 + k % 7} 1 14\n" for k, at in enumerate(stamps)]
+    return {"rover.pos": above + "".join(rows)}

@@ -10,7 +10,7 @@ from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from tests.helpers.dialect_samples import SAMPLES
 from tests.helpers.log_makers import flight
 
-WITHOUT_ATTITUDE = ("gyroflow",)
+OF = {"gyroflow": GYROS, "phyphox_tables": (*GYROS, *ACCELEROMETERS), "emlid": ("altitude",)}
 
 
 @pytest.fixture(scope="module")
@@ -54,5 +54,5 @@ def test_every_source_that_is_known_has_a_sample(tmp_path, truth):
 
 @pytest.mark.parametrize("name", SAMPLES)
 def test_a_known_source_is_read_as_it_is_documented(tmp_path, truth, name):
-    channels = GYROS if name in WITHOUT_ATTITUDE else (*GYROS, *ATTITUDE)
+    channels = OF.get(name, (*GYROS, *ATTITUDE))
     check(gb.open_log(written(SAMPLES[name](truth), tmp_path)), truth, channels)

@@ -1,5 +1,6 @@
 """Every format: values as they were logged, units and signs right, and the same file as its own library reads it."""
 
+import re
 import shlex
 import subprocess
 import sys
@@ -138,7 +139,7 @@ def test_of_two_gyros_that_fit_alike_none_is_taken(tmp_path):
         gb.open_log(path, needs=CHANNELS)
 
 
-@pytest.mark.parametrize("order", ["yxz", "yzx"])
+@pytest.mark.parametrize("order", ["zxy", "yzx"])
 def test_gyros_at_each_others_axes_are_read_by_their_motion(tmp_path, order):
     table = makers.flight(60.0)
     turned = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
@@ -149,6 +150,78 @@ def test_gyros_at_each_others_axes_are_read_by_their_motion(tmp_path, order):
     assert all(np.abs(log.segments[0][name] - table[name]).max() < 1e-9 for name in "pqr")
     told = [source.guessed for source in log.sources if source.channel == "p"]
     assert f"in the order gyro_{order[0]}, gyro_{order[1]}, gyro_{order[2]}" in told[0]
+
+
+@pytest.mark.parametrize(
+    ("order", "signs"),
+    [("yxz", (1, 1, 1)), ("xzy", (1, 1, 1)), ("xyz", (-1, 1, 1)), ("xyz", (1, -1, 1)), ("xyz", (1, 1, -1))],
+)
+def test_what_no_rotation_explains_is_a_fault_and_never_undone(tmp_path, order, signs):
+    """Two gyros at each other's axes, or one that reads the other way round."""
+    table = makers.flight(60.0)
+    columns = {"time_s": table.time_s} | {f"{name}_deg": table[name] for name in ("phi", "theta", "psi")}
+    columns |= {
+        f"g{axis}": sign * makers.RAD * table[name] for axis, name, sign in zip(order, "pqr", signs, strict=True)
+    }
+    path = tmp_path / "turned.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    with pytest.raises(gb.InputError, match="don't show one motion in any unit"):
+        gb.open_log(path, needs=CHANNELS)
+
+
+@pytest.mark.parametrize("angle", [1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)])
+@pytest.mark.parametrize("rate", [1.0, 0.1, 0.01, 1e-3, np.degrees(1e-3), np.degrees(1.0)])
+def test_a_unit_that_nothing_states_is_read_rightly_or_asked_for(tmp_path, rate, angle):
+    """Of gyros and angles in parts of a degree, or of a radian: never in another unit that fits them as well."""
+    table = makers.flight(60.0)
+    columns = {"time_s": table.time_s} | {
+        f"g{axis}": table[name] / rate for axis, name in zip("xyz", "pqr", strict=True)
+    }
+    columns |= {name: table[own] / angle for name, own in zip(("roll", "pitch", "yaw"), CHANNELS[3:], strict=True)}
+    path = tmp_path / "open.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    said = ""
+    try:
+        (record,) = gb.open_log(path, needs=CHANNELS).segments
+    except gb.InputError as error:
+        said = str(error)
+    if said:
+        assert rate not in (1.0, np.degrees(1.0))
+        assert re.search("two readings fit alike|neither gravity nor a climb shows which|in any unit", said)
+        return
+    assert all(np.abs(record[name] - table[name]).max() < 1e-4 for name in "pqr")
+
+
+def faulty(table, fault):
+    """Gyros in deg/s, angles in deg and specific force in m/s2, of forward, right, down; one of them fails."""
+    theta, phi = np.radians(table.theta), np.radians(table.phi)
+    down = (np.sin(theta), -np.cos(theta) * np.sin(phi), -np.cos(theta) * np.cos(phi))
+    columns = {f"g{axis}": table[name].to_numpy(copy=True) for axis, name in zip("xyz", "pqr", strict=True)}
+    columns |= {"roll": table.phi.to_numpy(copy=True), "pitch": table.theta, "yaw": table.psi}
+    columns |= {f"a{axis}": 9.81 * np.array(each) for axis, each in zip("xyz", down, strict=True)}
+    late = slice(len(table) * 4 // 10, None)
+    if fault == "an accelerometer turns":
+        columns["az"][late] *= -1.0
+    elif fault == "a bank is 40 deg off":
+        columns["roll"] += 40.0
+    elif fault == "a gyro reads the other way round":
+        columns["gy"] *= -1.0
+    return {"time_s": table.time_s, **columns}
+
+
+@pytest.mark.parametrize(
+    "fault", ["none", "an accelerometer turns", "a bank is 40 deg off", "a gyro reads the other way round"]
+)
+def test_no_fault_becomes_a_unit_or_a_frame(tmp_path, fault):
+    """What is read of a failed sensor's log is read as of a healthy one; or it is asked about."""
+    path = tmp_path / "open.csv"
+    pd.DataFrame(faulty(makers.flight(60.0), fault)).to_csv(path, index=False)
+    try:
+        sources = {each.channel: each for each in gb.open_log(path, needs=CHANNELS).sources if each.channel in CHANNELS}
+    except gb.InputError:
+        sources = {}
+    assert sources or fault != "none"
+    assert all((each.unit.removesuffix("/s"), each.sign) == ("deg", 1.0) for each in sources.values())
 
 
 def test_an_autopilots_controllers_and_estimates_are_no_gyros(tmp_path):

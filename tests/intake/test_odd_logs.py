@@ -21,7 +21,7 @@ ASKED = {
     "SensorLog: a phone whose x points to the right": "two readings fit alike: --map 'p=",
     "Sensor Logger: z before y before x, gyros alone": "nothing looks like p, q or r: --map p=",
     "Razor: no header": "no header: columns are called by their numbers, as in --map",
-    "two lines of names": "column 'gyro' stands there twice; rename one of them",
+    "two lines of names": "nothing looks like p, q or r",
 }
 
 

@@ -223,6 +223,15 @@ def test_logs_in_the_folders_of_a_log_are_logs_too(tmp_path):
     assert logs_in([tmp_path]) == (folder, folder / "next" / "flight.csv")
 
 
+def test_the_folders_that_hold_a_logs_tables_are_no_logs_beside_it(tmp_path):
+    """EuRoC's `mav0` and the folders of its sensors."""
+    for sensor, columns in {"imu0": named(GYROS), "state_groundtruth_estimate0": named(ATTITUDE)}.items():
+        folder = tmp_path / "euroc" / "mav0" / sensor
+        folder.mkdir(parents=True)
+        table(columns).to_csv(folder / "data.csv", index=False)
+    assert logs_in([tmp_path]) == (tmp_path / "euroc",)
+
+
 def test_a_folder_is_judged_anew_when_its_tables_change(tmp_path):
     folder = write(tmp_path / "log", ONE["gyros and attitude"])
     assert is_log_folder(folder)

@@ -40,6 +40,7 @@ def opened(tmp_path, text, **options):
 
 ABOVE = {
     "facts in another width": "A flight\nof 2026, by somebody\n\n1500 rows, 7 columns\n\n",
+    "groups of columns": "Time,Gyro,Gyro,Gyro,Attitude,Attitude,Attitude\n",
     "pairs of facts": "".join(f'"key{k}","value of {k}"\n' for k in range(200))
     + '"rcRate","1"\n"looptime","500"\n"acc_1G","2048"\n',
     "numbers among them": "Session,3\nGain,0.5,1.5\nOffset,1,2\n",
@@ -94,6 +95,7 @@ def test_without_a_header_columns_go_by_their_numbers(tmp_path, truth):
     text = csv(columns(truth, note="alike"), header=False)
     with pytest.raises(gb.InputError, match="no header: columns are called by their numbers, as in --map time=1:s"):
         opened(tmp_path, text, needs=SIX)
+    assert "no header" in " ".join(gb.open_log(tmp_path / "log.csv").method)
     mapping = [
         f"{name}={place}:{unit}"
         for place, (name, unit) in enumerate(zip(SIX, ["rad/s"] * 3 + ["rad"] * 3, strict=True), 3)
@@ -218,8 +220,10 @@ def test_a_definition_that_is_not_plain_is_passed_over(text):
         (",".join(f"c{k}" for k in range(100_000)) + "\n", "it has 100000 columns"),
         (
             "word " * 5 + "\n" + "a note\n" * 200_000,
-            "stands there twice",
+            "lines hold no row of numbers; cut what stands above the table",
         ),
+        ("# note 7\n" * 200_000 + "t,p\n0,1\n", "lines hold no row of numbers; cut what stands above the table"),
+        ("word word\n0 1\n", "stands there twice"),
         ("{" * 1000, "begins as a file of JSON|its first line|no column tells|no row of values"),
     ],
 )

@@ -8,22 +8,21 @@ and others say when something had failed.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_columns, check_values, reading
-from gtmbench.intake.formats.raw import Format, RawLog, in_seconds
+from gtmbench.intake.formats.csv import read_csv
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
 from gtmbench.intake.formats.ros import NOTE, topic_series
-from gtmbench.intake.injections import Injection, spells
+from gtmbench.intake.injections import Injection, injected, spells
 from gtmbench.values.clock import FloatArray
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _KIND = "sequence of ALFA"
 _IMU, _FAILED = "mavros-imu-data", "failure_status-"
@@ -41,8 +40,7 @@ def read_alfa(path: Path) -> RawLog:
     stamps: dict[str, NDArray[np.int64]] = {}
     columns: dict[str, dict[str, FloatArray]] = {}
     for topic, table in tables.items():
-        with reading(table, "table of ALFA"):
-            told = _read(table)
+        told = _read(table)
         if told is not None:
             stamps[topic], columns[topic] = told
     if _IMU not in stamps:
@@ -54,9 +52,7 @@ def read_alfa(path: Path) -> RawLog:
         column
         for topic, fields in columns.items()
         for column in topic_series(
-            topic,
-            {name: partial(np.asarray, values) for name, values in fields.items()},
-            is_imu=topic == _IMU,
+            topic, {name: partial(np.asarray, values) for name, values in fields.items()}, is_imu=topic == _IMU
         )
     ]
     left_out = sorted(set(tables) - set(stamps))
@@ -86,54 +82,37 @@ def _sequence(path: Path) -> tuple[str, dict[str, Path]]:
 
 def _read(table: Path) -> tuple[NDArray[np.int64], dict[str, FloatArray]] | None:
     """Return a table's stamps in nanoseconds, and its columns of numbers; None where no column tells the time."""
-    import pandas as pd
-
-    frame = pd.read_csv(table, index_col=False)
-    check_columns([str(name) for name in frame.columns])
-    check_values(frame.size, "the table")
-    fields = {_bare(str(name)): column for name, column in frame.items()}
+    fields: dict[str, RawSeries] = {}
+    with suppress(InputError):  # without rows
+        fields = {_bare(each.name): each for each in read_csv(table).series}
     stamps = _stamps(fields)
-    if stamps is None or not len(stamps):
+    if stamps is None:
         return None
-    numbers = {
-        name: column.to_numpy(dtype=np.float64)
-        for name, column in fields.items()
-        if column.dtype.kind in "bif" and not name.startswith(("header.", "%", "time"))
+    return stamps, {
+        name: each.values() for name, each in fields.items() if not (each.told or name.startswith(("header.", "time")))
     }
-    return stamps, numbers
 
 
 def _bare(name: str) -> str:
     """Return a message's own name of a field.
 
-    >>> _bare("field.angular_velocity.x"), _bare(".angular_velocity.x"), _bare("%time")
-    ('angular_velocity.x', 'angular_velocity.x', '%time')
+    >>> _bare("field.angular_velocity.x"), _bare(".angular_velocity.x"), _bare("time")
+    ('angular_velocity.x', 'angular_velocity.x', 'time')
     """
     return next((name.removeprefix(before) for before in _FIELD if name.startswith(before)), name)
 
 
-def _stamps(fields: Mapping[str, pd.Series]) -> NDArray[np.int64] | None:
+def _stamps(fields: Mapping[str, RawSeries]) -> NDArray[np.int64] | None:
     """Return when messages were made, or recorded where that isn't said, in whole nanoseconds."""
-    whole, seconds = fields.get("header.stamp"), fields.get("header.stamp.secs")
-    if seconds is not None and seconds.dtype.kind == "i" and (seconds > 0).all():
-        return np.asarray(seconds.to_numpy() * 10**9 + fields["header.stamp.nsecs"].to_numpy())
-    if whole is not None and whole.dtype.kind == "i" and (whole > 0).all():
-        return np.asarray(whole.to_numpy(dtype=np.int64))
-    recorded = fields.get("%time", fields.get("time"))
-    if recorded is None:
+    told = {name: each.load() for name, each in fields.items() if name.startswith(("header.stamp", "time"))}
+    if "header.stamp.secs" in told and (told["header.stamp.secs"] > 0).all():
+        return np.asarray(told["header.stamp.secs"] * 10**9 + told["header.stamp.nsecs"], dtype=np.int64)
+    if "header.stamp" in told and (told["header.stamp"] > 0).all():
+        return np.asarray(told["header.stamp"], dtype=np.int64)
+    if "time" not in told:
         return None
-    if recorded.dtype.kind == "i":
-        return np.asarray(recorded.to_numpy(dtype=np.int64))
-    return _dates(recorded)
-
-
-def _dates(recorded: pd.Series) -> NDArray[np.int64]:
-    """Return dates as nanoseconds since 1970: ``2018/07/18/15:56:50.963310``."""
-    import pandas as pd
-
-    texts = recorded.astype(str).str.replace(r"^(\d+)[/-](\d+)[/-](\d+)[/ T]", r"\1-\2-\3 ", regex=True)
-    dates = pd.to_datetime(texts, format="ISO8601")
-    return np.asarray(dates.to_numpy(dtype="datetime64[ns]").astype(np.int64))
+    since_ns = round(1e6 * fields["time"].since_s) * 1000
+    return np.asarray(since_ns + np.rint(1e9 * told["time"]) if fields["time"].told else told["time"], dtype=np.int64)
 
 
 def _injections(failed: Mapping[str, Mapping[str, Any]], clocks: Mapping[str, FloatArray]) -> list[Injection]:
@@ -146,9 +125,7 @@ def _injections(failed: Mapping[str, Mapping[str, Any]], clocks: Mapping[str, Fl
         for onset_s, end_s, value in spells(changes, 0.0):
             kind = _KINDS.get(what, "stuck")
             said = f"failure_status-{what} {value:g}"
-            found.append(
-                Injection(sensor=what, number=None, channels=(), kind=kind, onset_s=onset_s, end_s=end_s, text=said)
-            )
+            found.append(injected(what, None, kind, (onset_s, end_s), said))
     return found
 
 

@@ -28,30 +28,13 @@ _TIME = re.compile(r"(?i)(.*[./_])?(t|time|times|timestamps?|stamps?)([_ ]?\(?\[
 
 
 def log_of_arrays(
-    kind: str,
-    arrays: Arrays,
-    part: str = "",
-    *,
-    labels: Mapping[str, Sequence[str]] = {},
-    notes: Sequence[str] = (),
+    kind: str, arrays: Arrays, part: str = "", *, labels: Mapping[str, Sequence[str]] = {}, notes: Sequence[str] = ()
 ) -> RawLog:
     """Return a log of arrays by their paths, ``flight/imu/gyro``: columns of an array are ``gyro[0]``, ``gyro[1]``.
 
-    Parameters
-    ----------
-    kind : str
-    arrays : mapping of arrays
-        Dates as such; stamps of whole numbers as they are.
-    part : str
-        The branch that is meant: of its paths only what follows is a name; "" for the whole tree.
-    labels : mapping
-        What the columns of an array are called, where the file says so.
-    notes : sequence of str
-
-    Raises
-    ------
-    InputError
-        Where the branch isn't there, or holds no array of some rows.
+    `arrays`: dates as such; stamps of whole numbers as they are. `part`: the branch that is meant: of its paths only
+    what follows is a name; "" for the whole tree. `labels`: what the columns of an array are called, where the file
+    says so. Raises an InputError where the branch isn't there, or holds no array of some rows.
     """
     chosen = _branch(arrays, part)
     columns = {

@@ -27,7 +27,7 @@ _DATE = (
 )
 _CLOCK = r"(?P<h>\d{1,3}):(?P<m>\d{1,2})(?::(?P<s>\d{1,2}))?(?P<f>[.,:]\d{1,9})?"
 _TEXT = re.compile(
-    rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,\s]\s*|$))?"
+    rf"(?:(?P<days>-?\d+) days?,?\s*\+?|{_DATE}(?:[T,/\s]\s*|$))?"
     rf"(?:{_CLOCK}(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?)?"
     r"(?:\s*(?:(?P<utc>Z|UTC|GMT)|(?P<zone>[+-]\d\d):?(?P<zone_m>\d\d)?))?"
 )
@@ -46,26 +46,13 @@ class Told(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClockTexts:
-    """What a column of texts tells.
-
-    Attributes
-    ----------
-    told : Told
-    nanoseconds : array of int64
-        Since 1970, since midnight, or since the beginning.
-    there : array of bool
-        Which cells could be read.
-    is_utc : bool
-        Whether a zone stands beside them, which is taken off.
-    doubt : str
-        What else the texts may mean; "" for nothing.
-    """
+    """What a column of texts tells."""
 
     told: Told
-    nanoseconds: NDArray[np.int64]
-    there: NDArray[np.bool_]
-    is_utc: bool = False
-    doubt: str = ""
+    nanoseconds: NDArray[np.int64]  # since 1970, since midnight, or since the beginning
+    there: NDArray[np.bool_]  # which cells could be read
+    is_utc: bool = False  # whether a zone stands beside them, which is taken off
+    doubt: str = ""  # what else the texts may mean; "" for nothing
 
     @property
     def seconds(self) -> NDArray[np.float64]:

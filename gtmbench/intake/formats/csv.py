@@ -51,6 +51,8 @@ def read_csv(path: Path) -> RawLog:
     frame, notes = _without_headers(frame, next(filter(None, layout.names)), layout.names)
     if layout.encoding != "utf-8-sig":
         notes.append(f"read as {layout.encoding}")
+    if layout.is_nameless:
+        notes.append("no header: columns are called by their numbers, as in --map p=2:rad/s")
     clocks, within = _clocks(frame, layout.names)
     series, ignored = [], [layout.names[place] for place in within if layout.names[place] not in _PARTS]
     for place in sorted({*(place for place, name in enumerate(layout.names) if name), *clocks} - {*within}):

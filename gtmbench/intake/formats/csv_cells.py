@@ -11,12 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.csv_layout import Layout, layout_of
+from gtmbench.intake.formats.csv_layout import SPACES, Layout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
 from gtmbench.values.clock import FloatArray
 
-_SPACES = r"\s+"  # the separator of cells between any spaces
 _EXACT = 15  # decimals: a column with as many is written by programs that leave nothing out
 _QUOTED = r'[ \t]*"(?:[^"]|"")*"'
 _CELL = re.compile(r'(?P<before>\s*"?\s*)(?P<number>[^"\s]*)(?P<after>\s*"?\s*)')
@@ -25,22 +24,12 @@ _DECIMALS = re.compile(r"[-+]?\d*(?:\.(?P<decimals>\d*))?")
 
 @dataclass(frozen=True, kw_only=True)
 class Notation:
-    """How a column's numbers are written.
+    """How a column's numbers are written."""
 
-    Attributes
-    ----------
-    least, most : int
-        Decimals: of its cells that have the fewest, and the most.
-    decimal : str
-        What stands before them.
-    missing : str
-        What stands for no number.
-    """
-
-    least: int
+    least: int  # least, most: decimals: of its cells that have the fewest, and the most
     most: int
-    decimal: str = "."
-    missing: str = ""
+    decimal: str = "."  # what stands before them
+    missing: str = ""  # what stands for no number
 
     @classmethod
     def of(cls, numbers: Sequence[str], decimal: str = ".", missing: str = "") -> Notation:
@@ -74,7 +63,7 @@ def rewrite_csv(path: Path, out: Path, cells: Sequence[Cells]) -> None:
     """
     with reading(path, "CSV table"):
         layout = layout_of(path)
-        missing = "nan" if layout.separator == _SPACES else ""  # a cell between spaces can't be empty
+        missing = "nan" if layout.separator == SPACES else ""  # a cell between spaces can't be empty
         places = {layout.names.index(each.column.name): each for each in cells}
         texts = _texts(path, layout, list(places))
         new: dict[int, dict[int, str]] = {}
@@ -105,7 +94,7 @@ def _with(line: str, layout: Layout, new: Mapping[int, str]) -> str:
         told = _CELL.fullmatch(pieces[at])
         assert told is not None  # a number was read from it
         pieces[at] = f"{told['before']}{number}{told['after']}"
-    return ("" if layout.separator == _SPACES else layout.separator).join(pieces)
+    return ("" if layout.separator == SPACES else layout.separator).join(pieces)
 
 
 def _texts(path: Path, layout: Layout, places: Sequence[int]) -> dict[int, list[str]]:
@@ -156,7 +145,7 @@ def _pieces(line: str, layout: Layout) -> list[str]:
     >>> _pieces('1; "a;b";3', layout)
     ['1', ' "a;b"', '3']
     """
-    if layout.separator == _SPACES:
+    if layout.separator == SPACES:
         return re.split(rf"({_QUOTED}\S*|\S+)", line)
     if '"' not in line:
         return line.split(layout.separator)
@@ -171,13 +160,13 @@ def _cell(separator: str) -> str:
 
 def _at(place: int, layout: Layout) -> int:
     """Return which of a row's pieces is a column's cell."""
-    return 2 * place + 1 if layout.separator == _SPACES else place
+    return 2 * place + 1 if layout.separator == SPACES else place
 
 
 def _is_open(line: str, layout: Layout) -> bool:
     """Tell whether a quoted cell goes on in the next line."""
     pieces = _pieces(line, layout)
-    last = pieces[-2 if layout.separator == _SPACES and len(pieces) > 1 else -1]
+    last = pieces[-2 if layout.separator == SPACES and len(pieces) > 1 else -1]
     return last.lstrip(" \t").startswith('"') and not re.match(_QUOTED, last)
 
 

@@ -27,6 +27,7 @@ _THOUSANDS, _POINT = re.compile(r"[-+]?\d{1,3}(,\d{3})+"), re.compile(r"[-+]?[\d
 _FACT = re.compile(
     r"""[#%/ \t]*["']?(\w{1,40})["']?\s*[,;:=\t]\s*["']?([-+]?\d*\.?\d+(?:e[-+]?\d+)?)["']?\s*""", re.IGNORECASE
 )
+_STAMP = re.compile(r"\d{4}([-/])\d\d\1\d\d \d\d:\d\d:\d\d")
 _LONGEST_FACT = 200  # characters of a line that states a fact
 _LOOKED_AT = 500  # lines: facts about a recording are fewer
 _ROWS = 3  # alike, that show a table
@@ -35,32 +36,17 @@ _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, des
 
 @dataclass(frozen=True, kw_only=True)
 class Layout:
-    """How a table is written.
+    """How a table is written."""
 
-    Attributes
-    ----------
-    names, units : tuple of str
-        Of its columns; without a header their numbers.
-    encoding, separator, decimal : str
-    skipped : int
-        Lines before the first row of values.
-    is_nameless : bool
-        Whether it has no header.
-    rate_hz : float
-        Samples a second, as a line above the table states it; 0 where none does.
-    facts : mapping of str
-        What other lines there say: a name and a number.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # names, units: of its columns; without a header their numbers
     units: tuple[str, ...]
     encoding: str
     separator: str
     decimal: str
-    skipped: int
-    is_nameless: bool = False
-    rate_hz: float = 0.0
-    facts: Mapping[str, str] = field(default_factory=dict)
+    skipped: int  # lines before the first row of values
+    is_nameless: bool = False  # whether it has no header
+    rate_hz: float = 0.0  # samples a second, as a line above the table states it; 0 where none does
+    facts: Mapping[str, str] = field(default_factory=dict)  # what other lines there say: a name and a number
 
 
 def layout_of(path: Path) -> Layout:
@@ -71,17 +57,8 @@ def layout_of(path: Path) -> Layout:
     lines = head.decode(encoding, errors="replace").splitlines()
     if len(head) == LONGEST_LINE_BYTES:
         lines = lines[:-1]  # cut in two
-        if not lines:
-            raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
-    told = _SEP.fullmatch(lines[0]) if lines else None
-    place = _first(lines, 1 if told else 0)
-    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
-        place -= 1  # the header itself is written as a comment
-    if place == len(lines):
-        raise InputError("it is empty")
-    separator = told["separator"].replace("\\t", "\t") if told else _separator(lines, place)
-    found = _below_a_preamble(lines) if not told and not _heads_rows(lines, place, separator) else None
-    place, separator = found or (place, separator)
+        _check_beginning(lines)
+    place, separator = _header(lines)
     names = _cells(lines[place].lstrip("#%/ \t"), separator)
     check_columns([f"{number}" for number, _ in enumerate(names)])
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 2 + _ABOVE] if line.strip()]
@@ -97,6 +74,9 @@ def layout_of(path: Path) -> Layout:
         skipped = next(number for number in range(skipped, len(lines)) if lines[number].strip()) + 1
     if rows and len(rows[0]) == len(names) + 1 and not rows[0][-1]:
         names.append("")  # rows that end in a separator
+    if rows and separator == SPACES and len(rows[0]) == len(names) + 1 and _STAMP.match(" ".join(rows[0])):
+        names.insert(0, "date")  # one name stands above a date and a time of day
+        units.insert(0, "")
     if rows and len(rows[0]) > len(names):
         raise InputError(more_cells(names, separator))
     above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
@@ -112,6 +92,29 @@ def layout_of(path: Path) -> Layout:
         facts={pair[1]: pair[2] for line in above if (pair := _FACT.fullmatch(line))},
         rate_hz=float(rate["rate"]) * (1e3 if rate["kilo"] else 1.0) if rate else 0.0,
     )
+
+
+def _check_beginning(lines: Sequence[str]) -> None:
+    """Refuse a large file whose beginning holds no row: a million lines above a table aren't looked through."""
+    if not lines:
+        raise InputError(f"its first line has more than {LONGEST_LINE_BYTES} bytes; a header names the columns")
+    said = (line for line in lines if not _is_comment(line))
+    if not any(_ONLY_NUMBER.fullmatch(cell) for line in said for cell in re.split(r"[\s,;|]+", line)):
+        raise InputError(f"its first {len(lines)} lines hold no row of numbers; cut what stands above the table")
+
+
+def _header(lines: Sequence[str]) -> tuple[int, str]:
+    """Return which line is the header, or the first row without one, and what separates cells."""
+    told = _SEP.fullmatch(lines[0]) if lines else None
+    place = _first(lines, 1 if told else 0)
+    if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
+        place -= 1  # the header itself is written as a comment
+    if place == len(lines):
+        raise InputError("it is empty")
+    if told:
+        return place, told["separator"].replace("\\t", "\t")
+    separator = _separator(lines, place)
+    return (None if _heads_rows(lines, place, separator) else _below_a_preamble(lines)) or (place, separator)
 
 
 def _check_header(cells: Sequence[str], count: int, separator: str) -> None:
@@ -143,8 +146,11 @@ def _separator(lines: Sequence[str], place: int) -> str:
 
 
 def _heads_rows(lines: Sequence[str], place: int, separator: str) -> bool:
-    """Tell whether rows with as many cells as a line has follow it, numbers among them."""
-    width = len(_cells(lines[place].lstrip("#%/ \t"), separator))
+    """Tell whether rows with as many cells as a line has follow it, numbers among them; groups of columns head none."""
+    cells = _cells(lines[place].lstrip("#%/ \t"), separator)
+    names, width = list(filter(None, cells)), len(cells)
+    if len(set(names)) < len(names) and not any(map(_NUMBER.match, names)):
+        return False
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 1 + _LOOKED_AT] if line.strip()]
     rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     return width > 1 and (

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from gtmbench.intake.events import Event, EventKind, onsets
+from gtmbench.intake.events import Event, complaint, onsets
 from gtmbench.intake.formats.dataflash_events import Told, column_of, messages_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray
@@ -16,10 +16,7 @@ from gtmbench.values.record import BoolArray
 _IMUS, _ESTIMATORS = ("IMU", "IMU2", "IMU3"), ("EKF4", "NKF4", "XKF4")
 TOLD_BY = (*_IMUS, *_ESTIMATORS, "MSG")
 MOST_INSTANCES = 5
-_OF_IMU = {
-    "gyro": ("GH", ("EG", "ErrG")),
-    "accelerometer": ("AH", ("EA", "ErrA")),
-}
+_OF_IMU = {"gyro": ("GH", ("EG", "ErrG")), "accelerometer": ("AH", ("EA", "ErrA"))}
 # squared ratios of innovations to their limits: rejected above 1
 _RATIOS = {
     "SV": "velocity",
@@ -43,10 +40,6 @@ def dataflash_complaints(told: Mapping[str, Told]) -> list[Event]:
     return [*_sensors(told), *_estimators(told), *_texts(told)]
 
 
-def _complaint(time_s: float, text: str, about: str, number: int | None = None) -> Event:
-    return Event(kind=EventKind.COMPLAINT, time_s=float(time_s), text=text, about=about, number=number)
-
-
 def _instances(told: Mapping[str, Told], names: tuple[str, ...]) -> Iterator[tuple[str, str, int]]:
     """Give the messages that are there: as they are called in `told`, without instance, and the instance."""
     for name in names:
@@ -61,10 +54,10 @@ def _sensors(told: Mapping[str, Told]) -> Iterator[Event]:
         number = _IMUS.index(name) + 1 + instance
         for about, (health, counts) in _OF_IMU.items():
             for time_s in _raised(told, called, health, lambda values: values == 0.0):
-                yield _complaint(time_s, f"{about} {number} isn't healthy ({called}.{health})", about, number)
+                yield complaint(time_s, f"{about} {number} isn't healthy ({called}.{health})", about, number)
             for field in counts:
                 for time_s in _raised(told, called, field, _grows):
-                    yield _complaint(time_s, f"{about} {number} counts errors ({called}.{field})", about, number)
+                    yield complaint(time_s, f"{about} {number} counts errors ({called}.{field})", about, number)
 
 
 def _estimators(told: Mapping[str, Told]) -> Iterator[Event]:
@@ -72,9 +65,9 @@ def _estimators(told: Mapping[str, Told]) -> Iterator[Event]:
         for field, what in _RATIOS.items():
             for time_s in _raised(told, called, field, lambda values: values > 1.0):
                 text = f"estimator {instance} rejects {what} ({called}.{field} above 1)"
-                yield _complaint(time_s, text, "estimator")
+                yield complaint(time_s, text, "estimator")
         for time_s in _raised(told, called, "FS", lambda values: values != 0.0):
-            yield _complaint(time_s, f"estimator {instance} has a fault ({called}.FS)", "estimator")
+            yield complaint(time_s, f"estimator {instance} has a fault ({called}.FS)", "estimator")
 
 
 def _grows(counts: FloatArray) -> BoolArray:
@@ -93,4 +86,4 @@ def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
     for time_s, text in messages_of(told):
         said = _SAID.search(text)
         if said and said.lastgroup:
-            yield _complaint(time_s, text, said.lastgroup)
+            yield complaint(time_s, text, said.lastgroup)

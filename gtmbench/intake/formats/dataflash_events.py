@@ -43,20 +43,11 @@ _OF_IMU = re.compile(r"IMU(\d+)")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Told:
-    """All messages of one type.
-
-    Attributes
-    ----------
-    time_s : FloatArray
-    names : tuple of str
-        Of the columns.
-    column : function
-        Gives one.
-    """
+    """All messages of one type."""
 
     time_s: FloatArray
-    names: tuple[str, ...]
-    column: Callable[[str], NDArray[Any]]
+    names: tuple[str, ...]  # of the columns
+    column: Callable[[str], NDArray[Any]]  # gives one
 
 
 def dataflash_events(told: Mapping[str, Told]) -> list[Event]:

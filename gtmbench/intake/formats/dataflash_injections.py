@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from math import degrees
 
 from gtmbench.intake.formats.dataflash_events import Told, rows_of
-from gtmbench.intake.injections import GYRO, Injection, spells
+from gtmbench.intake.injections import GYRO, Injection, injected, spells
 from gtmbench.values.channels import GYROS
 
 TOLD_BY = ("PARM",)
@@ -71,14 +72,4 @@ def _injection(
     span: tuple[float, float | None],
     text: str,
 ) -> Injection:
-    return Injection(
-        sensor=GYRO,
-        number=number,
-        channels=channels,
-        kind=kind,
-        size=size[0],
-        unit=size[1],
-        onset_s=span[0],
-        end_s=span[1],
-        text=text,
-    )
+    return replace(injected(GYRO, number, kind, span, text), channels=channels, size=size[0], unit=size[1])

@@ -66,26 +66,13 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """A known source of tables.
-
-    Attributes
-    ----------
-    name : str
-    tells : tuple of str
-        The columns that show that a table is the source's.
-    lines : tuple of Line
-        What its columns are, the preferred ones first.
-    cells : int
-        Columns of a table without a header; 0 of one with a header.
-    rate_hz : float
-        Samples a second where nothing in the table tells; 0 where that isn't documented.
-    """
+    """A known source of tables."""
 
     name: str
-    tells: tuple[str, ...]
-    lines: tuple[Line, ...]
-    cells: int = 0
-    rate_hz: float = 0.0
+    tells: tuple[str, ...]  # the columns that show that a table is the source's
+    lines: tuple[Line, ...]  # what its columns are, the preferred ones first
+    cells: int = 0  # columns of a table without a header; 0 of one with a header
+    rate_hz: float = 0.0  # samples a second where nothing in the table tells; 0 where that isn't documented
 
     def found_in(self, raw: RawLog) -> bool:
         """Tell whether a log's columns show that it is of this source."""
@@ -191,16 +178,8 @@ def angles_of(
 ) -> list[RawSeries]:
     """Return roll, pitch and yaw of a quaternion w, x, y, z, in deg, as columns ``STEM(roll)`` and so on.
 
-    Parameters
-    ----------
-    parts : sequence of RawSeries
-    stem : str
-    meanings : sequence of Meaning or None
-        Of the three.
-    unit : str
-        ``quaternion``, from the body to the world, or ``inverse quaternion``.
-    from_east : bool
-        Whether yaw is counted from east and is wanted from north.
+    `meanings`: of the three. `unit`: ``quaternion``, from the body to the world, or ``inverse quaternion``.
+    `from_east`: whether yaw is counted from east and is wanted from north.
     """
     return [
         RawSeries(

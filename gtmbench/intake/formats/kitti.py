@@ -32,13 +32,7 @@ def read_kitti(path: Path) -> RawLog:
     series = tuple(
         RawSeries(name=str(place), load=partial(np.asarray, column)) for place, column in enumerate(values.T, 1)
     )
-    raw = RawLog(
-        kind=_KIND,
-        series=series,
-        clocks={"": np.asarray(told.seconds)},
-        notes=(told.note,),
-        is_nameless=True,
-    )
+    raw = RawLog(kind=_KIND, series=series, clocks={"": np.asarray(told.seconds)}, notes=(told.note,), is_nameless=True)
     known = [dialect for dialect in dialects() if dialect.name == _KIND and dialect.found_in(raw)]
     return known[0].told_of(raw) if known else raw
 

@@ -253,10 +253,7 @@ def _series(name: str, topic: _Topic) -> list[RawSeries]:
 def _decoded_imu(data: bytes) -> dict[str, float]:
     """Return the numbers of a message, covariances left out.
 
-    Raises
-    ------
-    ValueError, struct.error
-        Where it isn't one.
+    ValueError, struct.error where it isn't one.
     """
     if len(data) < 4 or data[0] != 0 or data[1] > 1:
         raise ValueError("no plain CDR")

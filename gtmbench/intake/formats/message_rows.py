@@ -5,12 +5,12 @@ from __future__ import annotations
 import itertools
 from array import array
 from collections.abc import Iterator, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.clock_texts import clock_texts
 from gtmbench.intake.formats.dialects import topics_of
 from gtmbench.intake.formats.limits import MOST_MESSAGES, reading
 from gtmbench.intake.formats.raw import Format, RawLog
@@ -39,22 +39,35 @@ def read_paparazzi(path: Path, part: str = "") -> RawLog:
 
 
 def _rows_of_planner(path: Path) -> Rows:
-    for cells in _split(path, ","):
-        topic = cells[7][8:-2].upper() if len(cells) > _FIRST_NAME and cells[7].startswith("mavlink_") else ""
-        if topic in USED:
-            pairs = zip(cells[_FIRST_NAME::2], cells[_FIRST_NAME + 1 :: 2], strict=False)
-            received_s = datetime.fromisoformat(cells[0]).replace(tzinfo=UTC).timestamp()
-            numbers = {name: value for name, text in pairs if name and (value := _number(text)) is not None}
-            yield int(cells[4]), topic, received_s, {name: each for name, each in numbers.items() if name != "Len"}
+    received = clock_texts([cells[0] for cells in _used_by_planner(path)])  # in any language's way to write dates
+    if received is None:
+        raise InputError("no message with motion in it begins with a date")
+    for cells, received_s in zip(_used_by_planner(path), received.seconds.tolist(), strict=True):
+        pairs = zip(cells[_FIRST_NAME::2], cells[_FIRST_NAME + 1 :: 2], strict=False)
+        numbers = {name: value for name, text in pairs if name and (value := _number(text)) is not None}
+        numbers.pop("Len", None)
+        yield int(cells[4], 16), _planners_topic(cells), received_s, numbers  # 255, a ground station, is FF
+
+
+def _used_by_planner(path: Path) -> Iterator[list[str]]:
+    return (cells for cells in _split(path, ",") if len(cells) > _FIRST_NAME and _planners_topic(cells) in USED)
+
+
+def _planners_topic(cells: Sequence[str]) -> str:
+    return cells[7][8:-2].upper() if cells[7].startswith("mavlink_") else ""
 
 
 def _rows_of_paparazzi(path: Path, topics: Sequence[str]) -> Rows:
-    for cells in _split(path, None):
-        if len(cells) > 3 and cells[2] in topics:
-            numbers = {
-                str(place): value for place, text in enumerate(cells[3:], 1) if (value := _number(text)) is not None
-            }
-            yield int(cells[1]), cells[2], float(cells[0]), numbers
+    firsts: dict[tuple[str, str], str] = {}
+    for received_s, system, topic, *cells in (cells for cells in _split(path, None) if len(cells) > 3):
+        if topic not in topics:
+            continue
+        if topic.startswith("IMU_") and len(cells) == 4:  # since 2022 the sensor's number stands before its axes
+            sensor, *cells = cells
+            if firsts.setdefault((system, topic), sensor) != sensor:
+                topic = f"{topic}#{sensor}"  # another one, which nothing takes for the first
+        numbers = {str(place): value for place, text in enumerate(cells, 1) if (value := _number(text)) is not None}
+        yield int(system), topic, float(received_s), numbers
 
 
 def _split(path: Path, separator: str | None) -> Iterator[list[str]]:
@@ -87,7 +100,7 @@ def _systems(rows: Rows) -> dict[int, Messages]:
 PLANNER = Format(
     name=_PLANNER,
     magic=(),
-    pattern=rb"(\xef\xbb\xbf)?\d{4}-\d\d-\d\dT[\d:.]+,F[DE],[^\n]{1,40},mavlink_\w+_t,",
+    pattern=rb"(\xef\xbb\xbf)?\d[^\n,]{7,30},F[DE],[^\n]{1,40},mavlink_\w+_t,",  # dates as the computer writes them
     suffixes=(),
     read=read_planner,
     has_parts=True,

@@ -24,21 +24,7 @@ from gtmbench.intake.formats.raw import RawLog
 _PACKED_AT_MOST, _SMALL_BYTES = 100, 1 << 24  # times; what may always be unpacked
 _PIECE = 1 << 20
 _LONGEST_NAME = 100
-_NO_LOGS = (
-    ".md",
-    ".pdf",
-    ".png",
-    ".jpg",
-    ".jpeg",
-    ".html",
-    ".xml",
-    ".json",
-    ".yaml",
-    ".yml",
-    ".toml",
-    ".py",
-    ".m",
-)
+_NO_LOGS = (".md", ".pdf", ".png", ".jpg", ".jpeg", ".html", ".xml", ".json", ".yaml", ".yml", ".toml", ".py", ".m")
 Reads = Callable[[Path], RawLog]
 
 

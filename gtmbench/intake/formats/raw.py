@@ -164,20 +164,11 @@ class RawLog:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cells:
-    """What some cells of a column are to hold instead.
-
-    Attributes
-    ----------
-    column : RawSeries
-    rows : IntArray
-        Which of its values, from 0.
-    values : FloatArray
-        Instead of those; NaN for none.
-    """
+    """What some cells of a column are to hold instead."""
 
     column: RawSeries
-    rows: IntArray
-    values: FloatArray
+    rows: IntArray  # which of its values, from 0
+    values: FloatArray  # instead of those; NaN for none
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -88,10 +88,7 @@ def _is_there(path: Path) -> bool:
 def read_raw(path: Path, part: str = "") -> RawLog:
     """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files.
 
-    Raises
-    ------
-    InputError
-        Where it isn't a file, is too large, isn't of a known format, or is broken.
+    Raises an InputError where it isn't a file, is too large, isn't of a known format, or is broken.
     """
     form = _form(path)
     if part and not form.has_parts:
@@ -145,10 +142,7 @@ def _is_another_log(file: Path) -> bool:
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
     """Write a log's file anew with other values in some cells; everything else stays as it is.
 
-    Raises
-    ------
-    InputError
-        Where the format isn't written, or a column can't hold a value.
+    Raises an InputError where the format isn't written, or a column can't hold a value.
     """
     _writer(path)(path, out, cells)
 

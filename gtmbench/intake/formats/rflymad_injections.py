@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.injections import GYRO, Injection
-from gtmbench.values.channels import GYROS
+from gtmbench.intake.injections import GYRO, Injection, injected
 from gtmbench.values.clock import FloatArray
 
 _TOPIC = "rfly_ctrl_lxl"
@@ -50,11 +49,7 @@ def rflymad_injections(
 ) -> list[Injection]:
     """Return the faults that a log of RflyMAD says were injected; nothing of other logs.
 
-    Parameters
-    ----------
-    topics : mapping of str to mapping of str to array of shape (messages,)
-    clocks : mapping of str to array of shape (messages,)
-        In seconds.
+    `clocks`: in seconds.
     """
     fields = topics.get(_TOPIC, {})
     if not {"id", "mode"} <= set(fields):
@@ -80,12 +75,5 @@ def _injection(
         values.pop()
     sensor = _IDS.get(kind, f"unit {kind}")
     said = _MODES.get(mode, f"mode {mode:g}") if kind in _OF_SENSORS else f"mode {mode:g}"
-    return Injection(
-        sensor=sensor,
-        number=None,
-        channels=GYROS if sensor == GYRO else (),
-        kind=said,
-        onset_s=onset_s,
-        end_s=end_s,
-        text=f"{sensor} {said}: {', '.join(f'{value:g}' for value in values)}",
-    )
+    text = f"{sensor} {said}: {', '.join(f'{value:g}' for value in values)}"
+    return injected(sensor, None, said, (onset_s, end_s), text)

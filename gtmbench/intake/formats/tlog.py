@@ -27,10 +27,7 @@ from gtmbench.values.clock import FloatArray
 
 _KIND = "MAVLink telemetry log"
 _STAMP_BYTES = 8
-_MARKERS = {
-    0xFE: (6, 5),
-    0xFD: (10, 7),
-}  # bytes of the header, and where the message's number is
+_MARKERS = {0xFE: (6, 5), 0xFD: (10, 7)}  # bytes of the header, and where the message's number is
 _SIGNED, _SIGNATURE_BYTES = 0x01, 13
 RECEIVED = "received"
 """Of a message's columns: when it was received, in s."""
@@ -141,7 +138,7 @@ def _clocks(topics: Messages) -> dict[str, FloatArray]:
         for field, per_second in _CLOCKS.items()
         if field in columns
     }
-    late = [float(np.median(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
+    late = [float(np.nanmedian(np.asarray(topics[name][RECEIVED]) - time_s)) for name, time_s in clocks.items()]
     after_s = float(np.median(late)) if late else 0.0
     return {name: clocks.get(name, np.asarray(columns[RECEIVED]) - after_s) for name, columns in topics.items()}
 

@@ -14,15 +14,7 @@ from numpy.typing import NDArray
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
-from gtmbench.intake.formats.raw import (
-    ANGLES,
-    Format,
-    RawLog,
-    RawSeries,
-    documented_first,
-    euler_deg,
-    in_seconds,
-)
+from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg, in_seconds
 from gtmbench.intake.formats.rflymad_injections import rflymad_injections
 from gtmbench.intake.formats.ulog_complaints import ulog_complaints
 from gtmbench.intake.formats.ulog_events import ulog_events

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.events import Event, EventKind, onsets
+from gtmbench.intake.events import Event, complaint, onsets
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray
 
@@ -35,18 +35,9 @@ def ulog_complaints(
 ) -> list[Event]:
     """Return what a log says of sensors; what it begins with is no event.
 
-    Parameters
-    ----------
-    topics, clocks
-        Fields by topic, and their times.
-    messages : iterable of (time in s, text)
-        That the autopilot logged.
+    `topics`, `clocks`: fields by topic, and their times. `messages`: that the autopilot logged.
     """
     return [*_sensors(topics, clocks), *_estimators(topics, clocks), *_lanes(topics, clocks), *_texts(messages)]
-
-
-def _complaint(time_s: float, text: str, about: str, number: int | None = None) -> Event:
-    return Event(kind=EventKind.COMPLAINT, time_s=float(time_s), text=text, about=about, number=number)
 
 
 def _raised(clocks: Mapping[str, FloatArray], topic: str, flags: BoolArray) -> list[float]:
@@ -63,7 +54,7 @@ def _sensors(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event
             healthy, known = fields.get(f"{short}_healthy[{slot}]"), fields.get(f"{short}_device_ids[{slot}]")
             if healthy is not None and known is not None:
                 for time_s in _raised(clocks, topic, (healthy == 0) & (known != 0)):
-                    yield _complaint(time_s, f"{about} {slot + 1} isn't healthy ({topic})", about, slot + 1)
+                    yield complaint(time_s, f"{about} {slot + 1} isn't healthy ({topic})", about, slot + 1)
 
 
 def _estimators(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
@@ -75,10 +66,10 @@ def _estimators(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Ev
                 with np.errstate(invalid="ignore"):
                     rejected = fields[field] > 1.0
                 for time_s in _raised(clocks, topic, rejected):
-                    yield _complaint(time_s, f"estimator {number} rejects {what} ({field} above 1)", "estimator")
+                    yield complaint(time_s, f"estimator {number} rejects {what} ({field} above 1)", "estimator")
         if "filter_fault_flags" in fields:
             for time_s in _raised(clocks, topic, fields["filter_fault_flags"] != 0):
-                yield _complaint(time_s, f"estimator {number} has a fault (filter_fault_flags)", "estimator")
+                yield complaint(time_s, f"estimator {number} has a fault (filter_fault_flags)", "estimator")
 
 
 def _lanes(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
@@ -88,16 +79,16 @@ def _lanes(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
         field = f"{short}_fault_detected"
         if field in fields:
             for time_s in _raised(clocks, topic, fields[field] != 0):
-                yield _complaint(time_s, f"{about} fault detected ({topic})", about)
+                yield complaint(time_s, f"{about} fault detected ({topic})", about)
     for lane in range(_LANES):
         healthy = fields.get(f"healthy[{lane}]")
         if healthy is not None:
             for time_s in _raised(clocks, topic, healthy == 0):
-                yield _complaint(time_s, f"estimator {lane} isn't healthy ({topic})", "estimator")
+                yield complaint(time_s, f"estimator {lane} isn't healthy ({topic})", "estimator")
 
 
 def _texts(messages: Iterable[tuple[float, str]]) -> Iterator[Event]:
     for time_s, text in messages:
         failed = _FAILED.search(text)
         if failed:
-            yield _complaint(time_s, text.strip(), _SENSORS[failed[1].lower()], int(failed[2]) + 1)
+            yield complaint(time_s, text.strip(), _SENSORS[failed[1].lower()], int(failed[2]) + 1)

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.injections import GYRO, Injection, spells
-from gtmbench.values.channels import GYROS
+from gtmbench.intake.injections import GYRO, Injection, injected, spells
 from gtmbench.values.clock import FloatArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
@@ -60,15 +59,8 @@ def _injection(key: Key, kind: int, onset_s: float, end_s: float | None) -> Inje
     unit, instance = key
     sensor = _UNITS.get(unit, f"unit {unit}")
     said = _TYPES[kind] if 0 <= kind < len(_TYPES) else f"type {kind}"
-    return Injection(
-        sensor=sensor,
-        number=instance or None,
-        channels=GYROS if sensor == GYRO else (),
-        kind=said,
-        onset_s=onset_s,
-        end_s=end_s,
-        text=f"{sensor}{f' {instance}' if instance else ''} {said}",
-    )
+    text = f"{sensor}{f' {instance}' if instance else ''} {said}"
+    return injected(sensor, instance or None, said, (onset_s, end_s), text)
 
 
 def _in_force(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, list[tuple[float, float]]] | None:

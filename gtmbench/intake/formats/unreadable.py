@@ -23,6 +23,7 @@ _KINDS = (
     (rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\0\0\0\0|RIFF.{4}WEBP", "is a picture", "give the log itself"),
     (rb"\0\0\0.ftyp", "is a video", "give the log itself"),
     (rb"\xd0\xcf\x11\xe0|PK\x03\x04.{26}mimetype", "is a spreadsheet's workbook", _SHEET),
+    (rb"PK\x03\x04", "is packed once more", "unpack the outer one first"),
     (rb"\x28\xb5\x2f\xfd", "is packed by zstd", "unpack it first"),
     (rb"BZh\d", "is packed by bzip2", "unpack it first"),
     (rb"\xfd7zXZ|7z\xbc\xaf", "is packed by xz or 7-Zip", "unpack it first"),

@@ -187,6 +187,8 @@ def _within(folder: Path) -> Iterator[Path]:
         folders[:] = [name for name in folders if not name.startswith(".")]
         if is_log_folder(Path(here)):
             yield Path(here)
+            if not any(name.endswith((".csv", ".txt")) for name in files):
+                folders.clear()  # its tables lie in these
             continue
         yield from (path for name in files if not name.startswith(".") and is_log(path := Path(here, name)))
 
