@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -38,10 +38,13 @@ class Findings:
         With everything that was found taken away.
     found : tuple of Finding
         In order of time.
+    whole : Scan
+        The model with nothing taken away, all its windows looked at once.
     """
 
     model: Model
     found: tuple[Finding, ...]
+    whole: Scan = field(repr=False)
 
 
 class _Bench:
@@ -135,7 +138,7 @@ def found_by(
         found.append(strongest)
     tempers = one
     for _ in range(_ROUNDS):
-        tempers = _tempers(bench.without(found), found)
+        tempers = tempers_of(bench.without(found), found)
         kept = _each_again(bench, found, tempers)
         is_settled = len(kept) == len(found)
         found = kept
@@ -144,7 +147,7 @@ def found_by(
     model = bench.without(found).model
     sided = [replace(each, side=side_of(model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(model=model, found=tuple(in_time))
+    return Findings(model=model, found=tuple(in_time), whole=bench.whole)
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:
@@ -164,7 +167,7 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
     return kept
 
 
-def _tempers(scan: Scan, found: Sequence[Finding]) -> FloatArray:
+def tempers_of(scan: Scan, found: Sequence[Finding] = ()) -> FloatArray:
     """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
     seen, left = scan.seen, scan.left.copy()
     for each in found:

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.jumps import STAYS_S, jumps
@@ -60,6 +61,8 @@ class CourseJudged:
         Which channels jump, when and by how much.
     model : Model or None
         The course's equations, with everything that was found taken away; None where no relation holds.
+    clear : tuple of Claim
+        Where sensors are clear.
     """
 
     found: tuple[Finding, ...]
@@ -67,6 +70,7 @@ class CourseJudged:
     stands: tuple[tuple[str, Span, float], ...] = ()
     jumped: tuple[tuple[str, float, float], ...] = ()
     model: Model | None = field(default=None, repr=False)
+    clear: tuple[Claim, ...] = field(default=(), repr=False)
 
     @property
     def curves(self) -> tuple[Curve, ...]:
@@ -76,7 +80,7 @@ class CourseJudged:
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
-        return (*self.standing, *self.accused, *self.unjudged)
+        return (*self.standing, *self.accused, *self.unjudged, *self.clear)
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -186,8 +190,15 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = (_in_units(course, each) for each in _doubted(course, findings.found))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands, jumped=jumped, model=findings.model)
+    doubted = tuple(_doubted(course, findings.found))
+    return CourseJudged(
+        found=tuple(_in_units(course, each) for each in doubted),
+        course=course,
+        stands=stands,
+        jumped=jumped,
+        model=findings.model,
+        clear=tuple(cleared(course, findings, sensors, doubted)),
+    )
 
 
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:

@@ -7,19 +7,23 @@ and fro is noise, and what jumps often has readings of that size.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import FT_S_PER_KT, G_M_S2, M_PER_FT
-from gtmbench.values.record import Span
+from gtmbench.values.record import FloatArray, Span
 
 # the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft of these climbs at
-# 100 m/s, or meets a gust that grows by 2.5 g; jumps of a GPS are judged by the force beside it, in `gps_itself`
+# 100 m/s, meets a gust that grows by 2.5 g, or turns at 60 deg/s without a gyro's telling that it isn't ordinary; jumps
+# of a GPS are judged by the force beside it, in `gps_itself`
 _M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)
 _JUMPS: Mapping[str, tuple[float, float]] = {
     "altitude": (10.0 / M_PER_FT, 100.0 / M_PER_FT),
-    "tas": (5.0 * _M_S, 2.5 * G_M_S2 * _M_S),
+    "tas": (4.0 * _M_S, 2.5 * G_M_S2 * _M_S),
+    "alpha": (2.0, 60.0),
+    "beta": (2.0, 60.0),
 }
 _OF_OTHERS = 4.0  # times the next largest change between two readings
 _BESIDE_S = 15.0  # before and behind it is flown; what begins later may be a landing
@@ -53,20 +57,48 @@ def jumps(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, 
             yield from _of(name, sensors[name], flown_s, least, rate)
 
 
-def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -> Iterator[tuple[str, float, float]]:
+def hidden_jump(name: str, samples: Samples, flown_s: Span, time_s: FloatArray) -> FloatArray:
+    """Return the largest jump of a channel that may hide at some times, in its unit; infinite where none is told."""
+    least, rate = _JUMPS[name]
+    changes = _changes(samples, flown_s)
+    hidden = np.full(len(time_s), np.inf)
+    if len(changes.size) and samples.step_s <= _SLOWEST_S:
+        largest = float(np.abs(changes.size).max())
+        there = (time_s > flown_s[0] + _BESIDE_S) & (time_s < flown_s[1] - _BESIDE_S)
+        hidden[there] = largest + max(least + rate * samples.step_s, _OF_OTHERS * largest)
+    return hidden
+
+
+class _Changes(NamedTuple):
+    """Changes between readings that follow each other in flight: when, by how much, and after how long."""
+
+    time_s: FloatArray
+    size: FloatArray
+    steps_s: FloatArray
+
+
+def _changes(samples: Samples, flown_s: Span) -> _Changes:
     there = np.isfinite(samples.values)
     time_s, values = samples.time_s[there], samples.values[there]
-    steps = np.diff(time_s)
-    even = (steps < _GAP * samples.step_s) & (time_s[1:] >= flown_s[0]) & (time_s[1:] <= flown_s[1])
-    changes = np.where(even, np.diff(values), 0.0)
+    own = (time_s[1:] >= flown_s[0]) & (time_s[1:] <= flown_s[1])
+    return _Changes(time_s[1:][own], np.diff(values)[own], np.diff(time_s)[own])
+
+
+def _of(name: str, samples: Samples, flown_s: Span, least: float, rate: float) -> Iterator[tuple[str, float, float]]:
+    changes = _changes(samples, flown_s)
+    even = changes.steps_s < _GAP * samples.step_s
+    sizes = np.where(even, changes.size, 0.0)
     if np.count_nonzero(even) < 2:
         return
-    second, first = np.argsort(np.abs(changes))[-2:]
-    size, at_s = float(changes[first]), float(time_s[first + 1])
-    if abs(size) < max(least + rate * float(steps[first]), _OF_OTHERS * abs(float(changes[second]))):
+    second, first = np.argsort(np.abs(sizes))[-2:]
+    size, at_s = float(sizes[first]), float(changes.time_s[first])
+    if abs(size) < max(least + rate * float(changes.steps_s[first]), _OF_OTHERS * abs(float(sizes[second]))):
         return
-    before = values[(time_s < at_s) & (time_s >= at_s - STAYS_S)]
-    behind = values[(time_s >= at_s) & (time_s < at_s + STAYS_S)]
+    time_s, values = samples
+    before, behind = (
+        values[np.isfinite(values) & (time_s >= since_s) & (time_s < since_s + STAYS_S)]
+        for since_s in (at_s - STAYS_S, at_s)
+    )
     if not (np.ptp(before) > 0.0 and np.ptp(behind) > 0.0):
         return  # it stands still, or wasn't on before
     stays = float(np.median(behind) - np.median(before)) / size > _STAYS
