@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.engine.evidence import axes_of, axis_number
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
-from gtmbench.engine.finding import Finding
+from gtmbench.engine.finding import NOISE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.frozen import frozen_gyros
 from gtmbench.engine.model import Explained, Key, Model, learnt
@@ -168,12 +168,20 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
 
 
 def tempers_of(scan: Scan, found: Sequence[Finding] = ()) -> FloatArray:
-    """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
+    """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside.
+
+    A logarithm of noise that rises tenfold, and is known to a twentieth, leaves as much again of itself.
+    """
     seen, left = scan.seen, scan.left.copy()
+    kinds = np.array([each.kind for each in scan.model.explanations])
+    suspects = np.array([each.suspect for each in scan.model.explanations])
     for each in found:
         if not each.is_frozen:
             meets = (np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset))[:, np.newaxis]
             left -= 2.0 * MISFIT * each.evidence * meets
+            if each.best.kind == NOISE:
+                own = (kinds == NOISE) & (suspects == each.best.suspect)
+                left = np.where(meets & own, -np.inf, left)
             if each.parts_imus:
                 own = axes_of(scan.model) == axis_number(each.best.suspect)
                 left = np.where(meets & own, -np.inf, left)

@@ -12,12 +12,12 @@ from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
-from gtmbench.engine.course.jumps import STAYS_S, jumps
+from gtmbench.engine.course.jumps import STAYS_S, gps_jumps, jumps
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
 from gtmbench.engine.curves import Curve, curves_of
-from gtmbench.engine.finding import FROZEN, Finding
+from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import JUDGED
@@ -39,7 +39,7 @@ _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
-_MAG, NOISE = "magnetometer", "noise"
+_MAG = "magnetometer"
 # of the field: the most that motors' currents add, by ArduPilot's limit of what can be flown with; in a tenth of a span
 _BY_CURRENTS, _MOST_OF_IT = 0.6, 0.9
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
@@ -185,7 +185,8 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
-    jumped = tuple(each for each in jumps(sensors, flight.flown_s) if names_of(each[0])[-1] not in still)
+    own = (*jumps(sensors, flight.flown_s), *gps_jumps(course))
+    jumped = tuple(each for each in own if names_of(each[0])[-1] not in still)
     relations = relations_of(course)
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
@@ -245,7 +246,7 @@ def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
         rest = [other for other in found if other is not each]
-        own = [] if _is_its_own(course, told) else [*_few(told), *_field(told)]
+        own = [] if _is_its_own(course, told) else [*_few(told, rest), *_field(told)]
         reasons = [*own, *_short(flight, told), *_livelier(flight, told), *_beside(told, rest)]
         yield replace(told, doubt="; ".join(reasons))
 
@@ -253,6 +254,12 @@ def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
 def _shown_by(finding: Finding) -> set[str]:
     """Return the relations that show a finding."""
     return {name for name, _, _ in finding.shown_by}
+
+
+def _nats(finding: Finding) -> dict[str, float]:
+    """Return how much each relation shows of a finding."""
+    names = dict.fromkeys(name for name, _, _ in finding.shown_by)
+    return {name: sum(nats for other, _, nats in finding.shown_by if other == name) for name in names}
 
 
 def _is_its_own(course: Course, finding: Finding) -> bool:
@@ -275,12 +282,17 @@ def _is_its_own(course: Course, finding: Finding) -> bool:
     return bool(np.quantile(there, _MOST_OF_IT) - rest.max() > _BY_CURRENTS * course.strength)
 
 
-def _few(finding: Finding) -> list[str]:
-    """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault."""
+def _few(finding: Finding, rest: Sequence[Finding]) -> list[str]:
+    """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault.
+
+    A relation that shows more of another finding is none that shows this one: it may be what is left of the other.
+    """
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others
+    beside = [other for other in rest if other.meets(finding.first, finding.last)]
+    taken = {name for name, nats in _nats(finding).items() if any(_nats(each).get(name, 0.0) > nats for each in beside)}
+    is_alone = len(_shown_by(finding) - taken) < _WITNESSES and not finding.others
     return ["one comparison alone shows it"] if is_alone else []
 
 

@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gtmbench.engine.course.course import Course
 from gtmbench.engine.samples import Samples
-from gtmbench.values.channels import FT_S_PER_KT, G_M_S2, M_PER_FT
+from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT
 from gtmbench.values.record import FloatArray, Span
 
 # the least jump of a channel, in its unit, and the most that it changes by a second: no aircraft of these climbs at
-# 100 m/s, meets a gust that grows by 2.5 g, or turns at 60 deg/s without a gyro's telling that it isn't ordinary; jumps
-# of a GPS are judged by the force beside it, in `gps_itself`
+# 100 m/s, meets a gust that grows by 2.5 g, or turns against the air by 60 deg/s
 _M_S = 1.0 / (FT_S_PER_KT * M_PER_FT)
 _JUMPS: Mapping[str, tuple[float, float]] = {
     "altitude": (10.0 / M_PER_FT, 100.0 / M_PER_FT),
@@ -25,6 +25,8 @@ _JUMPS: Mapping[str, tuple[float, float]] = {
     "alpha": (2.0, 60.0),
     "beta": (2.0, 60.0),
 }
+_GPS_LEAST_M_S = 2.5  # noise of a receiver is a tenth of it
+_FORCE_G = 2.0  # more is felt in an impact
 _OF_OTHERS = 4.0  # times the next largest change between two readings
 _BESIDE_S = 15.0  # before and behind it is flown; what begins later may be a landing
 STAYS_S, _STAYS = 2.0, 0.5  # its share of what medians before and behind are apart
@@ -55,6 +57,31 @@ def jumps(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, 
     for name, (least, rate) in _JUMPS.items():
         if name in sensors and sensors[name].step_s <= _SLOWEST_S:
             yield from _of(name, sensors[name], flown_s, least, rate)
+
+
+def gps_jumps(course: Course) -> Iterator[tuple[str, float, float]]:
+    """Give which axis of a GPS's velocity jumps in flight, when, and by how much: where no accelerometer felt it.
+
+    Over a second its velocity changes by so much more than forces make; before and behind it doesn't, and at no other
+    time by nearly as much.
+    """
+    if not course.has(*GPS_VELOCITY, *ACCELEROMETERS):
+        return
+    flight, wide = course.flight, course.second + 2
+    apart = np.where(flight.flown[:, np.newaxis], course.rates(course.velocity) - course.over_second(course.pulled), 0.0)
+    beside = np.zeros_like(apart)
+    beside[wide:-wide] = apart[wide:-wide] - 0.5 * (apart[: -2 * wide] + apart[2 * wide :])
+    sizes = np.linalg.norm(np.nan_to_num(beside), axis=1)
+    peak = int(np.argmax(sizes))
+    near = np.abs(np.arange(len(sizes)) - peak) <= 2 * wide
+    if sizes[peak] < max(_GPS_LEAST_M_S, _OF_OTHERS * sizes[~near].max(initial=0.0)):
+        return
+    at_s = float(flight.blocks.time_s[int(np.argmax(near & (sizes > 0.5 * sizes[peak])))])
+    start_s, end_s = flight.flown_s
+    felt = np.linalg.norm(course.columns(ACCELEROMETERS), axis=1)[near]
+    if start_s + _BESIDE_S < at_s < end_s - _BESIDE_S and np.nanmax(felt, initial=0.0) < _FORCE_G * G_M_S2:
+        axis = int(np.argmax(np.abs(beside[peak])))
+        yield GPS_VELOCITY[axis], at_s, float(beside[peak, axis])
 
 
 def hidden_jump(name: str, samples: Samples, flown_s: Span, time_s: FloatArray) -> FloatArray:
