@@ -24,7 +24,7 @@ from gtmbench.engine.samples import Samples
 from gtmbench.engine.search import BOUND, Scan
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, WHOLE
 from gtmbench.values.record import BoolArray, FloatArray, runs
-from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
 # beside which error no sensor is called clear, in its channels' unit: twice what our users ask for
 _MOST: Mapping[str, float] = {
@@ -34,9 +34,11 @@ _MOST: Mapping[str, float] = {
     "alpha": 6.0,
     "beta": 6.0,
     "altitude": 200.0,
+    "magnetometer": 0.0,  # one relation holds it
 }
 _DEVIATIONS = float(np.sqrt(2.0 * BOUND))  # of a size: as many as make a finding
 _WITNESSES = 2  # relations that have to hold a sensor
+_SHOWS = "it parts from what others tell, and no explanation holds"
 _WITHIN_S = 60.0  # behind an onset
 _OFTEN = 0.95  # of the onsets in a span
 _SPARE = 1.2  # times an error that may be there: what grows to it shows less
@@ -72,6 +74,9 @@ def cleared(
         sizes = np.max([_hidden(scan, tempers, each) * abs(course.unit_of(each)) for each in channels], axis=0)
         if sensor == _LEVEL:
             sizes = np.maximum(sizes, hidden_jump(sensor, sensors[sensor], model.flight.flown_s, at_s))
+        if np.isnan(sizes).any():
+            shows_s = float(at_s[int(np.argmax(np.isnan(sizes)))])
+            yield sensor, unjudged((shows_s, float(at_s[-1]) + model.cell_s), _SHOWS)
         starts, ends = runs(known & (sizes <= most))
         for first, stop in zip(starts.tolist(), ends.tolist(), strict=True):
             hidden = Sizes(error=float(np.quantile(sizes[first:stop], _OFTEN, method="higher")), within_s=_WITHIN_S)
@@ -91,7 +96,10 @@ def _known(model: Model, channels: Sequence[str]) -> BoolArray:
 
 
 def _hidden(scan: Scan, tempers: FloatArray, channel: str) -> FloatArray:
-    """Return the largest error of a channel that may hide in each cell: a constant, or of a level what drifts to it."""
+    """Return the largest error of a channel that may hide in each cell: a constant, or of a level what drifts to it.
+
+    NaN from where on one shows, whatever keeps it from being a finding.
+    """
     seen, model = scan.seen, scan.model
     kind, lasts, over_s = ("drift", round(_DRIFTS_S / model.cell_s), _DRIFTS_S) if channel == _LEVEL else ("bias", 0, 1.0)
     place = next(at for at, each in enumerate(model.explanations) if each.name == f"{channel} {kind}")
@@ -100,7 +108,9 @@ def _hidden(scan: Scan, tempers: FloatArray, channel: str) -> FloatArray:
     hidden = np.full(model.cells, np.inf)
     if len(rows):
         wider = _DEVIATIONS * float(np.sqrt(tempers[place]))
-        sizes = _SPARE * over_s * (np.abs(seen.size[rows, place]) + wider * seen.deviation[rows, place])
+        own, doubt = np.abs(seen.size[rows, place]), wider * seen.deviation[rows, place]
+        is_there = own > np.maximum(doubt, model.explanations[place].least)
+        sizes = np.where(is_there, np.nan, _SPARE * over_s * (own + doubt))
         at = np.searchsorted(seen.onset[rows], np.arange(model.cells))
         inside = (np.arange(model.cells) >= seen.onset[rows[0]]) & (at < len(rows))
         hidden[inside] = np.maximum.accumulate(sizes)[at[inside]]
