@@ -13,6 +13,7 @@ from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.jumps import STAYS_S, gps_jumps, jumps
+from gtmbench.engine.course.misread import misread
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
@@ -59,6 +60,8 @@ class CourseJudged:
         Which channels read one value.
     jumped : tuple of (channel, time, size)
         Which channels jump, when and by how much.
+    asked : tuple of (sensor, why)
+        Which sensors read another unit or frame than is thought, so that they aren't judged.
     model : Model or None
         The course's equations, with everything that was found taken away; None where no relation holds.
     clear : tuple of Claim
@@ -69,6 +72,7 @@ class CourseJudged:
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
     jumped: tuple[tuple[str, float, float], ...] = ()
+    asked: tuple[tuple[str, str], ...] = ()
     model: Model | None = field(default=None, repr=False)
     clear: tuple[Claim, ...] = field(default=(), repr=False)
 
@@ -123,12 +127,18 @@ class CourseJudged:
     @property
     def unjudged(self) -> tuple[Claim, ...]:
         """Where something shows and nobody is accused: those that may be behind it."""
-        return tuple(
+        blocks = self.course.flight.blocks
+        misread = [
+            (sensor, unjudged((blocks.start_s, blocks.end_s), f"{why}: give its columns and units with --map"))
+            for sensor, why in self.asked
+        ]
+        open_to = [
             (sensor, unjudged((each.onset_s, each.end_s), each.doubt or f"{each.best.suspect} may do the same"))
             for each in self.found
             if not each.accuses
             for sensor in sensors_of(each)
-        )
+        ]
+        return (*misread, *open_to)
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
         suspects, shows_s = sensors_of(finding), max(finding.shows_s, finding.onset_s)
@@ -185,11 +195,15 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
+    asked = tuple(misread(course))
+    if asked:
+        still |= {sensor for sensor, _ in asked}
+        course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
     own = (*jumps(sensors, flight.flown_s), *gps_jumps(course))
     jumped = tuple(each for each in own if names_of(each[0])[-1] not in still)
     relations = relations_of(course)
     if not relations:
-        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
+        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped, asked=asked)
     findings = found_by(flight, relations, explanations_of(course))
     doubted = tuple(_doubted(course, findings.found))
     return CourseJudged(
@@ -197,6 +211,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
         course=course,
         stands=stands,
         jumped=jumped,
+        asked=asked,
         model=findings.model,
         clear=tuple(cleared(course, findings, sensors, doubted)),
     )
