@@ -1,9 +1,9 @@
 """Where a sensor of a course is clear: an error of some size that began there, or before, and stayed would show.
 
-From a window that begins at an onset and ends with the log a size is known as s +- d. No error beyond |s| + k d hides in
-it, with d as much wider as chance makes more of an explanation on this log than noise would. Nothing that was found is
-taken away: whatever it was, it may have been this sensor's. An error that began before a time goes on there, so what is
-excluded at a time is the largest of all windows that began until then.
+From a window that begins at an onset and ends with the log a size is known as s +- d. No error beyond |s| + k d hides
+in it, with d as much wider as chance makes more of an explanation on this log than noise would. Nothing that was found
+is taken away: whatever it was, it may have been this sensor's. An error that began before a time goes on there, so what
+is excluded at a time is the largest of all windows that began until then.
 
 The level of an altitude enters no relation. What is excluded of it are steps, which its readings show by themselves,
 and what it drifts in twenty seconds.
@@ -22,7 +22,7 @@ from gtmbench.engine.findings import Findings, tempers_of
 from gtmbench.engine.model import Model
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.search import BOUND, Scan
-from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, WHOLE
+from gtmbench.values.channels import WHOLE
 from gtmbench.values.record import BoolArray, FloatArray, runs
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State, unjudged
 
@@ -38,6 +38,7 @@ _MOST: Mapping[str, float] = {
 }
 _DEVIATIONS = float(np.sqrt(2.0 * BOUND))  # of a size: as many as make a finding
 _WITNESSES = 2  # relations that have to hold a sensor
+_STRONG = 3.0 * BOUND  # nats, whatever chance makes on this log: by then an error of it is likelier than none
 _SHOWS = "it parts from what others tell, and no explanation holds"
 _WITHIN_S = 60.0  # behind an onset
 _OFTEN = 0.95  # of the onsets in a span
@@ -62,7 +63,7 @@ def cleared(
     """
     scan, tempers = findings.whole, tempers_of(findings.whole)
     model = scan.model
-    at_s = model.flight.blocks.start_s + model.cell_s * np.arange(model.cells)
+    at_s = np.asarray(model.flight.blocks.start_s + model.cell_s * np.arange(model.cells), dtype=np.float64)
     for sensor, most in _MOST.items():
         channels = WHOLE.get(sensor, (sensor,))
         if not course.has(*channels):
@@ -101,7 +102,9 @@ def _hidden(scan: Scan, tempers: FloatArray, channel: str) -> FloatArray:
     NaN from where on one shows, whatever keeps it from being a finding.
     """
     seen, model = scan.seen, scan.model
-    kind, lasts, over_s = ("drift", round(_DRIFTS_S / model.cell_s), _DRIFTS_S) if channel == _LEVEL else ("bias", 0, 1.0)
+    kind, lasts, over_s = (
+        ("drift", round(_DRIFTS_S / model.cell_s), _DRIFTS_S) if channel == _LEVEL else ("bias", 0, 1.0)
+    )
     place = next(at for at, each in enumerate(model.explanations) if each.name == f"{channel} {kind}")
     rows = np.flatnonzero(seen.last - seen.onset == lasts if lasts else seen.last == model.cells)
     rows = rows[np.argsort(seen.onset[rows])]
@@ -109,7 +112,7 @@ def _hidden(scan: Scan, tempers: FloatArray, channel: str) -> FloatArray:
     if len(rows):
         wider = _DEVIATIONS * float(np.sqrt(tempers[place]))
         own, doubt = np.abs(seen.size[rows, place]), wider * seen.deviation[rows, place]
-        is_there = own > np.maximum(doubt, model.explanations[place].least)
+        is_there = (own > np.maximum(doubt, model.explanations[place].least)) | (scan.left[rows, place] > _STRONG)
         sizes = np.where(is_there, np.nan, _SPARE * over_s * (own + doubt))
         at = np.searchsorted(seen.onset[rows], np.arange(model.cells))
         inside = (np.arange(model.cells) >= seen.onset[rows[0]]) & (at < len(rows))

@@ -68,7 +68,9 @@ def gps_jumps(course: Course) -> Iterator[tuple[str, float, float]]:
     if not course.has(*GPS_VELOCITY, *ACCELEROMETERS):
         return
     flight, wide = course.flight, course.second + 2
-    apart = np.where(flight.flown[:, np.newaxis], course.rates(course.velocity) - course.over_second(course.pulled), 0.0)
+    apart = np.where(
+        flight.flown[:, np.newaxis], course.rates(course.velocity) - course.over_second(course.pulled), 0.0
+    )
     beside = np.zeros_like(apart)
     beside[wide:-wide] = apart[wide:-wide] - 0.5 * (apart[: -2 * wide] + apart[2 * wide :])
     sizes = np.linalg.norm(np.nan_to_num(beside), axis=1)

@@ -17,7 +17,12 @@ from gtmbench.values.record import FloatArray
 
 _KT = FT_S_PER_KT * M_PER_FT  # in m/s
 # how many times too much is read, by what is read as what
-_SPEED: Mapping[float, str] = {1.0 / _KT: "kt for m/s", 1.0 / M_PER_FT: "ft/s for m/s", 3.6: "km/h for m/s", _KT: "m/s for kt"}
+_SPEED: Mapping[float, str] = {
+    1.0 / _KT: "kt for m/s",
+    1.0 / M_PER_FT: "ft/s for m/s",
+    3.6: "km/h for m/s",
+    _KT: "m/s for kt",
+}
 _HEIGHT: Mapping[float, str] = {1.0 / M_PER_FT: "ft for m", M_PER_FT: "m for ft", -1.0: "depth for height"}
 _FRAMES = {"east, north and up": ((1, 1.0), (0, 1.0), (2, -1.0)), "north, east and up": ((0, 1.0), (1, 1.0), (2, -1.0))}
 _ALIKE, _BETTER = 0.7, 1.0  # correlations of what changes; by how much their sum has to be larger

@@ -44,10 +44,15 @@ class Mounting:
         return not self.is_reflected and bool(np.abs(self.matrix).max(axis=1).min() > np.cos(np.radians(_TURNED_DEG)))
 
     @property
+    def signs(self) -> list[float]:
+        """By which sign each of these is read, 1 or -1."""
+        return [float(np.sign(self.matrix[axis, own])) for axis, own in enumerate(self.taken)]
+
+    @property
     def text(self) -> str:
         """Which of its gyros read p, q and r: ``-q, p, r``."""
-        signs = [self.matrix[axis, own] for axis, own in enumerate(self.taken)]
-        return ", ".join(f"{'-' if sign < 0.0 else ''}{GYROS[own]}" for sign, own in zip(signs, self.taken, strict=True))
+        told = zip(self.signs, self.taken, strict=True)
+        return ", ".join(f"{'-' if sign < 0.0 else ''}{GYROS[own]}" for sign, own in told)
 
     @property
     def taken(self) -> list[int]:

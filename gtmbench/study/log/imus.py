@@ -91,10 +91,10 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
 
 def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> Told:
     flight = judged.flight.by(imu)
-    own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.channels, strict=True)}
+    own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.columns, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
     said = hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=False, failures=own | beside)
-    claims = tuple((name, span) for gyro, name in zip(GYROS, imu.channels, strict=True) for span in said.claims[gyro])
+    claims = tuple((name, span) for gyro, name in zip(GYROS, imu.columns, strict=True) for span in said.claims[gyro])
     lines = (*_installed(judged, imu), *(f"{imu.name}: {change.text}." for change in said.changes))
     return Told(claims=claims, lines=lines)
 
@@ -104,14 +104,14 @@ def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
     if imu.mounting.turned_deg:
         yield (
             f"{imu.name} is mounted turned by {imu.mounting.turned_deg:.0f} deg: "
-            f"p, q, r of {imu.name} are what its {imu.mounting.text} read."
+            f"its {imu.mounting.text} read the aircraft's p, q, r."
         )
     flight, everywhere = judged.flight, np.ones(len(judged.flight), dtype=bool)
-    for axis, gyro in enumerate(GYROS):
+    for axis in range(len(GYROS)):
         low, high = factors(imu.gyros[:, axis], flight.blocks.gyros[:, axis], everywhere & flight.judged)
         off = low - 1.0 if low > 1.0 else min(high - 1.0, 0.0)
         if _TOLD_FACTOR <= abs(off) < np.inf:
-            yield f"{gyro} of {imu.name} reads {abs(off):.0%} {'more' if off > 0.0 else 'less'} of each turn."
+            yield f"{imu.columns[axis]} reads {abs(off):.0%} {'more' if off > 0.0 else 'less'} of each turn."
     late_s = late(flight, imu)
     if abs(late_s) >= _TOLD_LATE_S:
         yield f"{imu.name} is {1e3 * abs(late_s):.0f} ms {'late' if late_s > 0.0 else 'early'}."
