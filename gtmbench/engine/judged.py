@@ -148,25 +148,21 @@ def _as_logged(claim: Claim, logged: Mapping[str, tuple[str, float]]) -> Claim:
 
 
 def _named(judgement: Judgement, logged: Mapping[str, tuple[str, float]]) -> Judgement:
-    own = judgement.candidates[0] if len(judgement.candidates) == 1 else ""
-    name, sign = logged.get(own, (own, 1.0))
-    signed = {key: sign if key in _SIGNED else 1.0 for key in judgement.parameters}
+    """Return a judgement with the log's names; a size of a gyro that reads the other way round has the other sign."""
+    if not {*judgement.candidates} & logged.keys():
+        return judgement
     candidates = tuple(logged.get(each, (each, 1.0))[0] for each in judgement.candidates)
-    reason = "" if judgement.sensor else f"{' or '.join(candidates)} explains it"
-    return (
-        replace(
-            judgement,
-            sensor=gyro_and_imu(name)[0] if own else judgement.sensor,
-            candidates=candidates,
-            parameters={key: signed[key] * value for key, value in judgement.parameters.items()},
-            intervals={
-                key: tuple(sorted(signed.get(key, 1.0) * end for end in ends))
-                for key, ends in judgement.intervals.items()
-            },
-            reason=reason,
-        )
-        if logged
-        else judgement
+    is_reversed = len(candidates) == 1 and logged[judgement.candidates[0]][1] < 0.0
+    turned = {*_SIGNED} if is_reversed else set()
+    return replace(
+        judgement,
+        sensor=judgement.sensor and gyro_and_imu(candidates[0])[0],
+        candidates=candidates,
+        parameters={key: -value if key in turned else value for key, value in judgement.parameters.items()},
+        intervals={
+            key: (-high, -low) if key in turned else (low, high) for key, (low, high) in judgement.intervals.items()
+        },
+        reason="" if judgement.sensor else f"{' or '.join(candidates)} explains it",
     )
 
 
