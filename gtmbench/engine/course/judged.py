@@ -9,6 +9,8 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.course.blocked import BLOCKED, blocked
+from gtmbench.engine.course.blocked import LEAST_S as LEAST_TUBE_S
 from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
@@ -35,6 +37,7 @@ from gtmbench.verdict.timeline import Claim, unjudged
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
 _PASSES_S = 25.0  # a sensor that fails seldom heals so soon
+_LEVEL, _STAYS_M = "altitude drift", 25.0  # by so much no healthy pressure drifts in half a minute
 _WITNESSES = 2  # relations that have to show an error of a sensor that is named
 _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
@@ -93,9 +96,11 @@ class CourseJudged:
 
     @property
     def standing(self) -> tuple[Claim, ...]:
-        """Which sensors show by their own readings that they failed: they stand still in flight, or jump."""
+        """Which sensors show by themselves that they failed: they stand still in flight, jump, or are blocked."""
         end_s = self.course.flight.flown_s[1]
+        tube = blocked(self.course)
         return (
+            *((_blocked(tube[0]),) if tube else ()),
             *(_own(channel, span, FROZEN, "value", reads, LEAST_S) for channel, span, reads in self.stands),
             *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
@@ -166,6 +171,19 @@ def _own(channel: str, span: Span, kind: str, name: str, size: float, shows_s: f
         axis=_axis_of(channel),
     )
     return next(claims_of(judgement, (sensor,), span))
+
+
+def _blocked(span: Span) -> Claim:
+    """Return a claim of an airspeed whose tube is blocked."""
+    judgement = Judgement(
+        time_s=span[0] + LEAST_TUBE_S,
+        sensor="tas",
+        candidates=("tas",),
+        parameters={"onset_s": span[0]},
+        reason=BLOCKED,
+    )
+    sensor, told = next(claims_of(judgement, ("tas",), span))
+    return sensor, replace(told, reason=BLOCKED)
 
 
 def sensors_of(finding: Finding) -> tuple[str, ...]:
@@ -321,6 +339,8 @@ def _short(flight: Flight, finding: Finding) -> list[str]:
     if lasts_s < _SHORTEST_S:
         return [f"it lasts {lasts_s:.0f} s"]
     ends = finding.end_s < end_s - _LANDING_S
+    if ends and finding.best.name == _LEVEL and abs(finding.size) * lasts_s > _STAYS_M:
+        return []  # a level that was left stays off, though it drifts no more
     if ends and (lasts_s < _PASSES_S or finding.best.kind == "drift"):
         return [f"it passes after {lasts_s:.0f} s"]
     return []

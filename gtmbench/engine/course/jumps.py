@@ -26,7 +26,7 @@ _JUMPS: Mapping[str, tuple[float, float]] = {
     "beta": (2.0, 60.0),
 }
 _GPS_LEAST_M_S = 2.5  # noise of a receiver is a tenth of it
-_FORCE_G = 2.0  # more is felt in an impact
+_FORCE_G, _ABOUT_S = 2.0, 5.0  # more is felt in an impact; so long before and behind a jump
 _OF_OTHERS = 4.0  # times the next largest change between two readings
 _BESIDE_S = 15.0  # before and behind it is flown; what begins later may be a landing
 STAYS_S, _STAYS = 2.0, 0.5  # its share of what medians before and behind are apart
@@ -80,10 +80,22 @@ def gps_jumps(course: Course) -> Iterator[tuple[str, float, float]]:
         return
     at_s = float(flight.blocks.time_s[int(np.argmax(near & (sizes > 0.5 * sizes[peak])))])
     start_s, end_s = flight.flown_s
-    felt = np.linalg.norm(course.columns(ACCELEROMETERS), axis=1)[near]
-    if start_s + _BESIDE_S < at_s < end_s - _BESIDE_S and np.nanmax(felt, initial=0.0) < _FORCE_G * G_M_S2:
+    if start_s + _BESIDE_S < at_s < end_s - _BESIDE_S and _is_calm(course, at_s):
         axis = int(np.argmax(np.abs(beside[peak])))
         yield GPS_VELOCITY[axis], at_s, float(beside[peak, axis])
+
+
+def _is_calm(course: Course, at_s: float) -> bool:
+    """Tell whether GPS and force are read all about a time, and no impact, nor an antenna that is turned to the ground.
+
+    A crash takes a GPS its sky.
+    """
+    blocks = course.flight.blocks
+    about = (blocks.time_s > at_s - _ABOUT_S) & (blocks.time_s < at_s + _ABOUT_S)
+    velocity, felt = course.velocity[about], course.columns(ACCELEROMETERS)[about]
+    if not (np.isfinite(velocity).all() and np.isfinite(felt).all()):
+        return False
+    return bool(np.linalg.norm(felt, axis=1).max() < _FORCE_G * G_M_S2 and felt[:, 2].max() < 0.0)
 
 
 def hidden_jump(name: str, samples: Samples, flown_s: Span, time_s: FloatArray) -> FloatArray:

@@ -51,6 +51,8 @@ def misread(course: Course) -> Iterator[tuple[str, str]]:
 def _accelerometers(course: Course) -> Iterator[tuple[str, str]]:
     if course.has(*ACCELEROMETERS):
         (rows,) = _there(course, course.columns(ACCELEROMETERS))
+        if len(rows) < _FEWEST:
+            return
         size, down = (float(np.median(each)) / G_M_S2 for each in (np.linalg.norm(rows, axis=1), -rows[:, 2]))
         if not _UPRIGHT < size < 1.0 / _UPRIGHT:
             yield "accelerometers", f"they read {size:.2g} g where gravity is one"
