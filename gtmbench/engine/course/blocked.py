@@ -13,11 +13,11 @@ from gtmbench.values.record import Span, runs
 
 BLOCKED = "its tube is blocked: it follows the altitude"
 _WINDOW_S, LEAST_S = 10.0, 20.0  # over which it is told that something stands, and for how long at least
-_OF_USUAL, _OF_HEIGHT = (
-    0.1,
-    0.5,
-)  # of how much the sum changes elsewhere, and of how much it would by the altitude alone
-_MOST = 0.6  # of the flight: what never moved tells nothing
+_OF_USUAL = 0.1  # of how much the sum changes elsewhere
+_OF_HEIGHT = 0.5  # of how much it would by the altitude alone
+_USUAL = 0.75  # of a flight's windows: half of it may be broken
+_CLIMBS_M = 0.25  # a deviation of the altitude that is more than its noise
+_MOST = 0.7  # of the flight: what never moved tells nothing
 
 
 def blocked(course: Course) -> tuple[Span, float] | None:
@@ -33,7 +33,8 @@ def blocked(course: Course) -> tuple[Span, float] | None:
     energy, climbed = (
         np.lib.stride_tricks.sliding_window_view(each[rows], width).std(axis=1) for each in (speed**2 - height, height)
     )
-    stands = (energy < _OF_USUAL * np.median(energy)) & (energy < _OF_HEIGHT * climbed)
+    stands = (energy < _OF_USUAL * np.quantile(energy, _USUAL)) & (energy < _OF_HEIGHT * climbed)
+    stands &= climbed > 2.0 * G_M_S2 * _CLIMBS_M
     starts, ends = runs(stands)
     if not len(starts) or stands.mean() > _MOST:
         return None

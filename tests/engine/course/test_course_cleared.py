@@ -7,8 +7,7 @@ import gtmbench as gb
 from gtmbench.engine.course.judged import course_judged
 from gtmbench.values.channels import ACCELEROMETERS, names_of
 from gtmbench.verdict.timeline import State, laid_out
-
-from .test_course_contract import END_S, SIZES, flight_from, flown, others_of, said_of
+from tests.engine.course.test_course_contract import END_S, SIZES, flight_from, flown, others_of, said_of
 
 HELD = ("accelerometers", "alpha", "beta", "altitude")  # by two relations; the wind leaves the others open
 

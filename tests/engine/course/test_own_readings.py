@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.engine.course.blocked import blocked
 from gtmbench.engine.course.jumps import jumps
 from gtmbench.engine.course.relations.roughness import told_of
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.verdict.timeline import State
-from tests.engine.course.test_course_contract import ONSET_S, accused, course_from, flown, said_of
+from tests.engine.course.test_course_contract import END_S, ONSET_S, accused, course_from, flown, said_of
 
 FLOWN_S = (0.0, 60.0)
 FIELD_UT = 49.0
@@ -142,3 +143,30 @@ def test_a_field_that_currents_can_make_or_that_a_heading_turns_names_nobody():
     record = flown()
     turned = record["psi"] + 100.0 * (record.time_s > ONSET_S)
     assert {sensor for sensor, _ in accused(record.replace("psi", turned))} & {"magnetometer"} == set()
+
+
+# ---- a blocked tube ----
+
+
+def follows_altitude(record, onset_s, end_s=END_S):
+    """Return a record whose airspeed is that of a blocked tube from an onset on, with noise of its own."""
+    knot, first = 0.514444, int(np.searchsorted(record.time_s, onset_s))
+    height = 0.3048 * flown(noise=None)["altitude"]
+    square = (knot * record["tas"][first]) ** 2 + 2.0 * 9.80665 * (height - height[first])
+    read = np.sqrt(np.maximum(square, 0.0)) / knot + 0.1 * np.random.default_rng(1).standard_normal(len(square))
+    inside = (record.time_s >= onset_s) & (record.time_s < end_s)
+    return record.replace("tas", np.where(inside, read, record["tas"]))
+
+
+def test_a_blocked_tube_names_the_airspeed_since_when_and_why():
+    said = said_of(follows_altitude(flown(), ONSET_S))
+    ((name, span),) = [claim for claim in said.standing if claim[1].reason]
+    assert (name, span.state) == ("tas", State.FAILED)
+    assert "follows the altitude" in span.reason
+    assert span.start_s == pytest.approx(ONSET_S, abs=3.0)
+
+
+def test_an_airspeed_that_gusts_move_or_that_follows_for_a_moment_is_not_blocked():
+    assert blocked(course_from(flown())) is None
+    assert blocked(course_from(flown(seed=4, excitation="doublets"))) is None
+    assert blocked(course_from(follows_altitude(flown(), ONSET_S, ONSET_S + 15.0))) is None
