@@ -11,7 +11,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.relation import BETWEEN
 from gtmbench.values.record import Span
 
-FROZEN, REFERENCES = "stuck", "references"
+FROZEN, NOISE, REFERENCES = "stuck", "noise", "references"
 DECISIVE = 4.6  # nats: odds of 100 to 1
 
 

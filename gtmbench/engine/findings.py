@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.engine.evidence import axes_of, axis_number
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
-from gtmbench.engine.finding import Finding
+from gtmbench.engine.finding import NOISE, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.frozen import frozen_gyros
 from gtmbench.engine.model import Explained, Key, Model, learnt
@@ -38,10 +38,13 @@ class Findings:
         With everything that was found taken away.
     found : tuple of Finding
         In order of time.
+    whole : Scan
+        The model with nothing taken away, all its windows looked at once.
     """
 
     model: Model
     found: tuple[Finding, ...]
+    whole: Scan = field(repr=False)
 
 
 class _Bench:
@@ -135,7 +138,7 @@ def found_by(
         found.append(strongest)
     tempers = one
     for _ in range(_ROUNDS):
-        tempers = _tempers(bench.without(found), found)
+        tempers = tempers_of(bench.without(found), found)
         kept = _each_again(bench, found, tempers)
         is_settled = len(kept) == len(found)
         found = kept
@@ -144,7 +147,7 @@ def found_by(
     model = bench.without(found).model
     sided = [replace(each, side=side_of(model, each)) for each in found]
     in_time = sorted(sided, key=lambda each: each.onset_s)
-    return Findings(model=model, found=tuple(in_time))
+    return Findings(model=model, found=tuple(in_time), whole=bench.whole)
 
 
 def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) -> list[Finding]:
@@ -164,13 +167,21 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
     return kept
 
 
-def _tempers(scan: Scan, found: Sequence[Finding]) -> FloatArray:
-    """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside."""
+def tempers_of(scan: Scan, found: Sequence[Finding] = ()) -> FloatArray:
+    """Return the most that is left anywhere, over what chance makes of it; what a misfit of findings leaves aside.
+
+    A logarithm of noise that rises tenfold, and is known to a twentieth, leaves as much again of itself.
+    """
     seen, left = scan.seen, scan.left.copy()
+    kinds = np.array([each.kind for each in scan.model.explanations])
+    suspects = np.array([each.suspect for each in scan.model.explanations])
     for each in found:
         if not each.is_frozen:
             meets = (np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset))[:, np.newaxis]
             left -= 2.0 * MISFIT * each.evidence * meets
+            if each.best.kind == NOISE:
+                own = (kinds == NOISE) & (suspects == each.best.suspect)
+                left = np.where(meets & own, -np.inf, left)
             if each.parts_imus:
                 own = axes_of(scan.model) == axis_number(each.best.suspect)
                 left = np.where(meets & own, -np.inf, left)

@@ -64,8 +64,8 @@ class Flight:
 
     @property
     def compared(self) -> tuple[Imu, ...]:
-        """The further IMUs that are judged: those whose gyros are about the aircraft's axes."""
-        return tuple(imu for imu in self.imus if imu.mounting.is_plain)
+        """The further IMUs that are judged: each of their gyros is about one of the aircraft's axes."""
+        return tuple(imu for imu in self.imus if imu.mounting.is_along_axes)
 
     def by(self, imu: Imu) -> Flight:
         """Return the flight as it is watched by a further IMU alone."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from gtmbench.detectors.alarm import Alarm
+from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.curves import Curve, curves_of
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
@@ -14,6 +14,7 @@ from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsight_of
+from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
 from gtmbench.values.channels import GYROS
@@ -23,6 +24,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes
 _SPARE = 1.2  # times an error that may be there: what is excluded
 _LASTS_S = 10.0  # what passes sooner is a gust, and no error that stays
 _PARTS_DEG_S, _ALIKE = 2.0, 0.5  # a smaller difference bends no attitude far; of what a finding itself is
+_SIGNED = ("size", "slope", "value")  # parameters that a gyro which is mounted the other way round has reversed
 _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 
@@ -49,13 +51,23 @@ class Judged:
     @cached_property
     def accused(self) -> tuple[Claim, ...]:
         """Whom findings accuse: the one sensor that is left, or each of the few that are."""
-        return tuple(claim for each in self.found for claim in self._of(each))
+        logged = dict(_logged(self.flight))
+        return tuple(_as_logged(claim, logged) for each in self.found for claim in self._of(each))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The same as alarms: one each finding that accuses anybody."""
         accusing = [each for each in self.found if each.accuses]
-        return tuple(alarm_of(each, number, self._span(each)) for number, each in enumerate(accusing))
+        logged = dict(_logged(self.flight))
+        alarms = (alarm_of(each, number, self._span(each)) for number, each in enumerate(accusing))
+        return tuple(
+            replace(
+                alarm,
+                source=logged.get(alarm.source, (alarm.source, 1.0))[0],
+                judgements=tuple(_named(each, logged) for each in alarm.judgements),
+            )
+            for alarm in alarms
+        )
 
     def hindsight(self, failures: Mapping[str, Sequence[Failure]]) -> Hindsight:
         """Return where p, q, r, phi, theta and psi are clear, beside all that failed.
@@ -118,6 +130,40 @@ class Judged:
         """Return the broken side of a finding; both, where that is open."""
         start_s = finding.onset_s if finding.side is Side.AFTER else self.flight.blocks.start_s
         return start_s, finding.onset_s if finding.side is Side.BEFORE else finding.end_s
+
+
+def _logged(flight: Flight) -> Iterator[tuple[str, tuple[str, float]]]:
+    """Give how a log names gyros of IMUs that are mounted turned, and by which sign these read."""
+    for imu in flight.compared:
+        if imu.mounting.turned_deg:
+            yield from zip(imu.channels, zip(imu.columns, imu.mounting.signs, strict=True), strict=True)
+
+
+def _as_logged(claim: Claim, logged: Mapping[str, tuple[str, float]]) -> Claim:
+    """Return a claim of gyros as the log names them: the engine knows them by the aircraft's axes."""
+    sensor, span = claim
+    suspects = tuple(logged.get(each, (each, 1.0))[0] for each in span.suspects)
+    judgement = None if span.judgement is None else _named(span.judgement, logged)
+    return logged.get(sensor, (sensor, 1.0))[0], replace(span, suspects=suspects, judgement=judgement)
+
+
+def _named(judgement: Judgement, logged: Mapping[str, tuple[str, float]]) -> Judgement:
+    """Return a judgement with the log's names; a size of a gyro that reads the other way round has the other sign."""
+    if not {*judgement.candidates} & logged.keys():
+        return judgement
+    candidates = tuple(logged.get(each, (each, 1.0))[0] for each in judgement.candidates)
+    is_reversed = len(candidates) == 1 and logged[judgement.candidates[0]][1] < 0.0
+    turned = {*_SIGNED} if is_reversed else set()
+    return replace(
+        judgement,
+        sensor=judgement.sensor and gyro_and_imu(candidates[0])[0],
+        candidates=candidates,
+        parameters={key: -value if key in turned else value for key, value in judgement.parameters.items()},
+        intervals={
+            key: (-high, -low) if key in turned else (low, high) for key, (low, high) in judgement.intervals.items()
+        },
+        reason="" if judgement.sensor else f"{' or '.join(candidates)} explains it",
+    )
 
 
 def _beside(finding: Finding, sizes: Sizes) -> Sizes:

@@ -155,11 +155,12 @@ def names_of(channel: str) -> tuple[str, ...]:
 
 
 def unit_of(name: str) -> str:
-    """Return a channel's unit, or "" for a channel that the table doesn't know.
+    """Return the unit of a channel, or of a sensor's channels; "" for one that the table doesn't know.
 
-    >>> unit_of("p"), unit_of("gps_down"), unit_of("strain_3")
+    >>> unit_of("p"), unit_of("gps"), unit_of("strain_3")
     ('deg/s', 'm/s', '')
     """
+    name = WHOLE.get(name, (name,))[0]
     return CHANNELS[name].unit if name in CHANNELS else _UNITS_OF_OWN_RATE.get(name, "")
 
 

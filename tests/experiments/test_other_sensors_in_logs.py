@@ -7,12 +7,14 @@ import other_sensors_in_logs as study
 
 def test_a_simulated_log_is_watched_broken_and_summed_up(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "FLOWN_S", 150.0)
+    monkeypatch.setattr(study, "SIZES", {name: study.SIZES[name] for name in ("tas", "nz", "mag_x")})
     (path,) = study.synthetic(tmp_path, range(61_001, 61_002))
     rows = pd.DataFrame(study.cases(path)).fillna({"fault": ""})
     clean, put = rows[rows["fault"] == ""], rows[rows["fault"] != ""]
-    assert set(clean["kind"]) == {"magnetometer", "gps", "accelerometers", "tas", "altitude"}
+    assert set(clean["sensor"]) == {"magnetometer", "gps", "accelerometers", "tas", "alpha", "beta", "altitude"}
     assert set(clean["said"]) == {"quiet"}
-    assert len(put) == 20
+    assert len(put) == 4 * len(study.SIZES) + 1
     assert not (put["said"] == "wrong").any()
     assert (put["said"] == "named").any()
-    assert "| named | either-or | wrong | not accused |" in "\n".join(study.report(rows))
+    assert not put["beside_clear"].any()
+    assert "| named | either-or | late | wrong |" in "\n".join(study.report(rows))

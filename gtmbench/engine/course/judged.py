@@ -9,14 +9,18 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.course.blocked import BLOCKED, blocked
+from gtmbench.engine.course.blocked import LEAST_S as LEAST_TUBE_S
+from gtmbench.engine.course.cleared import cleared
 from gtmbench.engine.course.course import Course, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
-from gtmbench.engine.course.jumps import STAYS_S, jumps
+from gtmbench.engine.course.jumps import STAYS_S, gps_jumps, jumps
+from gtmbench.engine.course.misread import misread
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
 from gtmbench.engine.curves import Curve, curves_of
-from gtmbench.engine.finding import FROZEN, Finding
+from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import JUDGED
@@ -33,12 +37,13 @@ from gtmbench.verdict.timeline import Claim, unjudged
 _SHORTEST_S = 15.0  # gusts and contacts with the ground last less
 _LANDING_S = 20.0  # before motion ends: what begins so late may be a landing
 _PASSES_S = 25.0  # a sensor that fails seldom heals so soon
+_LEVEL, _STAYS_M = "altitude drift", 25.0  # by so much no healthy pressure drifts in half a minute
 _WITNESSES = 2  # relations that have to show an error of a sensor that is named
 _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
-_MAG, NOISE = "magnetometer", "noise"
+_MAG = "magnetometer"
 # of the field: the most that motors' currents add, by ArduPilot's limit of what can be flown with; in a tenth of a span
 _BY_CURRENTS, _MOST_OF_IT = 0.6, 0.9
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
@@ -58,15 +63,21 @@ class CourseJudged:
         Which channels read one value.
     jumped : tuple of (channel, time, size)
         Which channels jump, when and by how much.
+    asked : tuple of (sensor, why)
+        Which sensors read another unit or frame than is thought, so that they aren't judged.
     model : Model or None
         The course's equations, with everything that was found taken away; None where no relation holds.
+    clear : tuple of Claim
+        Where sensors are clear.
     """
 
     found: tuple[Finding, ...]
     course: Course = field(repr=False)
     stands: tuple[tuple[str, Span, float], ...] = ()
     jumped: tuple[tuple[str, float, float], ...] = ()
+    asked: tuple[tuple[str, str], ...] = ()
     model: Model | None = field(default=None, repr=False)
+    clear: tuple[Claim, ...] = field(default=(), repr=False)
 
     @property
     def curves(self) -> tuple[Curve, ...]:
@@ -76,7 +87,7 @@ class CourseJudged:
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
-        return (*self.standing, *self.accused, *self.unjudged)
+        return (*self.standing, *self.accused, *self.unjudged, *self.clear)
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -85,9 +96,11 @@ class CourseJudged:
 
     @property
     def standing(self) -> tuple[Claim, ...]:
-        """Which sensors show by their own readings that they failed: they stand still in flight, or jump."""
+        """Which sensors show by themselves that they failed: they stand still in flight, jump, or are blocked."""
         end_s = self.course.flight.flown_s[1]
+        tube = blocked(self.course)
         return (
+            *((_blocked(tube[0]),) if tube else ()),
             *(_own(channel, span, FROZEN, "value", reads, LEAST_S) for channel, span, reads in self.stands),
             *(_own(channel, (at_s, end_s), "bias", "size", size, STAYS_S) for channel, at_s, size in self.jumped),
         )
@@ -119,12 +132,18 @@ class CourseJudged:
     @property
     def unjudged(self) -> tuple[Claim, ...]:
         """Where something shows and nobody is accused: those that may be behind it."""
-        return tuple(
+        blocks = self.course.flight.blocks
+        misread = [
+            (sensor, unjudged((blocks.start_s, blocks.end_s), f"{why}: give its columns and units with --map"))
+            for sensor, why in self.asked
+        ]
+        open_to = [
             (sensor, unjudged((each.onset_s, each.end_s), each.doubt or f"{each.best.suspect} may do the same"))
             for each in self.found
             if not each.accuses
             for sensor in sensors_of(each)
-        )
+        ]
+        return (*misread, *open_to)
 
     def _of(self, finding: Finding) -> Iterator[Claim]:
         suspects, shows_s = sensors_of(finding), max(finding.shows_s, finding.onset_s)
@@ -154,6 +173,19 @@ def _own(channel: str, span: Span, kind: str, name: str, size: float, shows_s: f
     return next(claims_of(judgement, (sensor,), span))
 
 
+def _blocked(span: Span) -> Claim:
+    """Return a claim of an airspeed whose tube is blocked."""
+    judgement = Judgement(
+        time_s=span[0] + LEAST_TUBE_S,
+        sensor="tas",
+        candidates=("tas",),
+        parameters={"onset_s": span[0]},
+        reason=BLOCKED,
+    )
+    sensor, told = next(claims_of(judgement, ("tas",), span))
+    return sensor, replace(told, reason=BLOCKED)
+
+
 def sensors_of(finding: Finding) -> tuple[str, ...]:
     """Return the sensors that may be behind a finding, those of several channels as one; causes that fail not are left.
 
@@ -181,13 +213,26 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
     course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
-    jumped = tuple(each for each in jumps(sensors, flight.flown_s) if names_of(each[0])[-1] not in still)
+    asked = tuple(misread(course))
+    if asked:
+        still |= {sensor for sensor, _ in asked}
+        course = course_of(flight, {name: each for name, each in sensors.items() if names_of(name)[-1] not in still})
+    own = (*jumps(sensors, flight.flown_s), *gps_jumps(course))
+    jumped = tuple(each for each in own if names_of(each[0])[-1] not in still)
     relations = relations_of(course)
     if not relations:
-        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped)
+        return CourseJudged(found=(), course=course, stands=stands, jumped=jumped, asked=asked)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = (_in_units(course, each) for each in _doubted(course, findings.found))
-    return CourseJudged(found=tuple(doubted), course=course, stands=stands, jumped=jumped, model=findings.model)
+    doubted = tuple(_doubted(course, findings.found))
+    return CourseJudged(
+        found=tuple(_in_units(course, each) for each in doubted),
+        course=course,
+        stands=stands,
+        jumped=jumped,
+        asked=asked,
+        model=findings.model,
+        clear=tuple(cleared(course, findings, sensors, doubted)),
+    )
 
 
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
@@ -234,7 +279,7 @@ def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
         rest = [other for other in found if other is not each]
-        own = [] if _is_its_own(course, told) else [*_few(told), *_field(told)]
+        own = [] if _is_its_own(course, told) else [*_few(told, rest), *_field(told)]
         reasons = [*own, *_short(flight, told), *_livelier(flight, told), *_beside(told, rest)]
         yield replace(told, doubt="; ".join(reasons))
 
@@ -242,6 +287,12 @@ def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
 def _shown_by(finding: Finding) -> set[str]:
     """Return the relations that show a finding."""
     return {name for name, _, _ in finding.shown_by}
+
+
+def _nats(finding: Finding) -> dict[str, float]:
+    """Return how much each relation shows of a finding."""
+    names = dict.fromkeys(name for name, _, _ in finding.shown_by)
+    return {name: sum(nats for other, _, nats in finding.shown_by if other == name) for name in names}
 
 
 def _is_its_own(course: Course, finding: Finding) -> bool:
@@ -264,12 +315,17 @@ def _is_its_own(course: Course, finding: Finding) -> bool:
     return bool(np.quantile(there, _MOST_OF_IT) - rest.max() > _BY_CURRENTS * course.strength)
 
 
-def _few(finding: Finding) -> list[str]:
-    """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault."""
+def _few(finding: Finding, rest: Sequence[Finding]) -> list[str]:
+    """Name nobody whom one relation alone shows: what it doesn't know of would be told as a fault.
+
+    A relation that shows more of another finding is none that shows this one: it may be what is left of the other.
+    """
     suspects = sensors_of(finding)
     if len(suspects) > _MOST:
         return [f"{', '.join(suspects[:-1])} or {suspects[-1]} explains it"]
-    is_alone = len(_shown_by(finding)) < _WITNESSES and not finding.others
+    beside = [other for other in rest if other.meets(finding.first, finding.last)]
+    taken = {name for name, nats in _nats(finding).items() if any(_nats(each).get(name, 0.0) > nats for each in beside)}
+    is_alone = len(_shown_by(finding) - taken) < _WITNESSES and not finding.others
     return ["one comparison alone shows it"] if is_alone else []
 
 
@@ -283,6 +339,8 @@ def _short(flight: Flight, finding: Finding) -> list[str]:
     if lasts_s < _SHORTEST_S:
         return [f"it lasts {lasts_s:.0f} s"]
     ends = finding.end_s < end_s - _LANDING_S
+    if ends and finding.best.name == _LEVEL and abs(finding.size) * lasts_s > _STAYS_M:
+        return []  # a level that was left stays off, though it drifts no more
     if ends and (lasts_s < _PASSES_S or finding.best.kind == "drift"):
         return [f"it passes after {lasts_s:.0f} s"]
     return []

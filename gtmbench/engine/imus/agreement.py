@@ -69,6 +69,20 @@ def factors(own: FloatArray, other: FloatArray, rows: BoolArray) -> Span:
     return low, high
 
 
+def late(flight: Flight, imu: Imu) -> float:
+    """Return by how many seconds an IMU reads later than the watched one: the median of its axes, by least squares."""
+    ahead, behind, further = (np.roll(flight.gyros, by, axis=0) for by in (-1, 1, -2))
+    apart = 8.0 * (ahead - behind) - further + np.roll(flight.gyros, 2, axis=0)  # five points: motion lasts few blocks
+    slopes = apart / (12.0 * flight.blocks.period_s)
+    found = []
+    for axis in range(imu.gyros.shape[1]):
+        there = flight.judged & np.isfinite(imu.gyros[:, axis])
+        columns = np.column_stack([np.ones(len(flight)), flight.gyros, slopes[:, axis]])[there]
+        if np.count_nonzero(there) >= _FEWEST:
+            found.append(-float(np.linalg.lstsq(columns, imu.gyros[there, axis], rcond=None)[0][-1]))
+    return float(np.median(found)) if found else 0.0
+
+
 def change(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> Span:
     """Return by how much more of the watched gyro's turns an IMU's reads in some blocks than in the rest, at least.
 

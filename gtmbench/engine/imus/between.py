@@ -23,7 +23,7 @@ _WANDER_DEG_S, _LEAST_DEG_S = 0.05, 0.02  # by vibration that aliases; of noise
 
 
 def relations(flight: Flight) -> list[Relation]:
-    """Return the relation of each further IMU, but of one that is mounted turned."""
+    """Return the relation of each further IMU, but of one whose axes lie along none of the aircraft's."""
     return [_relation(flight, imu) for imu in flight.compared]
 
 

@@ -36,6 +36,12 @@ class Imu:
         p, q, r = (gyro_of(gyro, self.name) for gyro in GYROS)
         return p, q, r
 
+    @property
+    def columns(self) -> tuple[str, str, str]:
+        """Which of its gyros, as the log names them, are about the aircraft's axes."""
+        p, q, r = (gyro_of(GYROS[own], self.name) for own in self.mounting.taken)
+        return p, q, r
+
 
 def gyro_of(gyro: str, name: str) -> str:
     """Return what a gyro of a further IMU is called.

@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _STRETCH, _FEWEST = 50, 5  # blocks of one fit; fits of which the median is any
 _RIDGE, _LIVELY_DEG_S = 1e-3, 1.0  # an axis that turns less in a stretch tells nothing
 _TURNED_DEG = 10.0  # more is no constant of a gyro that stands a bit askew
+_ONE, _WHOLE = 0.3, 3  # from one, of singular values while no axis is broken; so many fits tell a mounting
 _THROUGHOUT = 0.9  # of the fits: a sign that turns amid the log is a fault, and no mounting
 
 
@@ -37,9 +39,20 @@ class Mounting:
     is_reflected: bool = False
 
     @property
-    def is_plain(self) -> bool:
-        """Whether its axes are the aircraft's, so that its gyros may be called as those are."""
-        return not (self.turned_deg or self.is_reflected)
+    def is_along_axes(self) -> bool:
+        """Whether each of its axes lies along one of the aircraft's, so that each gyro is about one of these."""
+        return not self.is_reflected and bool(np.abs(self.matrix).max(axis=1).min() > np.cos(np.radians(_TURNED_DEG)))
+
+    @property
+    def signs(self) -> list[float]:
+        """By which sign each of these is read, 1 or -1."""
+        return [float(np.sign(self.matrix[axis, own])) for axis, own in enumerate(self.taken)]
+
+    @property
+    def text(self) -> str:
+        """Which of its gyros read p, q and r: ``-q, p, r``."""
+        told = zip(self.signs, self.taken, strict=True)
+        return ", ".join(f"{'-' if sign < 0.0 else ''}{GYROS[own]}" for sign, own in told)
 
     @property
     def taken(self) -> list[int]:
@@ -63,8 +76,8 @@ def mounting_of(gyros: FloatArray, known: FloatArray) -> Mounting:
     >>> known = 10.0 * np.random.default_rng(1).standard_normal((1500, 3))
     >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     >>> mounting = mounting_of(known @ quarter, known)
-    >>> round(mounting.turned_deg), np.allclose(mounting.turned(known @ quarter), known, atol=1e-6)
-    (90, True)
+    >>> round(mounting.turned_deg), mounting.text, np.allclose(mounting.turned(known @ quarter), known, atol=1e-6)
+    (90, '-q, p, r', True)
     >>> mounting_of(known * [1.0, 1.0, -1.0], known).is_reflected
     True
     """
@@ -79,7 +92,8 @@ def mounting_of(gyros: FloatArray, known: FloatArray) -> Mounting:
         return Mounting()
     rotations = [fit for fit in fits if np.linalg.det(fit) > 0.0]
     is_reflected = len(rotations) < (1.0 - _THROUGHOUT) * len(fits)
-    usual = np.median(fits if is_reflected else rotations, axis=0)
+    whole = [fit for fit in rotations if np.abs(np.linalg.svd(fit, compute_uv=False) - 1.0).max() < _ONE]
+    usual = np.median(fits if is_reflected else whole if len(whole) >= _WHOLE else rotations, axis=0)
     left, sizes, right = np.linalg.svd(usual)
     if sizes[-1] < 0.5 * sizes[0]:  # they don't read one motion
         return Mounting()

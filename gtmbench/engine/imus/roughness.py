@@ -22,7 +22,7 @@ _WANDER = 0.3  # by what shakes one IMU more than the other
 
 
 def relations(flight: Flight) -> list[Relation]:
-    """Return the relation of each further IMU, but of one that is mounted turned."""
+    """Return the relation of each further IMU, but of one whose axes lie along none of the aircraft's."""
     return [_relation(flight, imu) for imu in flight.compared]
 
 

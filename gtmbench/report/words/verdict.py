@@ -48,7 +48,7 @@ _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
 # where lines are short, the first of these first
-_GIVES_WAY = ("How sure", "Learnt from", "Why", "Read as", "Not watched", "When", "Next")
+_GIVES_WAY = ("How sure", "Learnt from", "Also clear", "Why", "Read as", "Not watched", "When", "Next")
 
 
 class _Accusation(NamedTuple):
@@ -224,9 +224,18 @@ def _sizes_text(verdict: LogVerdict) -> str:
     return "".join(f"; {part}" for part in parts)
 
 
+def _also_clear(verdict: LogVerdict) -> list[str]:
+    """Say which sensors that aren't asked are clear, and what would show in them."""
+    others = (name for name in verdict.timeline.sensors if name not in verdict.scope.sensors)
+    sizes = ((name, verdict.sizes_of(name)) for name in others)
+    told = [f"{name} {size_text(each.error)} {unit_of(name)}".rstrip() for name, each in sizes if each is not None]
+    return [f"where compared with others, up to {', '.join(told)}."] if told else []
+
+
 def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
     """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
+        ("Also clear", _also_clear(watched.verdict)),
         ("Why", _why(watched)),
         ("When", stamped_text(watched.log, watched.verdict)),
         ("Not watched", _not_watched(watched)),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.hindsight.cleared import Failure, hindsight_of
-from gtmbench.engine.imus.agreement import agree
+from gtmbench.engine.imus.agreement import agree, factors, late
 from gtmbench.engine.imus.imu import Imu, gyro_of
 from gtmbench.engine.judged import Judged, failure_of
 from gtmbench.engine.samples import Samples
@@ -26,6 +28,7 @@ from gtmbench.verdict.timeline import Claim, State, unjudged
 SAME = "the other IMUs read the same"
 _FEWEST, _MOST = 2, 3  # that are compared, the watched one among them
 _LONGEST_S = 2e4  # of a log whose IMUs are compared
+_TOLD_FACTOR, _TOLD_LATE_S = 0.015, 0.005  # of what an IMU reads otherwise all along: less isn't worth a word
 _TOLD_S = 8.0  # of an alarm, in which the others would show it
 _REFLECTED = "has an odd number of axes turned round, which no mounting does"
 
@@ -77,7 +80,8 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
         if span.state in (State.FAILED, State.SUSPECTED):
             failures.setdefault(sensor, []).append(failure_of(span))
     told = [
-        _judged(judged, imu, failures) if imu.mounting.is_plain else _unplain(judged, imu) for imu in judged.flight.imus
+        _judged(judged, imu, failures) if imu.mounting.is_along_axes else _askew(judged, imu)
+        for imu in judged.flight.imus
     ]
     return Told(
         claims=tuple(claim for each in told for claim in each.claims),
@@ -87,15 +91,34 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
 
 def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> Told:
     flight = judged.flight.by(imu)
-    own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.channels, strict=True)}
+    own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.columns, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
     said = hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=False, failures=own | beside)
-    claims = tuple((name, span) for gyro, name in zip(GYROS, imu.channels, strict=True) for span in said.claims[gyro])
-    return Told(claims=claims, lines=tuple(f"{imu.name}: {change.text}." for change in said.changes))
+    claims = tuple((name, span) for gyro, name in zip(GYROS, imu.columns, strict=True) for span in said.claims[gyro])
+    lines = (*_installed(judged, imu), *(f"{imu.name}: {change.text}." for change in said.changes))
+    return Told(claims=claims, lines=lines)
 
 
-def _unplain(judged: Judged, imu: Imu) -> Told:
-    """Return what is told of an IMU whose axes aren't the aircraft's."""
+def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
+    """Say how an IMU is mounted, and what it reads otherwise all along: neither is a fault."""
+    if imu.mounting.turned_deg:
+        yield (
+            f"{imu.name} is mounted turned by {imu.mounting.turned_deg:.0f} deg: "
+            f"its {imu.mounting.text} read the aircraft's p, q, r."
+        )
+    flight, everywhere = judged.flight, np.ones(len(judged.flight), dtype=bool)
+    for axis in range(len(GYROS)):
+        low, high = factors(imu.gyros[:, axis], flight.blocks.gyros[:, axis], everywhere & flight.judged)
+        off = low - 1.0 if low > 1.0 else min(high - 1.0, 0.0)
+        if _TOLD_FACTOR <= abs(off) < np.inf:
+            yield f"{imu.columns[axis]} reads {abs(off):.0%} {'more' if off > 0.0 else 'less'} of each turn."
+    late_s = late(flight, imu)
+    if abs(late_s) >= _TOLD_LATE_S:
+        yield f"{imu.name} is {1e3 * abs(late_s):.0f} ms {'late' if late_s > 0.0 else 'early'}."
+
+
+def _askew(judged: Judged, imu: Imu) -> Told:
+    """Return what is told of an IMU whose axes lie along none of the aircraft's."""
     span_s = judged.flight.blocks.start_s, judged.flight.blocks.end_s
     reason, to_do = f"is mounted turned by {imu.mounting.turned_deg:.0f} deg", "give its columns with --map to judge it"
     if imu.mounting.is_reflected:

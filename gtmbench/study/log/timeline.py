@@ -16,6 +16,7 @@ from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.intake.spans import without
 from gtmbench.study.log.certificate import Certificate
 from gtmbench.study.log.claims import (
     motion_spans,
@@ -37,7 +38,7 @@ from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_o
 
 _LASTS_S = 10.0  # of what the whole log shows of a gyro
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
-_COMPARED = "compared with others, and nothing was found; no size is promised"
+_COMPARED = "compared with others, and nothing was found; no size is promised here"
 _SOON_S = 15.0  # between the onsets of one failure
 
 
@@ -122,7 +123,7 @@ def timeline_of(evidence: Evidence) -> Timeline:
         of_imus = told_of_imus(evidence.judged, claims)
         claims += of_imus.claims
         told += of_imus.lines
-    claims += [(row, unjudged(span_s, _COMPARED)) for row in _compared(evidence)]
+    claims += _left_open(evidence, claims)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)
@@ -152,6 +153,13 @@ def rows_of(sensor: str, there: Sequence[str]) -> list[str]:
     (['nx', 'ny', 'nz'], ['gps'])
     """
     return [name for name in WHOLE.get(sensor, (sensor,)) if name in there] or [sensor]
+
+
+def _left_open(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+    """Give where the other sensors that some relation holds aren't clear, and nobody says why."""
+    for row in _compared(evidence):
+        clear = [(span.start_s, span.end_s) for sensor, span in claims if (sensor, span.state) == (row, State.CLEAR)]
+        yield from ((row, unjudged(left, _COMPARED)) for left in without([evidence.log.span_s], clear))
 
 
 def _compared(evidence: Evidence) -> list[str]:

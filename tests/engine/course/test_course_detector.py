@@ -161,9 +161,9 @@ def test_judge_all_asks_for_every_sensor_that_anything_compares(logs):
     assert whole.outcome is gb.Outcome.UNKNOWN
     asked = {*whole.verdict.scope.sensors}
     assert asked > {*GYROS, *ATTITUDE, "nx", "ny", "nz", "tas", "altitude"}
-    assert {*whole.verdict.unjudged} == asked - {*GYROS, *ATTITUDE}
-    (reason,) = {whole.verdict.reasons_of(sensor)[0] for sensor in whole.verdict.unjudged}
-    assert reason.startswith("compared with others, and nothing was found")
+    assert {*whole.verdict.unjudged}.isdisjoint({*GYROS, *ATTITUDE, "nx", "ny", "nz", "altitude"})
+    assert whole.verdict.reasons_of("magnetometer")[0].startswith("compared with others, and nothing was found")
+    assert whole.verdict.sizes_of("nz").error < 0.2
 
 
 def test_findings_of_other_sensors_stand_in_details_page_and_json(logs, cli, tmp_path):

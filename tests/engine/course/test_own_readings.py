@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.engine.course.blocked import blocked
 from gtmbench.engine.course.jumps import jumps
 from gtmbench.engine.course.relations.roughness import told_of
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.verdict.timeline import State
-from tests.engine.course.test_course_contract import ONSET_S, accused, course_from, flown, said_of
+from tests.engine.course.test_course_contract import END_S, ONSET_S, accused, course_from, flown, said_of
 
 FLOWN_S = (0.0, 60.0)
 FIELD_UT = 49.0
@@ -45,7 +46,7 @@ def test_a_noise_of_less_than_the_least_accuses_nobody(channel, deviation):
 
 def test_noise_is_told_of_what_nothing_shakes_and_of_no_slow_sensor():
     course = course_from(flown())
-    assert told_of(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER)
+    assert told_of(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER, "tas", "alpha", "beta")
     record = flown()
     slow = np.arange(len(record)) % round(0.3 / record.sample_period_s) != 0
     slower = record.replace("altitude", np.where(slow, np.nan, record["altitude"]))
@@ -70,7 +71,7 @@ def test_an_altitude_jumps_by_ten_metres_and_what_the_fastest_climb_makes(size_f
     assert bool(jumped(altitude(size_ft))) == is_told
 
 
-@pytest.mark.parametrize(("size_kt", "is_told"), [(12.0, False), (20.0, True)])
+@pytest.mark.parametrize(("size_kt", "is_told"), [(9.0, False), (16.0, True)])
 def test_an_airspeed_jumps_by_more_than_any_gust_does(size_kt, is_told):
     assert bool(jumped(altitude(size_kt, noise_ft=0.3), "tas")) == is_told
 
@@ -105,6 +106,23 @@ def test_a_jump_names_its_sensor_with_its_size_and_time(channel, size):
     assert {alarm.source for alarm in said.alarms} == {channel}
 
 
+@pytest.mark.parametrize(("size", "is_told"), [(1.5, False), (3.0, True), (-3.0, True)])
+def test_a_gps_whose_velocity_jumps_while_no_accelerometer_felt_it_is_named(size, is_told):
+    jumps_by = gb.Bias(channel="gps_north", onset_s=ONSET_S, size=size)
+    (jump,) = said_of(gb.inject(flown(), jumps_by)).jumped or (None,)
+    assert bool(jump) == is_told
+    if jump:
+        channel, at_s, by = jump
+        assert (channel, at_s, by) == ("gps_north", pytest.approx(ONSET_S, abs=1.5), pytest.approx(size, rel=0.2))
+
+
+def test_a_gps_that_jumps_often_or_comes_back_jumps_as_it_usually_does():
+    often = flown()
+    for onset_s, size in ((40.0, 3.0), (60.0, -2.5), (80.0, 2.8)):
+        often = gb.inject(often, gb.Bias(channel="gps_east", onset_s=onset_s, size=size))
+    assert said_of(often).jumped == ()
+
+
 # ---- what is left, and what nothing else makes ----
 
 
@@ -125,3 +143,30 @@ def test_a_field_that_currents_can_make_or_that_a_heading_turns_names_nobody():
     record = flown()
     turned = record["psi"] + 100.0 * (record.time_s > ONSET_S)
     assert {sensor for sensor, _ in accused(record.replace("psi", turned))} & {"magnetometer"} == set()
+
+
+# ---- a blocked tube ----
+
+
+def follows_altitude(record, onset_s, end_s=END_S):
+    """Return a record whose airspeed is that of a blocked tube from an onset on, with noise of its own."""
+    knot, first = 0.514444, int(np.searchsorted(record.time_s, onset_s))
+    height = 0.3048 * flown(noise=None)["altitude"]
+    square = (knot * record["tas"][first]) ** 2 + 2.0 * 9.80665 * (height - height[first])
+    read = np.sqrt(np.maximum(square, 0.0)) / knot + 0.1 * np.random.default_rng(1).standard_normal(len(square))
+    inside = (record.time_s >= onset_s) & (record.time_s < end_s)
+    return record.replace("tas", np.where(inside, read, record["tas"]))
+
+
+def test_a_blocked_tube_names_the_airspeed_since_when_and_why():
+    said = said_of(follows_altitude(flown(), ONSET_S))
+    ((name, span),) = [claim for claim in said.standing if claim[1].reason]
+    assert (name, span.state) == ("tas", State.FAILED)
+    assert "follows the altitude" in span.reason
+    assert span.start_s == pytest.approx(ONSET_S, abs=3.0)
+
+
+def test_an_airspeed_that_gusts_move_or_that_follows_for_a_moment_is_not_blocked():
+    assert blocked(course_from(flown())) is None
+    assert blocked(course_from(flown(seed=4, excitation="doublets"))) is None
+    assert blocked(course_from(follows_altitude(flown(), ONSET_S, ONSET_S + 15.0))) is None

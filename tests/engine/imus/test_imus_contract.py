@@ -115,14 +115,47 @@ def test_of_three_of_which_two_fail_no_healthy_one_is_named():
 
 
 @pytest.mark.parametrize("turned", [QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]])
-def test_one_that_is_mounted_turned_is_told_and_neither_accused_nor_clear(turned):
+def test_one_that_is_mounted_turned_along_the_axes_is_told_and_judged_by_its_own_names(turned):
     assert accused(said(turned=turned)) == (set(), set())
     found = said((1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)), count=2, turned=turned)
+    column = int(np.argmax(np.abs(turned[1])))  # of the IMU, which reads the aircraft's q
+    own, sign = gyro_of(GYROS[column], "IMU2"), turned[1, column]
     told = told_of_imus(found, found.accused)
     (line,) = [line for line in told.lines if "mounted" in line]
     assert line.startswith("IMU2 is mounted turned by ")
+    failed, suspected = accused(found)
+    assert own in failed | suspected
+    assert failed <= {own}
+    for alarm in found.alarms:
+        assert own in alarm.candidates
+    for name, span in found.accused:
+        if name == own and span.state is State.FAILED and span.judgement.kind == "bias":
+            assert np.sign(span.judgement.parameters["size"]) == sign
+    clear = {name for name, span in told.claims if span.state is State.CLEAR and span.end_s > ONSET_S + 10.0}
+    assert own not in clear
+    assert clear
+
+
+def test_one_that_is_mounted_askew_is_told_and_not_judged():
+    half = np.sqrt(0.5)
+    found = said(
+        (1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)),
+        turned=np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]]),
+    )
+    told = told_of_imus(found, found.accused)
+    assert any(line.startswith("IMU2 is mounted turned by 45 deg") for line in told.lines)
     assert accused(found) == (set(), set())
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
+
+
+@pytest.mark.parametrize("factor", [0.95, 1.03])
+def test_a_scale_that_lasts_is_told_and_accuses_nobody(factor):
+    found = said(turned=factor * np.eye(3))
+    assert accused(found) == (set(), set())
+    more = "more" if factor > 1.0 else "less"
+    lines = [line for line in told_of_imus(found, found.accused).lines if f"% {more} of each turn" in line]
+    assert len(lines) == 3
+    assert not [line for line in told_of_imus(said(), ()).lines if "of each turn" in line or " ms " in line]
 
 
 def test_one_whose_axis_has_the_wrong_sign_is_told_and_not_judged():

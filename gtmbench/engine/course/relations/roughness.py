@@ -1,8 +1,9 @@
-"""How noisy GPS, altitude and magnetometer are from reading to reading: y = the logarithm of their noise's power.
+"""How noisy sensors are from reading to reading: y = the logarithm of their noise's power.
 
-No aircraft moves so: a noise of 1 m/s in a GPS that reads five times a second would be forces of one g, to and fro.
-Airspeed, vanes and accelerometers aren't told, for gusts and engines shake those; nor what reads less than four times a
-second, for a turn then looks like noise. What is quieter than a fifth of the least noise that is a failure counts as if
+No aircraft moves so: a noise of 1 m/s in a GPS that reads five times a second would be forces of one g, to and fro. Nor
+does the air: gusts are known by the airspeed and the vanes, where they grow for longer than from reading to reading.
+Accelerometers aren't told, for engines shake those; nor what reads less than four times a second, for a turn then looks
+like noise. What is quieter than a fifth of the least noise that is a failure counts as if
 it were as loud: twice as loud as next to nothing is nothing.
 """
 
@@ -21,6 +22,7 @@ NAME = "roughness"
 # the least noise of each that is a failure, in m/s, m and a share of the field: motors' currents make up to 60 % of the
 # field (ArduPilot's limit), and three deviations of twice this share are as much
 LEAST = dict.fromkeys(GPS_VELOCITY, 1.0) | {"altitude": 5.0} | dict.fromkeys(MAGNETOMETER, 0.1)
+LEAST |= {"tas": 2.5, "alpha": 1.5, "beta": 1.5}  # half of what our users ask for, in m/s and deg
 QUIET = 0.2
 _SLOWEST_S = 0.25  # between readings: a turn of 90 deg/s moves a field's second difference by 14 % of it
 _PRIOR, _FLOOR = np.array([10.0, 1.0]), np.array([0.2, 0.08])  # a level, a power of the liveliness

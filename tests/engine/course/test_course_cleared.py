@@ -1,0 +1,95 @@
+"""Where other sensors are clear: an error that began until then, and is as large as is stated, isn't there."""
+
+import pytest
+
+import gtmbench as gb
+from gtmbench.engine.course.judged import course_judged
+from gtmbench.engine.course.misread import misread
+from gtmbench.values.channels import ACCELEROMETERS, names_of
+from gtmbench.verdict.timeline import State, laid_out
+from tests.engine.course.test_course_contract import END_S, SIZES, course_from, flight_from, flown, others_of, said_of
+
+HELD = ("accelerometers", "alpha", "beta", "altitude")  # by two relations; the wind leaves the others open
+
+
+def clear_of(said):
+    return {sensor: span for sensor, span in said.clear if span.state is State.CLEAR}
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_what_two_relations_hold_is_clear_up_to_less_than_a_failure_and_one_alone_clears_nobody(seed):
+    clear = clear_of(said_of(flown(seed=seed)))
+    for sensor in HELD:
+        assert clear[sensor].duration_s > 0.6 * END_S
+    assert clear["accelerometers"].sizes.error < SIZES["nx"]
+    assert "magnetometer" not in clear
+
+
+def test_a_sensor_that_one_relation_holds_is_not_clear():
+    record = flown()
+    others = {name: each for name, each in others_of(record).items() if name in (*ACCELEROMETERS, "altitude")}
+    assert clear_of(course_judged(flight_from(record), others)) == {}
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.5, 0.8])
+@pytest.mark.parametrize("channel", ["nx", "ny", "nz", "alpha", "beta", "tas", "altitude", "gps_north", "gps_down"])
+def test_no_error_is_beside_a_clear_span_that_states_a_smaller_one(channel, share):
+    """Whether it begins before the span or in it, is found or not; beside a second cause, too."""
+    gust = gb.Bias(channel="tas", onset_s=0.4 * END_S, size=4.0)
+    broken = gb.inject(flown(seed=4), [gb.Bias(channel=channel, onset_s=share * END_S, size=SIZES[channel]), gust])
+    sensor = names_of(channel)[-1]
+    claims = {sensor: [span for name, span in said_of(broken).claims if names_of(name)[-1] == sensor]}
+    for span in laid_out((0.0, END_S), claims).of(sensor, State.CLEAR):
+        assert span.end_s < share * END_S + 1.0 or span.sizes.error >= SIZES[channel]
+
+
+def test_what_shows_and_is_no_finding_is_told_and_not_clear():
+    said = said_of(gb.inject(flown(), gb.Bias(channel="mag_x", onset_s=60.0, size=15.0)))
+    (reason,) = [span.reason for name, span in said.clear if name == "magnetometer"]
+    assert reason.startswith("it parts from what others tell")
+
+
+# ---- units and frames ----
+
+
+def scaled(record, factor, *channels):
+    for name in channels:
+        record = record.replace(name, factor * record[name])
+    return record
+
+
+def turned(record):
+    return record.replace("gps_north", flown()["gps_east"]).replace("gps_east", flown()["gps_north"])
+
+
+MISREAD = {
+    "m/s for kt": ("tas", lambda record: scaled(record, 0.514444, "tas")),
+    "kt for m/s": ("tas", lambda record: scaled(record, 1.94384, "tas")),
+    "m for ft": ("altitude", lambda record: scaled(record, 0.3048, "altitude")),
+    "ft for m": ("altitude", lambda record: scaled(record, 3.28084, "altitude")),
+    "up": ("gps", lambda record: scaled(record, -1.0, "gps_down")),
+    "east, north": ("gps", lambda record: scaled(turned(record), -1.0, "gps_down")),
+    "9.": ("accelerometers", lambda record: scaled(record, 9.80665, *ACCELEROMETERS)),
+    "-1 g": ("accelerometers", lambda record: scaled(record, -1.0, "nz")),
+}
+
+
+@pytest.mark.parametrize("how", MISREAD)
+def test_another_unit_or_frame_is_asked_for_and_nobody_is_accused_of_it(how):
+    sensor, changed = MISREAD[how]
+    said = said_of(changed(flown()))
+    ((name, why),) = said.asked
+    assert name == sensor
+    assert how in why or how == "9."
+    assert (said.accused, said.standing) == ((), ())
+    assert sensor not in clear_of(said)
+
+
+def asked_of(record):
+    return list(misread(course_from(record)))
+
+
+def test_what_is_read_as_it_is_is_asked_for_nothing_nor_is_what_breaks_amid_a_log():
+    assert asked_of(flown()) == asked_of(flown(seed=4)) == []
+    for channel, size in SIZES.items():
+        assert asked_of(gb.inject(flown(), gb.Bias(channel=channel, onset_s=60.0, size=3.0 * size))) == []
