@@ -311,3 +311,19 @@ def test_a_gyro_that_no_healthy_one_is_like_throughout_the_log_is_not_clear():
     assert any("throughout" in span.reason for span in timeline.sensors["q"])
     for other in ("p", "r"):
         assert not timeline.of(other, State.FAILED, State.SUSPECTED)
+
+
+# noise -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("seed", "deviation"), [(1, 0.9), (1, 1.6), (2, 1.2), (2, 2.0)])
+def test_what_shakes_all_gyros_from_some_time_on_is_nobodys_fault(seed, deviation):
+    noise = [gb.Noise(channel=gyro, onset_s=60.0, deviation=deviation, seed=i) for i, gyro in enumerate(GYROS)]
+    found = said(seed, *noise)
+    assert not any(timeline_of(found).of(gyro, State.FAILED, State.SUSPECTED) for gyro in GYROS)
+
+
+@pytest.mark.parametrize("gyro", GYROS)
+def test_a_gyro_that_gets_noisy_alone_is_named(gyro):
+    found = said(2, gb.Noise(channel=gyro, onset_s=60.0, deviation=2.5, seed=5))
+    assert names_of(found) == [gyro]
