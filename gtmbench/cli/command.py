@@ -8,6 +8,7 @@ import click
 
 _APART = {  # the heading of options that few need
     "Long runs": ("--resume", "--time-limit", "--scheduler", "--tls"),
+    "Faults of your own": ("--import",),
     "Help, files that exist": ("--force", "-h"),
 }
 _ALIASES = {"--identify": "--healthy"}  # old names that work
