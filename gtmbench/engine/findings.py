@@ -20,6 +20,7 @@ from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, Search
 from gtmbench.engine.sides import side_of
 from gtmbench.engine.sums import CELL, Signatures
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 _BESIDE = 2  # cells, as well as an onset is known
@@ -179,7 +180,7 @@ def tempers_of(scan: Scan, found: Sequence[Finding] = ()) -> FloatArray:
         if not each.is_frozen:
             meets = (np.minimum(each.last, seen.last) > np.maximum(each.first, seen.onset))[:, np.newaxis]
             left -= 2.0 * MISFIT * each.evidence * meets
-            if each.best.kind == NOISE:
+            if each.best.kind == NOISE and each.best.suspect not in GYROS:  # theirs is relative to each other's
                 own = (kinds == NOISE) & (suspects == each.best.suspect)
                 left = np.where(meets & own, -np.inf, left)
             if each.parts_imus:

@@ -120,6 +120,7 @@ class ThermalBias(Formula):
         high=20.0,
         when="growing",
         spread=1.7,  # when it began, how fast and how far it settles hang together
+        passes_for=("motion", "estimator"),
         of_angle=("thermal_bias", "drift"),
     )
     typical: ClassVar = Typical(shown={"size": 25.0, "warming_s": 4.0}, gyro=(2.0, 5.0), angle=(2.0, 5.0))

@@ -80,7 +80,9 @@ class ScaleDrift(Formula):
 
     kind: ClassVar[str] = "scale_drift"
     occurs: ClassVar[str] = "ageing, a supply that runs down, warming up"
-    shape: ClassVar = Shape(how="linear", family="multiplicative", parameter="rate", spread=1.7)
+    shape: ClassVar = Shape(
+        how="linear", family="multiplicative", parameter="rate", spread=1.7, passes_for=("motion", "turn")
+    )
     typical: ClassVar = Typical(shown={"rate": 0.08}, gyro=(0.005, 0.02), angle=(0.005, 0.02), certified_s=20.0)
     rate: float = severity(unit="1/s")
 
