@@ -36,7 +36,7 @@ _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
-_SHARED = 0.25  # of the rise of a gyro's roughness, in (deg/s)^2, that another's may have
+_SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usual one, which rises as well
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
@@ -293,10 +293,11 @@ def _shakes_all(flight: Flight, finding: Finding) -> list[str]:
     rough, asked = np.exp(log_rough(flight)), in_motion(flight)
     if not (inside & asked).any() or not (asked & ~inside).any():
         return []
-    rises = np.nanmedian(rough[inside & asked], axis=0) - np.nanmedian(rough[asked & ~inside], axis=0)
+    usual = np.nanmedian(rough[asked & ~inside], axis=0)
+    rises = np.nanmedian(rough[inside & asked], axis=0) - usual
     axis = axis_number(finding.best.suspect)
-    others = np.delete(rises, axis)
-    return ["other gyros are rougher, too: vibration"] if others.max() > _SHARED * rises[axis] else []
+    is_shared = (rises > _SHARED * rises[axis]) & (rises > _ROUGHER * usual)
+    return ["other gyros are rougher, too: vibration"] if np.delete(is_shared, axis).any() else []
 
 
 def _bears_out(finding: Finding, changed: Span) -> bool:

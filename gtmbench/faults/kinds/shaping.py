@@ -83,7 +83,7 @@ class ScaleDrift(Formula):
     shape: ClassVar = Shape(
         how="linear", family="multiplicative", parameter="rate", spread=1.7, passes_for=("motion", "turn")
     )
-    typical: ClassVar = Typical(shown={"rate": 0.08}, gyro=(0.005, 0.02), angle=(0.005, 0.02), certified_s=20.0)
+    typical: ClassVar = Typical(shown={"rate": 0.08}, gyro=(0.005, 0.02), angle=(0.005, 0.02))
     rate: float = severity(unit="1/s")
 
     def formula(self, now: Sequence[Value], elapsed_s: Value, sample_period_s: float) -> Value:
