@@ -10,7 +10,7 @@ from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.faults.kinds.additive import Bias
 from gtmbench.faults.kinds.shaping import SignFlip
-from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.registry import loaded_faults, shape_of, whole_log_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State
 
@@ -30,9 +30,8 @@ def judgement_of(finding: Finding, time_s: float) -> Judgement:
     ('scale_factor', 0.5, [0.48, 0.53])
     """
     kind, size, interval = _kind_of(finding), finding.size, finding.interval
-    cls = loaded_faults().get(kind)
-    name = cls.shape.parameter if cls is not None and cls.shape is not None else ""
-    whole = None if cls is None else cls.whole_log
+    shape, whole = shape_of(kind), whole_log_of(kind)
+    name = "" if shape is None else shape.parameter
     if whole is not None and whole.parameter is not None:
         size = whole.parameter(finding.size)
         low, high = sorted(map(whole.parameter, interval))
@@ -97,6 +96,6 @@ def alarm_of(finding: Finding, number: int, span_s: Span) -> Alarm:
 
 def _kind_of(finding: Finding) -> str:
     """Return the kind of fault that an explanation is."""
-    called = {cls.whole_log.name: kind for kind, cls in loaded_faults().items() if cls.whole_log is not None}
+    called = {whole.name: kind for kind in loaded_faults() if (whole := whole_log_of(kind)) is not None}
     called[STEP] = Bias.kind
     return called.get(finding.best.kind, finding.best.kind)

@@ -1,4 +1,4 @@
-"""Kinds that are linear in a size: what they add at size one, and whether that grows from the onset on."""
+"""A kind's class tried on a signal: whether its shape is what it says, and what it does grows from the onset on."""
 
 from __future__ import annotations
 

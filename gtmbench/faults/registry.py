@@ -14,7 +14,7 @@ from gtmbench.errors import InputError
 from gtmbench.faults import kinds
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.linear import check_shape
-from gtmbench.faults.shape import PassesFor, Shape
+from gtmbench.faults.shape import PassesFor, Shape, WholeLog
 from gtmbench.imports import FAULTS as GROUP
 from gtmbench.imports import installed, load_installed, load_module
 
@@ -82,8 +82,18 @@ def loaded_faults() -> dict[str, type[Fault]]:
 
 def shape_of(kind: str | None) -> Shape | None:
     """Return how a kind shows; None of what is no kind, or has none."""
-    cls = FAULTS.get(kind or "") or _registered.get(kind or "")
+    cls = _class_of(kind)
     return None if cls is None else cls.shape
+
+
+def whole_log_of(kind: str | None) -> WholeLog | None:
+    """Return how a kind shows in a whole log; None of what is no kind, or shows nothing there."""
+    cls = _class_of(kind)
+    return None if cls is None else cls.whole_log
+
+
+def _class_of(kind: str | None) -> type[Fault] | None:
+    return FAULTS.get(kind or "") or _registered.get(kind or "")
 
 
 def how_of(kind: str | None) -> str:

@@ -16,7 +16,7 @@ from gtmbench.faults.linear import grows
 from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
-_GRID, _COARSE = 12, 6
+_GRID, _COARSE = 12, 6  # values at first; of what grows, whose every value takes twice the work
 _TURNS = 5
 _FINER = 4
 _BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
@@ -68,9 +68,10 @@ class Search:
         if grows(self.cls):
             late_s = float(suspect.time_s[suspect.sure] - suspect.time_s[suspect.onset])
             worth = min(worth, fitter.plain("1", "t").deviance)  # what a drift explains as well
+        if grows(self.cls) and not self.is_dated:
             dated = replace(self, is_dated=True)
             least = [float(each._deviances(fitter, grid, late_s).min()) for each in (self, dated)]
-            if not self.is_dated and least[1] < least[0] - WORTH:
+            if least[1] < least[0] - WORTH:
                 yield from dated.fits(fitter)
                 return
         tried = partial(self._deviances, fitter, late_s=late_s)

@@ -8,14 +8,14 @@ import numpy as np
 
 from gtmbench.engine.explanation import Explanation, of_gyros, seconds
 from gtmbench.engine.flight import Flight
-from gtmbench.faults.registry import loaded_faults
+from gtmbench.faults.registry import loaded_faults, whole_log_of
 from gtmbench.faults.shape import WholeLog
 from gtmbench.values.record import FloatArray
 
 
 def kinds() -> dict[str, WholeLog]:
     """Return how each kind of a gyro's fault shows, by what the engine calls it."""
-    known = ((kind, cls.whole_log) for kind, cls in loaded_faults().items())
+    known = ((kind, whole_log_of(kind)) for kind in loaded_faults())
     return {whole.name or kind: whole for kind, whole in known if whole is not None}
 
 

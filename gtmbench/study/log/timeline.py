@@ -14,7 +14,7 @@ from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
-from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.faults.registry import how_of, whole_log_of
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import without
 from gtmbench.study.log.certificate import Certificate
@@ -187,14 +187,13 @@ def _to_the_end(judged: Judged, span: SensorSpan, span_s: Span) -> SensorSpan:
 
 def _needs_motion(kind: str | None) -> bool:
     """Tell whether a kind shows in motion alone."""
-    cls = loaded_faults().get(kind or "")
-    return cls is not None and cls.whole_log is not None and cls.whole_log.is_gain
+    whole = whole_log_of(kind)
+    return whole is not None and whole.is_gain
 
 
 def _may_last(kind: str | None) -> bool:
     """Tell whether a kind shows as well as its own size does, however the aircraft moves."""
-    cls = loaded_faults().get(kind or "")
-    whole = None if cls is None else cls.whole_log
+    whole = whole_log_of(kind)
     return how_of(kind) == "sign" or (whole is not None and not whole.of_motion)
 
 
