@@ -9,7 +9,7 @@ from gtmbench.checks import listed, meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
-from gtmbench.faults.px4 import WORDS
+from gtmbench.faults.px4 import PREFIX, WORDS
 from gtmbench.faults.registry import find_fault
 from gtmbench.values.channels import breakable_list
 
@@ -55,6 +55,8 @@ def fault(text: str, *, onset_s: float | None = None) -> Fault:
         raise InputError(f"{where} names no channel; {_HOW}")
     try:
         word = WORDS.get(kind.strip())
+        if word is None and kind.strip().startswith(PREFIX):
+            raise InputError(f"PX4 has no such failure; there are {listed(WORDS)}{meant(kind.strip(), WORDS)}")
         cls = find_fault(kind.strip() if word is None else word.kind)
         (name,) = breakable_list("its channel", [channel.strip()])
         given = _given(cls, settings, {} if word is None else word.parameters)

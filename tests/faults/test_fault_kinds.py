@@ -500,3 +500,8 @@ def test_a_failure_may_be_called_as_px4_does(text, kind, named):
 def test_what_px4_leaves_open_is_asked_for():
     with pytest.raises(gb.InputError, match="a bias needs size"):
         gb.fault("px4_wrong:q", onset_s=3.0)
+
+
+def test_a_word_that_px4_doesnt_have_is_answered_with_those_that_it_has():
+    with pytest.raises(gb.InputError, match=r"fault 'px4_slo:q': PX4 has no such failure; .*px4_slow.*mean"):
+        gb.fault("px4_slo:q", onset_s=3.0)
