@@ -121,7 +121,9 @@ class _Regressed(NamedTuple):
     wind: FloatArray
 
 
-class _Sides(NamedTuple):
+class Sides(NamedTuple):
+    """Both sides of the equations as they are: what is explained, causes by axis, and what they are made of."""
+
     explained: dict[str, FloatArray]
     causes: dict[str, FloatArray]
     driven: FloatArray
@@ -148,7 +150,7 @@ class Regressing:
         self._period_s = period_s
         self._speed: float | None = None
 
-    def sides(self, values: FloatArray) -> _Sides:
+    def sides(self, values: FloatArray) -> Sides:
         """Return both sides of the equations for the next rows, as they are."""
         values = self._without_holes(values)
         read = {name: values[:, column] for name, column in self._columns.items()}
@@ -161,7 +163,7 @@ class Regressing:
         if THROTTLE in self._frame.surfaces:
             thrust = thrust / STEP_PERCENT
             driven = np.column_stack([driven, thrust])
-        return _Sides(
+        return Sides(
             explained={name: read[name] for name in self._frame.equations},
             causes=self._causes(read, pressure, driven, thrust),
             driven=driven,

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from gtmbench.detectors.surfaces.answer import Answer
-from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow, Frame, Regressing, causes_beside
+from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow, Frame, Regressing, Sides, causes_beside
 from gtmbench.detectors.surfaces.thrust import THROTTLE, Engine
 from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.errors import InputError
@@ -25,14 +26,32 @@ _SERVO_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  
 _TWICE_LAGS_S = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)  # of engines that are judged: two in a row
 _BENDS = tuple(np.arange(-0.75, 4.1, 0.25).tolist())  # and how far from proportional their thrust is
 _LEAST_SLOPE = 0.1
-_SETTLES_S = 5.0
+SETTLES_S = 5.0
 _MOVED_DEG, _MOVED_PERCENT = 0.1, 1.0  # deviation that a command must have had to be identified
-_STEP_S = 0.05  # from causes to what they change, where effects are identified
+STEP_S = 0.05  # from causes to what they change, where effects are identified
 _TURNS = 12  # of fitting effects and making their noise white
 
 
 def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
     """Identify the answer on healthy records, each of shape (samples, channels).
+
+    Raises
+    ------
+    InputError
+        Where no surface ever moved.
+    """
+    frame = frame_of(flow, records, sample_period_s)
+    theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
+    return Answer(
+        frame=frame,
+        theta=theta,
+        covariance=_covariance(frame, theta, records, sample_period_s),
+        by_airspeed=_by_airspeed(frame, theta, records[0], sample_period_s),
+    )
+
+
+def frame_of(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Frame:
+    """Return what the equations are written in, by records: which surfaces move, how late servos and engines follow.
 
     Raises
     ------
@@ -74,13 +93,7 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
     if THROTTLE not in moved:
         engines = [replace(engine, lag_s=lag_s) for lag_s in _ENGINE_LAGS_S]
         frame = min((replace(frame, engine=tried) for tried in engines), key=left)
-    theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
-    return Answer(
-        frame=frame,
-        theta=theta,
-        covariance=_covariance(frame, theta, records, sample_period_s),
-        by_airspeed=_by_airspeed(frame, theta, records[0], sample_period_s),
-    )
+    return frame
 
 
 def _engine(frame: Frame, left: Callable[..., float]) -> Engine:
@@ -101,24 +114,33 @@ def _fitted(
     then moves the ailerons. So causes of one step explain the change to the next, and noise is made white: what is
     new in it owes nothing to anything before.
     """
-    rows, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
-    made = [Regressing(frame, period_s).sides(values[begun:]) for values in records]
-    surfaces, theta, cost = frame.surfaces, {}, 0.0
+    made = [Regressing(frame, period_s).sides(values[round(SETTLES_S / period_s) :]) for values in records]
+    theta, cost = {}, 0.0
     for name in names:
-        axis = frame.equations[name]
-        found = np.zeros(len(surfaces) + causes_beside(axis, surfaces))
-        own = [i for i, surface in enumerate(surfaces) if surface in OWN_SURFACES[axis]]
-        used = [*own, *range(len(surfaces), len(found))]
-        parts = []
-        for sides in made:
-            causes, explained = _means(sides.causes[axis][:, used], rows), _means(sides.explained[name], rows)
-            if name in GYROS:
-                causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
-            parts.append(np.column_stack([causes, explained]))
-        found[used], power = _in_coloured_noise(parts)
-        theta[name] = found
-        cost += float(np.log(max(power, 1e-300)))
+        parts = [steps_of(frame, name, sides, period_s) for sides in made]
+        effects = in_coloured_noise(parts)
+        theta[name] = np.zeros(len(frame.surfaces) + causes_beside(frame.equations[name], frame.surfaces))
+        theta[name][causes_of(frame, name)] = effects.theta
+        power = np.mean(np.square(np.concatenate([effects.white(left) for left in effects.lefts])))
+        cost += float(np.log(max(float(power), 1e-300)))
     return theta, cost
+
+
+def causes_of(frame: Frame, name: str) -> list[int]:
+    """Return which causes an equation has: the surfaces that are its own, then all others."""
+    axis, surfaces = frame.equations[name], len(frame.surfaces)
+    own = [i for i, surface in enumerate(frame.surfaces) if surface in OWN_SURFACES[axis]]
+    return [*own, *range(surfaces, surfaces + causes_beside(axis, frame.surfaces))]
+
+
+def steps_of(frame: Frame, name: str, sides: Sides, period_s: float) -> FloatArray:
+    """Return an equation's causes step by step, and last what is explained: of a gyro, its change until the next."""
+    rows = max(round(STEP_S / period_s), 1)
+    causes = _means(sides.causes[frame.equations[name]][:, causes_of(frame, name)], rows)
+    explained = _means(sides.explained[name], rows)
+    if name in GYROS:
+        causes, explained = causes[:-1], np.diff(explained, axis=0) / (rows * period_s)
+    return np.column_stack([causes, explained])
 
 
 def _means(values: FloatArray, rows: int) -> FloatArray:
@@ -126,27 +148,38 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
 
 
-def _in_coloured_noise(parts: Sequence[FloatArray]) -> tuple[FloatArray, float]:
-    """Return the effects of causes by least squares, the last column being what is explained, and the power left."""
-    from scipy.signal import lfilter
+class Effects(NamedTuple):
+    """The effects of causes: theta, what they leave of each part, and the filter that makes it white."""
 
-    taps = np.ones(1)
+    theta: FloatArray
+    lefts: list[FloatArray]
+    taps: FloatArray
+
+    def white(self, columns: FloatArray) -> FloatArray:
+        """Return columns made white, but for the first rows, for which the filter has no past."""
+        from scipy.signal import lfilter
+
+        return np.asarray(lfilter(self.taps, [1.0], columns, axis=0)[ORDER:])
+
+
+def in_coloured_noise(parts: Sequence[FloatArray]) -> Effects:
+    """Return the effects of causes by least squares, the last column being what is explained."""
+    effects = Effects(theta=np.zeros(parts[0].shape[1] - 1), lefts=[], taps=np.ones(1))
     for _ in range(_TURNS):
-        white = np.concatenate([lfilter(taps, [1.0], part, axis=0)[ORDER:] for part in parts])
+        white = np.concatenate([effects.white(part) for part in parts])
         scale = np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
         found = np.linalg.lstsq(white[:, :-1] / scale[:-1], white[:, -1], rcond=1e-8)[0] / scale[:-1]
         lefts = [part[:, -1] - part[:, :-1] @ found for part in parts]
         lagged = [sum(float(each[lag:] @ each[: len(each) - lag]) for each in lefts) for lag in range(ORDER + 1)]
-        taps = whitening(np.array(lagged))
-    left = np.concatenate([lfilter(taps, [1.0], each)[ORDER:] for each in lefts])
-    return np.asarray(found), float(np.mean(np.square(left)))
+        effects = Effects(theta=np.asarray(found), lefts=lefts, taps=whitening(np.array(lagged)))
+    return effects
 
 
 def _covariance(
     frame: Frame, theta: Mapping[str, FloatArray], records: Sequence[FloatArray], period_s: float
 ) -> FloatArray:
     """Return S: the covariance of what the equations leave behind the lag; nx by itself."""
-    step, begun = max(round(_STEP_S / period_s), 1), round(_SETTLES_S / period_s)
+    step, begun = max(round(STEP_S / period_s), 1), round(SETTLES_S / period_s)
     left = []
     for values in records:
         made = Regressing(frame, period_s).push(values)

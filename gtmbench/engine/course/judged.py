@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm, Judgement
+from gtmbench.engine.commands.judged import CommandsJudged, commands_judged
 from gtmbench.engine.course.blocked import BLOCKED, blocked
 from gtmbench.engine.course.blocked import LEAST_S as LEAST_TUBE_S
 from gtmbench.engine.course.cleared import cleared
@@ -30,7 +31,7 @@ from gtmbench.engine.named import WHOLE as WHOLE_LOG
 from gtmbench.engine.named import claims_of, judgement_of
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.sums import blocks_of_cells
-from gtmbench.values.channels import WHOLE, names_of
+from gtmbench.values.channels import COMMANDS, GYROS, WHOLE, names_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, unjudged
 
@@ -69,6 +70,8 @@ class CourseJudged:
         The course's equations, with everything that was found taken away; None where no relation holds.
     clear : tuple of Claim
         Where sensors are clear.
+    commands : CommandsJudged or None
+        What the answer to commands says of surfaces; None where it isn't known.
     """
 
     found: tuple[Finding, ...]
@@ -78,6 +81,7 @@ class CourseJudged:
     asked: tuple[tuple[str, str], ...] = ()
     model: Model | None = field(default=None, repr=False)
     clear: tuple[Claim, ...] = field(default=(), repr=False)
+    commands: CommandsJudged | None = field(default=None, repr=False)
 
     @property
     def curves(self) -> tuple[Curve, ...]:
@@ -87,7 +91,12 @@ class CourseJudged:
     @property
     def claims(self) -> tuple[Claim, ...]:
         """All that is claimed of sensors that no gyro enters."""
-        return (*self.standing, *self.accused, *self.unjudged, *self.clear)
+        return (*self.standing, *self.accused, *self.unjudged, *self.clear, *self.of_surfaces)
+
+    @property
+    def of_surfaces(self) -> tuple[Claim, ...]:
+        """What is claimed of surfaces."""
+        return () if self.commands is None else tuple(self.commands.claims)
 
     @property
     def compared(self) -> tuple[str, ...]:
@@ -113,7 +122,8 @@ class CourseJudged:
     @property
     def alarms(self) -> tuple[Alarm, ...]:
         """The same as alarms: one each failure, or suspicion, in time."""
-        told = {id(span.judgement): (sensor, span, span.judgement) for sensor, span in (*self.standing, *self.accused)}
+        claimed = (*self.standing, *self.accused, *self.of_surfaces)
+        told = {id(span.judgement): (sensor, span, span.judgement) for sensor, span in claimed if span.judgement}
         in_time = sorted(told.values(), key=lambda each: each[1].start_s)
         return tuple(
             Alarm(
@@ -126,7 +136,6 @@ class CourseJudged:
                 ended_s=span.end_s,
             )
             for number, (sensor, span, judgement) in enumerate(in_time)
-            if judgement is not None
         )
 
     @property
@@ -209,6 +218,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     sensors : mapping of channel to Samples
         As `course_of` takes them.
     """
+    sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
     held = standing(sensors, flight.flown_s)
     stands = tuple((name, span, reads) for name, span, reads in held if _moves(flight, span))
     still = {names_of(name)[-1] for name, _, _ in stands}
@@ -249,7 +259,12 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
         for sensor, span in whole.accused
         if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
     ]
-    return course_judged(whole.flight.without(broken), sensors)
+    said = course_judged(whole.flight.without(broken), sensors)
+    if not {*COMMANDS} <= sensors.keys():
+        return said
+    claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
+    commands = commands_judged(said.course.flight, sensors, [*claims, *said.claims], [*whole.found, *said.found])
+    return replace(said, commands=commands)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:

@@ -16,7 +16,7 @@ from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.samples import log_samples
 from gtmbench.method.attitude_origin import Origin
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record
 
@@ -79,6 +79,9 @@ def others_of_log(
             own = log_samples(read, [name], mapping)[name]
             found[name] = Samples(own.time_s, own.values)
             beyond += [] if own.out_of_range is None else [own.out_of_range]
+    with contextlib.suppress(InputError):
+        own = log_samples(read, (*GYROS, *COMMANDS), mapping)
+        found |= {name: Samples(each.time_s, each.values) for name, each in own.items()}
     for each in sensors:
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))

@@ -357,7 +357,9 @@ def held_of(said: Said) -> tuple[str, ...]:
     there, others = there_of(said), others_of(said)
     imus = () if said.judged is None else said.judged.flight.imus
     usual = [name for name in usual_of(said) if name in there or name in others]
-    return tuple(dict.fromkeys([*usual, *others, *(name for imu in imus for name in imu.channels)]))
+    commands = None if said.course is None else said.course.commands
+    surfaces = () if commands is None else commands.surfaces
+    return tuple(dict.fromkeys([*usual, *others, *surfaces, *(name for imu in imus for name in imu.channels)]))
 
 
 def gps_of(said: Said) -> tuple[Alarm, ...]:

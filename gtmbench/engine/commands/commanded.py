@@ -1,0 +1,110 @@
+"""What an aircraft was commanded and how it answered, in the longest stretch of a flight in which its wings carry it.
+
+Gyros, flow and commands are brought to steps of a twentieth of a second, for an aircraft answers within a block of the
+engine. On the ground a surface does nothing, so the beginning and the end of what is fast are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.surfaces.equations import Flow, Frame, Regressing, Sides
+from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, frame_of, steps_of
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.samples import Samples, edges_of, means_between
+from gtmbench.errors import InputError
+from gtmbench.values.channels import COMMANDS, GYROS, SURFACES
+from gtmbench.values.record import FloatArray, runs
+
+_NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspeed nobody knows what a surface can do
+_FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
+_GROUND_S = 5.0  # beside what is slower
+_LEAST_S = 60.0
+_SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Commanded:
+    """What was commanded and answered, step by step, without a hole.
+
+    Attributes
+    ----------
+    start_s : float
+        On the log's clock.
+    channels : tuple of str
+        Gyros, flow and commands.
+    values : shape (steps, channels)
+    frame : Frame
+        The equations of the answer.
+    """
+
+    start_s: float
+    channels: tuple[str, ...]
+    values: FloatArray = field(repr=False)
+    frame: Frame
+
+    def column(self, channel: str) -> FloatArray:
+        """Return what a channel reads."""
+        return np.asarray(self.values[:, self.channels.index(channel)])
+
+    def off_by(self, channel: str, wrong: FloatArray) -> Commanded:
+        """Return the same with something added to a channel."""
+        values = self.values.copy()
+        values[:, self.channels.index(channel)] += wrong
+        return replace(self, values=values)
+
+    def until(self, step: int) -> Commanded:
+        """Return the same with the equations as the first steps have them."""
+        return replace(self, frame=frame_of(self.frame.flow, [self.values[:step]], STEP_S))
+
+    @property
+    def steps(self) -> dict[str, FloatArray]:
+        """Of every equation its causes and what is explained, step by step, once filters have settled."""
+        sides = self._sides
+        return {name: steps_of(self.frame, name, sides, STEP_S) for name in self.frame.equations}
+
+    @property
+    def _sides(self) -> Sides:
+        return Regressing(self.frame, STEP_S).sides(self.values[round(SETTLES_S / STEP_S) :])
+
+
+def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | None:
+    """Return what a flight was commanded; None where a command or an airspeed isn't read, or too little is flown.
+
+    Parameters
+    ----------
+    flight : Flight
+    sensors : mapping of channel to Samples
+        Gyros, commands and what else is read, in the units of channels, on the flight's clock.
+    """
+    if not {*_NEEDS} <= sensors.keys() or max(sensors[name].step_s for name in (*GYROS, *SURFACES)) > _SLOWEST_S:
+        return None
+    flow = Flow(vanes={"alpha", "beta"} <= sensors.keys(), forward={"alpha", "beta", "nx"} <= sensors.keys())
+    edges = edges_of(flight.blocks)
+    fine = np.arange(edges[0], edges[-1] + 0.5 * STEP_S, STEP_S)
+    at_s = fine[:-1] + 0.5 * STEP_S
+    channels = (*GYROS, *flow.channels, *COMMANDS)
+    angles = {
+        name: Samples(flight.blocks.time_s, own) for name, own in zip(("phi", "theta"), flight.angles.T, strict=False)
+    }
+    values = np.column_stack([means_between((sensors | angles)[name], fine) for name in channels])
+    flown = np.interp(at_s, flight.blocks.time_s, flight.flown.astype(float)) > 0.5
+    there = flown & np.isfinite(values).all(axis=1)
+    if not there.any():
+        return None
+    speed = values[:, channels.index("tas")]
+    there &= speed > _FLIES * float(np.quantile(speed[there], _FAST))
+    first, last = max(zip(*runs(there), strict=True), key=lambda span: span[1] - span[0])
+    beside = round(_GROUND_S / STEP_S)
+    part = slice(int(first) + beside, int(last) - beside)
+    own = values[part]
+    if len(own) * STEP_S < _LEAST_S:
+        return None
+    try:
+        frame = frame_of(flow, [own], STEP_S)
+    except InputError:  # no surface moved
+        return None
+    return Commanded(start_s=float(fine[part.start]), channels=channels, values=own, frame=frame)

@@ -1,0 +1,216 @@
+"""Which surface failed on a flight, and why nobody is named where nobody can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.surfaces.identification import STEP_S
+from gtmbench.detectors.surfaces.kinds import kind_of
+from gtmbench.engine.commands.commanded import Commanded, commanded_of
+from gtmbench.engine.commands.evidence import AFTER_S, Change, Explained, change_of, divided
+from gtmbench.engine.commands.suspects import suspects_of
+from gtmbench.engine.finding import DECISIVE, Finding
+from gtmbench.engine.flight import Flight
+from gtmbench.engine.named import claims_of
+from gtmbench.engine.samples import Samples
+from gtmbench.engine.search import BOUND
+from gtmbench.values.channels import GYROS, names_of
+from gtmbench.values.record import FloatArray, Span
+from gtmbench.verdict.timeline import Claim, State, unjudged
+
+_LOOKS_S = 60.0  # behind a change: later others may follow
+_MISFIT = 0.1  # of the evidence: what a slightly wrong effect makes
+_OF_CHANGE = 0.6  # of all that changed: what is left is another cause's
+_MOST = 3  # suspects that are told
+_LIVELIER, _CHUNK_S = 1.5, 4.0  # times as much motion, within chunks: effects were told in other motion
+_STUCK, _SURE = 0.2, 0.05  # about b = 1, and its deviation: no motion makes an aircraft answer nothing at all
+_BESIDE_S = 10.0  # of a change: what gyros or other sensors show by then isn't a surface's
+COMPARED = "the answer to its command doesn't change, or not so that it shows"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CommandsJudged:
+    """What a flight's answer to its commands says.
+
+    Attributes
+    ----------
+    commanded : Commanded
+    change : Change or None
+        Where the answer changes most; None where too little is flown.
+    doubt : str
+        Why nobody is named; "" if somebody is.
+    """
+
+    commanded: Commanded = field(repr=False)
+    change: Change | None = field(default=None, repr=False)
+    doubt: str = ""
+
+    @property
+    def span_s(self) -> Span:
+        """What of the flight is judged."""
+        start_s = self.commanded.start_s
+        return start_s, start_s + STEP_S * len(self.commanded.values)
+
+    @property
+    def onset_s(self) -> float:
+        """When the answer changes most."""
+        return self._at_s(self.change.step) if self.change else self.span_s[1]
+
+    @property
+    def best(self) -> Explained | None:
+        """Who explains the change best."""
+        return self.change.ranked[0] if self.change else None
+
+    @property
+    def named(self) -> str | None:
+        """The surface that failed."""
+        best = self.best
+        return best.suspect.name if best and best.suspect.is_surface and not self.doubt else None
+
+    @property
+    def kind(self) -> str | None:
+        """How it failed, as far as that shows."""
+        return _kind(self.best) if self.best and self.named else None
+
+    @property
+    def surfaces(self) -> tuple[str, ...]:
+        """Those whose effect is known."""
+        return self.commanded.frame.surfaces
+
+    @property
+    def claims(self) -> Iterator[Claim]:
+        """What is claimed of the surfaces whose effect is known."""
+        for name in self.surfaces:
+            if name == self.named:
+                yield from claims_of(self._judgement, (name,), (self.onset_s, self.span_s[1]))
+            elif self.change and self.doubt and name in _likely(self.change):
+                yield name, unjudged((self.onset_s, self.span_s[1]), self.doubt)
+            yield name, unjudged(self.span_s, COMPARED)
+
+    @property
+    def _judgement(self) -> Judgement:
+        assert self.change is not None
+        assert self.best is not None
+        sizes = self.best.sizes
+        parameters = {"bias": {"size": -float(sizes[0])}, "scale_factor": {"factor": 1.0 - float(sizes[1])}}
+        earliest, latest = self.change.between
+        return Judgement(
+            time_s=self._at_s(self.change.last),
+            sensor=self.best.suspect.name,
+            candidates=(self.best.suspect.name,),
+            kind=self.kind,
+            parameters=parameters.get(self.kind or "", {}) | {"onset_s": self.onset_s},
+            intervals={"onset_s": (self._at_s(earliest), self._at_s(latest))},
+        )
+
+    def _at_s(self, step: int) -> float:
+        return self.commanded.start_s + STEP_S * step
+
+
+def commands_judged(
+    flight: Flight, sensors: Mapping[str, Samples], claims: Sequence[Claim], found: Sequence[Finding]
+) -> CommandsJudged | None:
+    """Return what a flight's answer to its commands says; None where none is known.
+
+    Parameters
+    ----------
+    flight : Flight
+        Without the spans in which gyros or attitude failed.
+    sensors : mapping of channel to Samples
+        Gyros, commands and all others.
+    claims : sequence of Claim
+        Of sensors: where they are clear, no more than stays hidden explains a change.
+    found : sequence of Finding
+        What others found.
+    """
+    commanded = commanded_of(flight, sensors)
+    if commanded is None:
+        return None
+    at = divided(commanded)
+    if at is None:
+        return CommandsJudged(commanded=commanded)
+    step, *between = at
+    last = min(step + round(_LOOKS_S / STEP_S), len(commanded.values))
+    span_s = commanded.start_s + STEP_S * step, commanded.start_s + STEP_S * last
+    split = commanded.until(step)
+    suspects = tuple(suspects_of(split, dict(_excluded(claims, commanded.channels, span_s))))
+    change = change_of(split, suspects, step, last, (between[0], between[1]))
+    said = CommandsJudged(commanded=split, change=change)
+    return replace(said, doubt="; ".join(_doubts(said, claims, found)))
+
+
+def _excluded(claims: Sequence[Claim], channels: Sequence[str], span_s: Span) -> Iterator[tuple[str, float]]:
+    """Give the largest error of channels that may hide throughout a span, where they are clear in all of it."""
+    for name in channels:
+        own = [span for sensor, span in claims if sensor in (name, names_of(name)[-1]) and span.meets(*span_s)]
+        clear = [span for span in own if span.state is State.CLEAR and span.sizes is not None]
+        covered_s = sum(min(span.end_s, span_s[1]) - max(span.start_s, span_s[0]) for span in clear)
+        if covered_s > span_s[1] - span_s[0] - _CHUNK_S:
+            yield name, max(span.sizes.error for span in clear if span.sizes is not None)
+
+
+def _likely(change: Change) -> list[str]:
+    """Return who may be behind a change: whoever lies within the odds."""
+    most = change.ranked[0].nats
+    return [each.suspect.name for each in change.ranked if each.nats > most - DECISIVE - _MISFIT * most]
+
+
+def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Finding]) -> Iterator[str]:
+    change, best = said.change, said.best
+    assert change is not None
+    assert best is not None
+    likely = _likely(change)
+    if min(best.nats, change.nats) < BOUND:
+        yield COMPARED
+        return
+    if len(likely) > 1:
+        yield f"its answer changes, and {', '.join(likely[1:_MOST])} or {likely[0]} explains it"
+    elif not best.suspect.is_surface:
+        yield f"its answer changes, and {best.suspect.name} explains it"
+    if best.nats < _OF_CHANGE * change.nats:
+        yield "its answer changes more than any surface explains"
+    if (change.last - change.step) * STEP_S < AFTER_S:
+        yield "its answer changes as the flight ends"
+    if not _is_stuck(best) and _is_livelier(said.commanded, change):
+        yield "it moves more there than before"
+    onset_s = said.onset_s
+    others = [each.best.suspect for each in found if not each.is_healthy and abs(each.onset_s - onset_s) < _BESIDE_S]
+    accused = [
+        sensor
+        for sensor, span in claims
+        if span.state in (State.FAILED, State.SUSPECTED) and span.meets(onset_s - _BESIDE_S, said.span_s[1])
+    ]
+    if others or accused:
+        yield f"{(others + accused)[0]} is off there"
+
+
+def _is_stuck(best: Explained) -> bool:
+    return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and 0.0 < best.deviations[1] < _SURE
+
+
+def _is_livelier(commanded: Commanded, change: Change) -> bool:
+    """Tell whether a command or a rate moves much more behind a change than before."""
+    rows = round(_CHUNK_S / STEP_S)
+
+    def moves(values: FloatArray) -> float:
+        chunks = values[: len(values) // rows * rows].reshape(-1, rows)
+        return float(np.sqrt(np.mean(np.square(chunks - chunks.mean(axis=1, keepdims=True)))))
+
+    columns = [commanded.column(name) for name in (*GYROS, *commanded.frame.surfaces)]
+    return any(moves(each[change.step : change.last]) > _LIVELIER * moves(each[: change.step]) for each in columns)
+
+
+def _kind(best: Explained) -> str | None:
+    """Return the kind, by the rule of the stream: by what is missing of the answer and how late it comes."""
+    off, lacks, late = best.sizes
+    shown = best.sizes / np.where(best.deviations > 0.0, best.deviations, np.inf)
+    spread = np.diag(np.square(best.deviations[1:]))
+    ratios = np.array([abs(shown[0]), max(shown[1], shown[2])]) / _DEVIATIONS
+    return kind_of(ratios, np.array([-lacks, -late]), spread)
+
+
+_DEVIATIONS = 4.0
