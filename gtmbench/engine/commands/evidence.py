@@ -56,7 +56,7 @@ class Change:
     step, last : int
         It begins at `step` and is looked at until `last`.
     between : (int, int)
-        Between which steps it begins, at odds of 100 to 1.
+        Between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind.
     nats : float
         That there are to explain.
     ranked : tuple of Explained
@@ -83,7 +83,7 @@ def divided(commanded: Commanded) -> tuple[int, int, int] | None:
         gained = whole - _misfit(before[:-1]) - _misfit(before[-1] - before[:-1])
         gained = gained * len(white) / np.maximum(whole, _NOTHING)
         told = gained if not len(told) else told[: len(gained)] + gained[: len(told)]
-    first, last = round(BEFORE_S / _CHUNK_S), len(told) - round(AFTER_S / _CHUNK_S)
+    first, last = round(BEFORE_S / _CHUNK_S), len(told) - round(AFTER_S / _CHUNK_S) - 1
     if last <= first:
         return None
     near = first + np.flatnonzero(told[first:last] > told[first:last].max() - _CHANCE)
@@ -107,7 +107,7 @@ def change_of(
     wrong = {each.name: [commanded.off_by(each.name, _SHARE * of).steps for of in each.wrong] for each in suspects}
     nats = 0.0
     sums = {each.name: (np.diag(each.spread**-2.0), np.zeros(len(each.wrong))) for each in suspects}
-    before, after = slice(0, step - _BEGUN), slice(step - _BEGUN + ORDER, last - _BEGUN)
+    before, after = slice(0, between[0] - _BEGUN), slice(between[1] - _BEGUN, last - _BEGUN)
     for name, part in own.items():
         of = _Equation(part, before, after)
         nats += max(of.nats, 0.0)
@@ -118,7 +118,7 @@ def change_of(
             squares, products = of.explained(np.column_stack(errors))
             known = sums[each.name]
             sums[each.name] = known[0] + squares, known[1] + products
-    ranked = [_explained(each, *sums[each.name], last - step) for each in suspects]
+    ranked = [_explained(each, *sums[each.name], last - between[1]) for each in suspects]
     return Change(
         step=step,
         last=last,
@@ -160,7 +160,9 @@ class _Equation:
         known = effects.white(part[before])[:, :-1]
         known = known.T @ known / noise
         known += np.diag(1e-8 * np.diag(known) + _NOTHING)
-        spread = np.linalg.pinv(known) + np.diag(np.square(_DIFFER * self.theta))
+        most = part[before][:, -1].std() / np.maximum(np.sqrt(np.mean(np.square(part[before][:, :-1]), axis=0)), _NOTHING)
+        differ = _DIFFER * np.minimum(np.abs(self.theta), most)  # two causes that are alike may cancel each other
+        spread = np.linalg.pinv(known) + np.diag(np.square(differ))
         self._gain = np.linalg.pinv(squares + np.linalg.pinv(spread))
         self._products = products
         self.nats = 0.5 * float(products @ (np.linalg.pinv(squares) - self._gain) @ products) - 0.5 * len(self.theta)

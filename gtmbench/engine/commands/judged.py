@@ -29,6 +29,7 @@ _MOST = 3  # suspects that are told
 _LIVELIER, _CHUNK_S = 1.5, 4.0  # times as much motion, within chunks: effects were told in other motion
 _STUCK, _SURE = 0.2, 0.05  # about b = 1, and its deviation: no motion makes an aircraft answer nothing at all
 _BESIDE_S = 10.0  # of a change: what gyros or other sensors show by then isn't a surface's
+_DEVIATIONS, _LEAST = 4.0, 1e-3  # by which a size shows; of a size that isn't there
 COMPARED = "the answer to its command doesn't change, or not so that it shows"
 
 
@@ -134,9 +135,9 @@ def commands_judged(
     if at is None:
         return CommandsJudged(commanded=commanded)
     step, *between = at
-    last = min(step + round(_LOOKS_S / STEP_S), len(commanded.values))
+    last = min(between[1] + round(_LOOKS_S / STEP_S), len(commanded.values))
     span_s = commanded.start_s + STEP_S * step, commanded.start_s + STEP_S * last
-    split = commanded.until(step)
+    split = commanded.until(between[0])
     suspects = tuple(suspects_of(split, dict(_excluded(claims, commanded.channels, span_s))))
     change = change_of(split, suspects, step, last, (between[0], between[1]))
     said = CommandsJudged(commanded=split, change=change)
@@ -173,8 +174,10 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
         yield f"its answer changes, and {best.suspect.name} explains it"
     if best.nats < _OF_CHANGE * change.nats:
         yield "its answer changes more than any surface explains"
-    if (change.last - change.step) * STEP_S < AFTER_S:
+    if (change.last - change.between[1]) * STEP_S < AFTER_S:
         yield "its answer changes as the flight ends"
+    if not (_is_stuck(best) or said.commanded.frame.flow.vanes):
+        yield "without vanes only a surface that answers nothing is told from a wrong accelerometer"
     if not _is_stuck(best) and _is_livelier(said.commanded, change):
         yield "it moves more there than before"
     onset_s = said.onset_s
@@ -201,16 +204,13 @@ def _is_livelier(commanded: Commanded, change: Change) -> bool:
         return float(np.sqrt(np.mean(np.square(chunks - chunks.mean(axis=1, keepdims=True)))))
 
     columns = [commanded.column(name) for name in (*GYROS, *commanded.frame.surfaces)]
-    return any(moves(each[change.step : change.last]) > _LIVELIER * moves(each[: change.step]) for each in columns)
+    return any(moves(each[change.between[1] : change.last]) > _LIVELIER * moves(each[: change.between[0]]) for each in columns)
 
 
 def _kind(best: Explained) -> str | None:
     """Return the kind, by the rule of the stream: by what is missing of the answer and how late it comes."""
-    off, lacks, late = best.sizes
-    shown = best.sizes / np.where(best.deviations > 0.0, best.deviations, np.inf)
-    spread = np.diag(np.square(best.deviations[1:]))
-    ratios = np.array([abs(shown[0]), max(shown[1], shown[2])]) / _DEVIATIONS
-    return kind_of(ratios, np.array([-lacks, -late]), spread)
+    deviations = np.maximum(best.deviations, _LEAST)
+    off, lacks, late = best.sizes / deviations / _DEVIATIONS
+    ratios = np.array([abs(off), max(lacks, late)])
+    return kind_of(ratios, -best.sizes[1:], np.diag(np.square(deviations[1:])))
 
-
-_DEVIATIONS = 4.0
