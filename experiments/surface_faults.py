@@ -12,6 +12,8 @@ flights of 300 s at the aircraft's own trim, half of them in the loop, in the be
 2. Throttle: five kinds, likewise, watched for 110 s; it moves the aircraft by its thrust, in percent of throttle.
 3. Sensors: six kinds x gyros, angles and air data; bank C alone and with `surfaces` beside it.
 4. Healthy flight: light, the usual, moderate and severe turbulence at trims that neither learnt.
+5. Logs: the flights of 1 to 4 as a log that somebody hands over, which nobody learnt on, with and without vanes. Asked
+   for by `--parts logs`.
 
 Seeds of development are 1,010,001 and on, those of the report 1,020,001 and on, looked at once.
 
@@ -31,6 +33,9 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.bench import airborne
 from gtmbench.detectors.alarm import MISSING
+from gtmbench.engine.course.judged import course_beside
+from gtmbench.engine.judged import judged
+from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
 
@@ -293,6 +298,52 @@ def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterat
         }
 
 
+def log_rows(flights: int, seed: int) -> Iterator[dict[str, object]]:
+    """Break surfaces, throttle and sensors, or nothing, and judge each flight as a log alone, with vanes and without."""
+    of_surfaces = [(kind, made, channel) for kind, made in KINDS.items() for channel in SURFACES]
+    of_throttle = [(kind, made, "throttle") for kind, made in OF_THROTTLE.items()]
+    of_sensors = [(kind, made, channel) for kind, made in SENSOR_FAULTS.items() for channel in SIZES]
+    for number in range(flights):
+        for loop in (True, False):
+            healthy = [("healthy", None, f"{gusts} {trim}") for gusts in GUSTS for trim in range(len(TRIMS))]
+            for place, (kind, made, channel) in enumerate([*of_surfaces, *of_throttle, *of_sensors, *healthy]):
+                faults = () if made is None else (made({"channel": channel, "onset_s": ONSET_S}),)
+                gusts, trim = (channel.split()[0], TRIMS[int(channel.split()[1])]) if made is None else ("usual", {})
+                try:
+                    _, readings, departed_s = flown(
+                        loop, seed + 100 * number + place, faults, gusts=gusts if loop else "usual", **trim
+                    )
+                except gb.errors.GtmbenchError:  # thrown out of its envelope
+                    continue
+                record = readings.between(BEGUN_S, min(readings.end_s, departed_s))
+                row = {"loop": loop, "kind": kind, "channel": channel, "departed_s": departed_s}
+                yield row | {f"named{sight}": as_log(record, sight == "") for sight in ("", "_no_vanes")}
+
+
+def as_log(record: gb.Record, has_vanes: bool) -> str:
+    """Return which surface the engine names on a record alone; "" for none."""
+    left_out = () if has_vanes else ("alpha", "beta")
+    samples = {name: Samples(record.time_s, record[name]) for name in record.channels if name not in left_out}
+    said = course_beside(judged(flight_of(samples, is_driven=False)), samples).commands
+    return (said.named or "") if said else ""
+
+
+def log_table(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return a line for every kind of what was broken, as logs alone tell it."""
+    breaks = (
+        rows["channel"].where(rows["channel"].isin(COMMANDS), "sensors").where(rows["kind"] != "healthy", "nothing")
+    )
+    lines = []
+    for (loop, broken), own in rows.groupby(["loop", breaks], sort=False):
+        line: dict[str, object] = {"loop": "closed" if loop else "open", "broken": broken, "flights": len(own)}
+        for sight, title in (("", ""), ("_no_vanes", ", without vanes")):
+            named = own[f"named{sight}"]
+            line[f"named right{title}"] = int((named == own["channel"]).sum())
+            line[f"named wrong{title}"] = int(((named != "") & (named != own["channel"])).sum())
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
 def surface_table(rows: pd.DataFrame) -> pd.DataFrame:
     """Return a line for every kind, in the loop and without."""
     lines = []
@@ -335,8 +386,14 @@ def in_short(rows: pd.DataFrame) -> str:
 
 def report(rows: pd.DataFrame, command: str, seed: int, both: dict[str, gb.Monitor]) -> str:
     """Return the report as Markdown."""
-    surfaces, throttle, sensors, healthy = (rows[rows["part"] == part] for part in ALL_PARTS.split(","))
+    surfaces, throttle, sensors, healthy, logs = (
+        rows[rows["part"] == part] for part in (*ALL_PARTS.split(","), "logs")
+    )
     texts = [f"# Surface faults, told from sensor faults\n\n`{command}`. Seeds from {seed} on.\n"]
+    if len(logs):
+        texts.append(f"## Logs\n\n{markdown(log_table(logs))}\n")
+    if not both:
+        return "\n".join(texts)
     noise = ", ".join(f"{name} {noise_of(both['surfaces'], name):.2f}" for name in both["surfaces"].suspects)
     texts.append(f"Gusts and sensors amount to, in deg of the surface or % of throttle: {noise}.\n")
     for title, own in (("Surfaces", surfaces), ("Throttle", throttle)):
@@ -390,17 +447,18 @@ def main() -> None:
     asked = parser.parse_args()
     flights, hours = (1, 0.5) if asked.quick else (asked.flights, asked.hours)
     asked.out.mkdir(parents=True, exist_ok=True)
-    both = monitors()
+    both = {} if asked.parts == "logs" else monitors()  # a log is judged by itself
     parts = {
         "surfaces": lambda: surface_rows(both, flights, asked.seed),
         "throttle": lambda: surface_rows(both, THROTTLE_TIMES * flights, asked.seed + 2000, "throttle"),
         "healthy": lambda: healthy_rows(both, hours, asked.seed),
         "sensors": lambda: sensor_rows(both, max(flights // 5, 1), asked.seed),
+        "logs": lambda: log_rows(max(flights // 10, 1), asked.seed + 5000),
     }
     made: list[dict[str, object]] = []
     for part in asked.parts.split(","):
         for row in parts[part]():
-            made.append(row)
+            made.append({"part": part} | row)
             if len(made) % KEPT == 0:  # what has been flown isn't lost if the machine is
                 pd.DataFrame(made).to_csv(asked.out / "rows.csv", index=False)
     rows = pd.DataFrame(made)

@@ -13,7 +13,12 @@ Broken = Callable[[FloatArray], FloatArray]
 
 
 def answering(
-    *, duration_s: float = 160.0, seed: int = 1, surfaces: Mapping[str, Broken] | None = None, speed: FloatArray | None = None
+    *,
+    duration_s: float = 160.0,
+    seed: int = 1,
+    surfaces: Mapping[str, Broken] | None = None,
+    speed: FloatArray | None = None,
+    liveliness: FloatArray | float = 1.0,
 ) -> Record:
     """Return what is read of a flight, commands among it.
 
@@ -25,13 +30,14 @@ def answering(
         What becomes of its command on the way to the aircraft.
     speed : shape (samples,), optional
         In kt; what answers grows with its square, and nothing does where it is low.
+    liveliness : shape (samples,), optional
+        By which commands are multiplied.
     """
     random, count = np.random.default_rng(seed), round(duration_s / STEP_S)
-    time_s = STEP_S * np.arange(count)
     speed = np.full(count, SPEED_KT) if speed is None else speed
     pressure = np.square(speed / SPEED_KT)
     moved = ("elevator", "aileron", "rudder")
-    commands = {name: _commanded(random, count) for name in moved}
+    commands = {name: liveliness * _commanded(random, count) for name in moved}
     commands["throttle"] = np.full(count, 40.0)
     made = {name: (surfaces or {}).get(name, lambda command: command)(commands[name]) for name in moved}
     gusts = np.cumsum(random.standard_normal((count, 2)), axis=0) * 0.02
@@ -66,9 +72,7 @@ def answering(
         "altitude": np.full(count, 1000.0),
     }
     noise = {"alpha": 0.05, "beta": 0.05, "nx": 0.003, "ny": 0.003, "nz": 0.005, "tas": 0.3, "altitude": 1.0}
-    values = {
-        name: of + noise.get(name, 0.03) * random.standard_normal(count) for name, of in read.items()
-    } | commands
+    values = {name: of + noise.get(name, 0.03) * random.standard_normal(count) for name, of in read.items()} | commands
     return Record(np.column_stack([*values.values()]), channels=[*values], sample_period_s=STEP_S)
 
 

@@ -90,7 +90,7 @@ def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | 
     angles = {
         name: Samples(flight.blocks.time_s, own) for name, own in zip(("phi", "theta"), flight.angles.T, strict=False)
     }
-    values = np.column_stack([means_between((sensors | angles)[name], fine) for name in channels])
+    values = np.column_stack([means_between((angles | dict(sensors))[name], fine) for name in channels])
     flown = np.interp(at_s, flight.blocks.time_s, flight.flown.astype(float)) > 0.5
     there = flown & np.isfinite(values).all(axis=1)
     if not there.any():

@@ -8,7 +8,7 @@ explains the change, of 1/2 (Q - Q*) that there are. Noise that is louder in the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -160,7 +160,9 @@ class _Equation:
         known = effects.white(part[before])[:, :-1]
         known = known.T @ known / noise
         known += np.diag(1e-8 * np.diag(known) + _NOTHING)
-        most = part[before][:, -1].std() / np.maximum(np.sqrt(np.mean(np.square(part[before][:, :-1]), axis=0)), _NOTHING)
+        most = part[before][:, -1].std() / np.maximum(
+            np.sqrt(np.mean(np.square(part[before][:, :-1]), axis=0)), _NOTHING
+        )
         differ = _DIFFER * np.minimum(np.abs(self.theta), most)  # two causes that are alike may cancel each other
         spread = np.linalg.pinv(known) + np.diag(np.square(differ))
         self._gain = np.linalg.pinv(squares + np.linalg.pinv(spread))
@@ -182,7 +184,7 @@ def _explained(suspect: Suspect, squares: FloatArray, products: FloatArray, step
     )
     for used in suspect.ways:
         own, aim = squares[np.ix_(used, used)], products[[*used]]
-        sizes = np.linalg.solve(own, aim)
+        sizes: FloatArray = np.linalg.solve(own, aim).astype(np.float64)
         nats = 0.5 * float(aim @ sizes) - 0.25 * len(used) * float(np.log(steps))
         if suspect.allows(sizes, used) and nats > best.nats:
             found, deviations = np.zeros(len(products)), np.zeros(len(products))

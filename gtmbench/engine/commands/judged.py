@@ -27,7 +27,7 @@ _MISFIT = 0.1  # of the evidence: what a slightly wrong effect makes
 _OF_CHANGE = 0.6  # of all that changed: what is left is another cause's
 _MOST = 3  # suspects that are told
 _LIVELIER, _CHUNK_S = 1.5, 4.0  # times as much motion, within chunks: effects were told in other motion
-_STUCK, _SURE = 0.2, 0.05  # about b = 1, and its deviation: no motion makes an aircraft answer nothing at all
+_STUCK, _SURE = 0.2, 0.1  # about b = 1, and its deviation: no motion makes an aircraft answer nothing at all
 _BESIDE_S = 10.0  # of a change: what gyros or other sensors show by then isn't a surface's
 _DEVIATIONS, _LEAST = 4.0, 1e-3  # by which a size shows; of a size that isn't there
 COMPARED = "the answer to its command doesn't change, or not so that it shows"
@@ -204,7 +204,9 @@ def _is_livelier(commanded: Commanded, change: Change) -> bool:
         return float(np.sqrt(np.mean(np.square(chunks - chunks.mean(axis=1, keepdims=True)))))
 
     columns = [commanded.column(name) for name in (*GYROS, *commanded.frame.surfaces)]
-    return any(moves(each[change.between[1] : change.last]) > _LIVELIER * moves(each[: change.between[0]]) for each in columns)
+    return any(
+        moves(each[change.between[1] : change.last]) > _LIVELIER * moves(each[: change.between[0]]) for each in columns
+    )
 
 
 def _kind(best: Explained) -> str | None:
@@ -213,4 +215,3 @@ def _kind(best: Explained) -> str | None:
     off, lacks, late = best.sizes / deviations / _DEVIATIONS
     ratios = np.array([abs(off), max(lacks, late)])
     return kind_of(ratios, -best.sizes[1:], np.diag(np.square(deviations[1:])))
-

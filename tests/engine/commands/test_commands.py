@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.helpers.answering import STEP_S, answering
 
 import gtmbench as gb
-from gtmbench.engine.commands.commanded import commanded_of
-from gtmbench.engine.commands.evidence import change_of, divided
 from gtmbench.engine.commands.judged import CommandsJudged, commands_judged
-from gtmbench.engine.commands.suspects import suspects_of
 from gtmbench.engine.samples import Samples, flight_of
+from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
-from gtmbench.verdict.timeline import SensorSpan, Sizes, State
+from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
+from tests.helpers.answering import SPEED_KT, STEP_S, answering
 
 ONSET_S = 80.0
 Broken = Callable[[FloatArray], FloatArray]
+CLEAR: list[Claim] = [
+    (gyro, SensorSpan(start_s=0.0, end_s=1e3, state=State.CLEAR, sizes=Sizes(error=1.0, within_s=60.0)))
+    for gyro in GYROS
+]
 
 
 def from_onset(change: Broken) -> Broken:
@@ -34,28 +36,16 @@ def late(values: FloatArray) -> FloatArray:
     return found
 
 
-KINDS: dict[str, Broken] = {
-    "jam": np.zeros_like,
-    "scale_factor": lambda values: 0.5 * values,
-    "bias": lambda values: values + 1.0,
-    "lag": late,
-}
-SENSORS: dict[str, dict[str, Broken]] = {
-    name: {
-        "is biased": lambda values, size=size: values + size,
-        "reads too little": lambda values: 0.5 * (values + values.mean()),
-        "is stuck": lambda values: np.full_like(values, values[round(ONSET_S / STEP_S)]),
-    }
-    for name, size in (("p", 5.0), ("q", 5.0), ("alpha", 2.0), ("beta", 2.0), ("ny", 0.1), ("nz", 0.2))
+KINDS: dict[str, Broken] = {"jam": np.zeros_like, "scale_factor": lambda values: 0.5 * values, "lag": late}
+BROKEN: dict[str, Broken] = {
+    "is biased": lambda values: values + max(2.0 * float(values.std()), 0.1),
+    "reads too little": lambda values: 0.5 * (values + values.mean()),
+    "is stuck": lambda values: np.full_like(values, values[round(ONSET_S / STEP_S)]),
 }
 
 
-def samples_of(record: Record) -> dict[str, Samples]:
-    return {name: Samples(record.time_s, record[name]) for name in record.channels}
-
-
-def judged(record: Record, *claims: tuple[str, SensorSpan]) -> CommandsJudged:
-    samples = samples_of(record)
+def judged(record: Record, claims: list[Claim], *left_out: str) -> CommandsJudged:
+    samples = {name: Samples(record.time_s, record[name]) for name in record.channels if name not in left_out}
     said = commands_judged(flight_of(samples, is_driven=False), samples, claims, ())
     assert said is not None
     return said
@@ -64,30 +54,77 @@ def judged(record: Record, *claims: tuple[str, SensorSpan]) -> CommandsJudged:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder"])
 def test_a_surface_is_named_with_its_kind_and_its_onset(surface: str, kind: str) -> None:
-    said = judged(answering(surfaces={surface: from_onset(KINDS[kind])}))
+    said = judged(answering(surfaces={surface: from_onset(KINDS[kind])}), CLEAR)
     assert (said.named, said.kind) == (surface, kind)
-    (failed,) = (span for name, span in said.claims if span.state is State.FAILED)
+    (failed,) = (span for _, span in said.claims if span.state is State.FAILED)
     assert failed.judgement is not None
     earliest_s, latest_s = failed.judgement.intervals["onset_s"]
     assert earliest_s <= ONSET_S <= latest_s
-    assert failed.start_s == pytest.approx(ONSET_S, abs=4.0)
-    sizes = {"scale_factor": ("factor", 0.5), "bias": ("size", 1.0)}
-    for name, size in (sizes[kind],) if kind in sizes else ():
-        assert failed.judgement.parameters[name] == pytest.approx(size, rel=0.1)
+    assert latest_s - earliest_s < 20.0
+    if kind == "scale_factor":
+        assert failed.judgement.parameters["factor"] == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [10, 11])
 def test_a_healthy_flight_accuses_nobody(seed: int) -> None:
-    said = judged(answering(seed=10 + seed))
+    said = judged(answering(seed=seed), [])
     assert said.named is None
     assert {span.state for _, span in said.claims} == {State.NOT_JUDGED}
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
-@pytest.mark.parametrize("how", ["is biased", "reads too little", "is stuck"])
+@pytest.mark.parametrize(
+    ("sensor", "how"), [("p", "is stuck"), ("q", "reads too little"), ("alpha", "is biased"), ("ny", "is stuck")]
+)
 def test_a_wrong_sensor_is_no_surface(sensor: str, how: str) -> None:
     record = answering()
-    broken = from_onset(SENSORS[sensor][how])(record[sensor])
-    said = judged(record.replace(sensor, broken))
+    said = judged(record.replace(sensor, from_onset(BROKEN[how])(record[sensor])), [])
     assert said.named is None
 
+
+def test_what_others_exclude_of_a_sensor_decides() -> None:
+    """A pitch gyro that reads too little looks like an elevator that is stuck, unless the attitude says it is well."""
+    record = answering(surfaces={"elevator": from_onset(np.zeros_like)})
+    alone, beside = judged(record, []), judged(record, CLEAR)
+    assert (alone.named, beside.named) == (None, "elevator")
+    assert "q" in alone.doubt
+
+
+def test_a_sensor_that_failed_nearby_leaves_no_name() -> None:
+    failed = SensorSpan(start_s=ONSET_S, end_s=150.0, state=State.FAILED)
+    said = judged(answering(surfaces={"rudder": from_onset(np.zeros_like)}), [*CLEAR, ("tas", failed)])
+    assert said.named is None
+    assert "tas" in said.doubt
+
+
+def test_without_vanes_only_what_answers_nothing_is_named() -> None:
+    vanes = ("alpha", "beta")
+    assert judged(answering(surfaces={"rudder": from_onset(np.zeros_like)}), CLEAR, *vanes).named == "rudder"
+    assert judged(answering(surfaces={"rudder": from_onset(late)}), CLEAR, *vanes).named is None
+
+
+def test_a_flight_that_is_livelier_later_says_no_more_than_that() -> None:
+    """Effects are told by motion; in other motion they may be others."""
+    first = round(ONSET_S / STEP_S)
+    record = answering(surfaces={"aileron": from_onset(late)}, liveliness=np.where(np.arange(8000) < first, 0.4, 1.0))
+    assert judged(record, CLEAR).named is None
+
+
+def test_the_ground_isn_t_judged() -> None:
+    """Wheels carry the aircraft from 120 s on: it answers nothing, and no surface has failed."""
+    speed = np.where(np.arange(8000) * STEP_S < 120.0, SPEED_KT, 0.3 * SPEED_KT)
+    said = judged(answering(speed=speed), [])
+    assert said.span_s[1] < 120.0
+    assert said.named is None
+
+
+def test_a_log_is_told_by_its_first_line(tmp_path: Path) -> None:
+    """Nobody asked for the surface, and it makes the exit code 1."""
+    stuck = gb.Jam(channel="aileron", onset_s=100.0)
+    flight = gb.fly("gtm", "doublets+turbulence", 170.0, 1_010_001, faults=stuck)
+    gb.write_log(gb.measure(flight, noise="t2", seed=1, commands=True), tmp_path / "flight.csv")
+    watched = gb.watch_log(tmp_path / "flight.csv", "auto")
+    (failed,) = watched.timeline.of("aileron", State.FAILED)
+    assert failed.start_s == pytest.approx(100.0, abs=8.0)
+    assert [alarm.sensor for alarm in watched.of_others] == ["aileron"]
+    assert watched.outcome.name == "FAILED"
+    assert "aileron" not in watched.scope.sensors
