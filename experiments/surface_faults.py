@@ -299,7 +299,7 @@ def healthy_rows(both: dict[str, gb.Monitor], hours: float, seed: int) -> Iterat
 
 
 def log_rows(flights: int, seed: int) -> Iterator[dict[str, object]]:
-    """Break surfaces, throttle and sensors, or nothing, and judge each flight as a log alone, with vanes and without."""
+    """Break surfaces, throttle, sensors or nothing, and judge each flight as a log alone, with vanes and without."""
     of_surfaces = [(kind, made, channel) for kind, made in KINDS.items() for channel in SURFACES]
     of_throttle = [(kind, made, "throttle") for kind, made in OF_THROTTLE.items()]
     of_sensors = [(kind, made, channel) for kind, made in SENSOR_FAULTS.items() for channel in SIZES]

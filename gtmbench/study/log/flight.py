@@ -70,7 +70,7 @@ def others_of_log(
 ) -> tuple[dict[str, Samples], list[OutOfRange]]:
     """Return what the other sensors of a log read, channel by channel; of several of a kind, the first; and vanes.
 
-    And what no sensor reads, which isn't among it.
+    Where a log holds commands, they and the gyros that answer them are among it. And what no sensor reads, which isn't.
     """
     found: dict[str, Samples] = {}
     beyond = [out for each in sensors for out in each.out_of_range]
@@ -80,8 +80,8 @@ def others_of_log(
             found[name] = Samples(own.time_s, own.values)
             beyond += [] if own.out_of_range is None else [own.out_of_range]
     with contextlib.suppress(InputError):
-        own = log_samples(read, (*GYROS, *COMMANDS), mapping)
-        found |= {name: Samples(each.time_s, each.values) for name, each in own.items()}
+        answered = log_samples(read, (*GYROS, *COMMANDS), mapping)
+        found |= {name: Samples(each.time_s, each.values) for name, each in answered.items()}
     for each in sensors:
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))
