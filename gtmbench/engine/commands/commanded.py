@@ -23,6 +23,7 @@ _NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspe
 _FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
 _GROUND_S = 5.0  # beside what is slower
 _LEAST_S = 60.0
+_ENOUGH = round(300.0 / STEP_S)  # steps that tell how late servos and engines are: trying each lag is most of the work
 _SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
 
 
@@ -58,7 +59,7 @@ class Commanded:
 
     def until(self, step: int) -> Commanded:
         """Return the same with the equations as the first steps have them."""
-        return replace(self, frame=frame_of(self.frame.flow, [self.values[:step]], STEP_S))
+        return replace(self, frame=frame_of(self.frame.flow, [self.values[max(step - _ENOUGH, 0) : step]], STEP_S))
 
     @property
     def steps(self) -> dict[str, FloatArray]:
@@ -104,7 +105,7 @@ def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | 
     if len(own) * STEP_S < _LEAST_S:
         return None
     try:
-        frame = frame_of(flow, [own], STEP_S)
+        frame = frame_of(flow, [own[:_ENOUGH]], STEP_S)
     except InputError:  # no surface moved
         return None
     return Commanded(start_s=float(fine[part.start]), channels=channels, values=own, frame=frame)

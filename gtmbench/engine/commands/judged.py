@@ -44,9 +44,12 @@ class CommandsJudged:
         Where the answer changes most; None where too little is flown.
     doubt : str
         Why nobody is named; "" if somebody is.
+    end_s : float
+        Until when it flies: what failed stays so.
     """
 
     commanded: Commanded = field(repr=False)
+    end_s: float
     change: Change | None = field(default=None, repr=False)
     doubt: str = ""
 
@@ -87,7 +90,7 @@ class CommandsJudged:
         """What is claimed of the surfaces whose effect is known."""
         for name in self.surfaces:
             if name == self.named:
-                yield from claims_of(self._judgement, (name,), (self.onset_s, self.span_s[1]))
+                yield from claims_of(self._judgement, (name,), (self.onset_s, self.end_s))
             elif self.change and self.doubt and name in _likely(self.change):
                 yield name, unjudged((self.onset_s, self.span_s[1]), self.doubt)
             yield name, unjudged(self.span_s, COMPARED)
@@ -131,16 +134,16 @@ def commands_judged(
     commanded = commanded_of(flight, sensors)
     if commanded is None:
         return None
-    at = divided(commanded)
+    at, end_s = divided(commanded), flight.flown_s[1]
     if at is None:
-        return CommandsJudged(commanded=commanded)
+        return CommandsJudged(commanded=commanded, end_s=end_s)
     step, *between = at
     last = min(between[1] + round(_LOOKS_S / STEP_S), len(commanded.values))
     span_s = commanded.start_s + STEP_S * step, commanded.start_s + STEP_S * last
     split = commanded.until(between[0])
     suspects = tuple(suspects_of(split, dict(_excluded(claims, commanded.channels, span_s))))
     change = change_of(split, suspects, step, last, (between[0], between[1]))
-    said = CommandsJudged(commanded=split, change=change)
+    said = CommandsJudged(commanded=split, change=change, end_s=end_s)
     return replace(said, doubt="; ".join(_doubts(said, claims, found)))
 
 
