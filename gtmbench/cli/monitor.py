@@ -29,7 +29,7 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
-from gtmbench.files.objects import fetched, is_address
+from gtmbench.intake.objects import fetched, is_address
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.jobs.time_limit import limited
 

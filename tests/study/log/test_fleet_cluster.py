@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.files.objects import fetched, object_digest, objects_in
+from gtmbench.intake.objects import fetched, object_digest, objects_in
 from gtmbench.report.tables.fleet import COLUMNS
 from gtmbench.study.log.log_fleet import Watching, conduct
 from gtmbench.study.log.watch import bank_between
