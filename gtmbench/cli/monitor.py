@@ -29,7 +29,6 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
-from gtmbench.intake.objects import fetched, is_address
 from gtmbench.jobs.progress import progress_bar
 from gtmbench.jobs.time_limit import limited
 
@@ -51,6 +50,8 @@ class Log(click.ParamType[Path | str]):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path | str:  # noqa: ARG002
         """Return either."""
+        from gtmbench.intake.objects import is_address
+
         return value if is_address(value) else Path(value)
 
 
@@ -163,7 +164,7 @@ def monitor_command(
     click.get_current_context().with_resource(limited(time_limit))
     of_several = {"--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
     _refuse(of_several, "of several logs; give --out, too")
-    first = click.get_current_context().with_resource(fetched(logs[0])) if isinstance(logs[0], str) else logs[0]
+    first = _as_file(logs[0])
     log = first if system is None else Path(f"{first}:{system}")
     for option, path in (
         *(("--record", path) for path in (record,) if path),
@@ -199,6 +200,15 @@ def monitor_command(
     for line in lines:
         echo(line)
     return watched.verdict.exit_code
+
+
+def _as_file(log: Source) -> Path:
+    """Return a log's file; an object is fetched, and kept until the command ends."""
+    if isinstance(log, Path):
+        return log
+    from gtmbench.intake.objects import fetched
+
+    return click.get_current_context().with_resource(fetched(log))
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

@@ -49,9 +49,16 @@ def test_the_package_alone_loads_nothing():
 
 
 def test_everything_public_loads_without_scipy_pandas_or_what_draws():
-    probe = "import sys, gtmbench.api; print(*{name.partition('.')[0] for name in sys.modules})"
+    probe = "import sys; from gtmbench.api import *; print(*{name.partition('.')[0] for name in sys.modules})"
     modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert set(HEAVY) & set(modules) == {"asyncio", "jsbsim", "multiprocessing", "numpy"}
+
+
+def test_a_public_name_loads_what_it_needs_alone():
+    probe = "import sys, gtmbench as gb; dir(gb); gb.Drift; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert {name.partition(".")[0] for name in modules} & set(HEAVY) == {"numpy"}
+    assert "gtmbench.study" not in modules
 
 
 def first_lines(objects):
