@@ -19,6 +19,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from gtmbench.checks import number, one_line, shown, whole
 from gtmbench.detectors.bank.composed import AUTO
+from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.arrow_table import Column, Row, table_of
@@ -37,7 +38,6 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
 
