@@ -319,9 +319,9 @@ def test_the_figure_joins_flights_of_one_folder(flown):
     assert gyros_figure(frame[frame["outcome"] == "error"]) is None
     frame["log"] = ["one/a.csv", "two/$x$.csv", "one/c.csv"]
     axes = gyros_figure(frame).axes
-    (first, second), values = (axes[0].get_lines()[place] for place in (0, 1)), frame["p_residual_rms_deg_s"].to_numpy()
-    np.testing.assert_array_equal(first.get_ydata(), values[[0, 2]])
-    np.testing.assert_array_equal(second.get_ydata(), values[[1]])
+    line, values = axes[0].get_lines()[0], frame["p_residual_rms_deg_s"].to_numpy()
+    np.testing.assert_array_equal(line.get_ydata(), [values[0], values[2], np.nan, values[1]])
+    np.testing.assert_array_equal(line.get_xdata()[[0, 1, 3]], [1, 3, 2])
 
 
 def test_long_words_are_cut(flown):
