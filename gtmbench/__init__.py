@@ -17,18 +17,17 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> object:
-        """Import everything public with the first name that is asked for; until then, the package costs nothing.
+        """Import a public name when it is first asked for; until then, the package costs nothing.
 
         (Its pytest plugin is imported in every run of pytest where the package is installed.)
         """
         from importlib import import_module
+        from importlib.util import find_spec
 
-        if "__all__" not in globals():
-            api = import_module("gtmbench.api")
-            globals().update({public: getattr(api, public) for public in (*api.__all__, "__all__")})
-        if name not in globals():
-            raise AttributeError(f"module 'gtmbench' has no attribute '{name}'")
-        return globals()[name]
+        api = import_module("gtmbench.api")
+        if name not in api.__all__ and find_spec(f"gtmbench.{name}") is not None:
+            return import_module(f"gtmbench.{name}")
+        return getattr(api, name)
 
     def __dir__() -> list[str]:
         """Return the public names only."""

@@ -7,6 +7,7 @@ from functools import cache, lru_cache
 import pytest
 from hypothesis import settings
 
+import gtmbench as gb
 from gtmbench.bench.flight import fly
 from gtmbench.cli.app import main
 from gtmbench.files.shipped import share
@@ -63,6 +64,7 @@ def whole_certificates(monkeypatch):
 @pytest.fixture(scope="session", autouse=True)
 def _watched_once():
     """Commands that watch a log in the same way again get the same one; `watched_anew` watches it again."""
+    _ = gb.watch_log  # which is taken where it is defined when it is first asked for, and isn't meant
     patched, shelf = remembered(watch.watch_log)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(watch, "watch_log", patched)

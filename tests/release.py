@@ -47,6 +47,7 @@ EXTRAS = {
     "logs": "h5py, mcap, openpyxl, pymavlink, serial, pyulog, rosbags",
     "learnt": "jax",
     "rivals": "sklearn",
+    "s3": "s3fs, gtmbench.intake.objects",
     "scale": "distributed",
     "theory": "cvxpy, sympy",
 }

@@ -49,9 +49,7 @@ def trimmed_engine(
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     try:
-        if aircraft.settle:  # a search takes seconds
-            return _searched_once(aircraft, altitude_ft, tas_kt)
-        return searched_engine(aircraft, altitude_ft=altitude_ft, tas_kt=tas_kt)
+        return _searched_once(aircraft, altitude_ft, tas_kt)
     except TrimError as error:
         fixed = _fixed(aircraft, altitude_ft, tas_kt)
         found = trimmed_by_jsbsim(aircraft, fixed | aircraft.guess | {"theta": aircraft.guess["alpha"]})

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gtmbench.bench.airborne import Outside
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
+
+if TYPE_CHECKING:
+    from gtmbench.bench.airborne import Outside
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
 SURFACE_FAILED = "surface failed"

@@ -283,8 +283,8 @@ def _calibrated(
     of: str,
     tell: Progress,
 ) -> _Taught:
+    from gtmbench.detectors.protocol import with_provenance
     from gtmbench.report.words.units import counted
-    from gtmbench.study.watchers import with_provenance
 
     monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), {**origin, "records": len(records)})
     _check_luck(monitor, len(records), of)

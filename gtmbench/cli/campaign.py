@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
+from gtmbench.cli.cluster import check_cluster_options, cluster_options
 from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
@@ -62,13 +63,7 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 @import_option
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
 @click.option("--shard", callback=_shard, metavar="I/N", help="Run only the I-th of N equal shares, for a Slurm array.")
-@click.option("--scheduler", metavar="ADDRESS", help="Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://...")
-@click.option(
-    "--tls",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="With --scheduler: the folder of ca.pem, cert.pem and key.pem.",
-)
+@cluster_options
 @click.option("--resume", is_flag=True, help="Continue the run in the folder.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and fly nothing.")
 @click.option("--yes", is_flag=True, help="Confirm more than ten million trials.")
@@ -115,8 +110,7 @@ def campaign_command(
 
     campaign = load_campaign(source, detectors=detectors)
     processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
-    if tls is not None and scheduler is None:
-        raise InputError("--tls is for a --scheduler, and none is given")
+    check_cluster_options(scheduler, tls)
     if dry_run:
         plan = plan_facts(campaign, named(campaign).names, processes)
         check_size(campaign, len(plan["detectors"]), yes=True)

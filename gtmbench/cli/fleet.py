@@ -12,16 +12,18 @@ from gtmbench.files.disk import is_file
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.log_fleet import Watching
+    from gtmbench.study.log.log_fleet import Source, Watching
 
 _MOST_ROWS = 40  # on a screen
 
 
-def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
+def is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
     """Whether more than a log is meant: several, a folder, a pattern, or a folder to write into."""
     (first, *others) = sources
     if others or out is not None:
         return True
+    if isinstance(first, str):  # of an object the name tells
+        return not Path(first).suffix or any(letter in first for letter in "*?[")
     from gtmbench.intake.one_flight import is_log_folder
 
     try:
@@ -33,11 +35,13 @@ def is_fleet(sources: Sequence[Path], out: Path | None) -> bool:
 
 
 def monitor_fleet(
-    sources: Sequence[Path],
+    sources: Sequence[Source],
     watching: Watching,
     out: Path | None,
     *,
     jobs: int,
+    scheduler: str | None,
+    tls: Path | None,
     resume: bool,
     as_json: bool,
     quiet: bool,
@@ -51,7 +55,7 @@ def monitor_fleet(
     if out is None:
         raise InputError(f"logs found: {len(logs)}; their results go into a folder: give --out DIR")
     with progress_bar(silent=as_json or quiet) as tell:
-        parts = written(logs, watching, out, jobs=jobs, resume=resume, progress=tell)
+        parts = written(logs, watching, out, jobs=jobs, scheduler=scheduler, tls=tls, resume=resume, progress=tell)
     results = fleet_results(parts)
     rows = results["logs"]
     if as_json:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
+from gtmbench.cli.cluster import check_cluster_options, cluster_options
 from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
@@ -32,6 +33,7 @@ from gtmbench.jobs.progress import progress_bar
 from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
+    from gtmbench.study.log.log_fleet import Source
     from gtmbench.study.log.watched import WatchedLog
     from gtmbench.values.record import Span
 
@@ -39,6 +41,18 @@ if TYPE_CHECKING:
 _OUTPUTS = ("record", "reports", "force", "details", "as_json", "quiet")  # that change no verdict
 _DASHED = re.compile(r"\s*(\d+\.?\d*) *s? *(?:-|\.\.|,|to|:) *(\d+\.?\d*) *s?\s*")  # how else people write a span
 _ENDINGS = {"--record": (".rrd",), "--report": (".html", ".png")}
+
+
+class Log(click.ParamType[Path | str]):
+    """A log's path, or an object's address, which stays as it is written."""
+
+    name = "log"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path | str:  # noqa: ARG002
+        """Return either."""
+        from gtmbench.intake.objects import is_address
+
+        return value if is_address(value) else Path(value)
 
 
 def healthy_option(usual: str) -> Callable[[F], F]:
@@ -52,7 +66,7 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 
 
 @click.command("monitor", cls=Command)
-@click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB...", type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB|ADDRESS...", type=Log())
 @map_option
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @click.option("--system", metavar="N", help="The system that is meant, of a telemetry log of several.")
@@ -76,12 +90,13 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 )
 @click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
 @click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
+@cluster_options
 @click.option("--time-limit", type=float, help="Seconds allowed for a log.  [default: none; 900 for each of several]")
 @import_option
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options
 def monitor_command(
-    logs: tuple[Path, ...],
+    logs: tuple[Source, ...],
     mapping: tuple[str, ...],
     rate: float | None,
     system: str | None,
@@ -96,6 +111,8 @@ def monitor_command(
     out: Path | None,
     jobs: int | None,
     resume: bool,
+    scheduler: str | None,
+    tls: Path | None,
     time_limit: float | None,
     force: bool,
     as_json: bool,
@@ -110,7 +127,7 @@ def monitor_command(
     with what to type. A calibrated monitor (`gtmbench calibrate`) watches with --detector monitor.json.
 
     Several logs, a folder or a pattern need --out, a folder for the results: a row a log, worst first
-    (docs/how_to/fleet.md).
+    (docs/how_to/fleet.md). Logs in an object store are given by their addresses, such as s3://BUCKET/FOLDER.
 
     Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input, or none of several could be watched.
     """
@@ -131,11 +148,24 @@ def monitor_command(
             limits=limits,
             limit_s=LIMIT_S if time_limit is None else time_limit,
         )
+        check_cluster_options(scheduler, tls)
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
-        return monitor_fleet(logs, watching, out, jobs=processes, resume=resume, as_json=as_json, quiet=quiet)
+        return monitor_fleet(
+            logs,
+            watching,
+            out,
+            jobs=processes,
+            scheduler=scheduler,
+            tls=tls,
+            resume=resume,
+            as_json=as_json,
+            quiet=quiet,
+        )
     click.get_current_context().with_resource(limited(time_limit))
-    _refuse({"--jobs": jobs, "--resume": resume}, "of several logs; give --out, too")
-    log = logs[0] if system is None else Path(f"{logs[0]}:{system}")
+    of_several = {"--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
+    _refuse(of_several, "of several logs; give --out, too")
+    first = _as_file(logs[0])
+    log = first if system is None else Path(f"{first}:{system}")
     for option, path in (
         *(("--record", path) for path in (record,) if path),
         *(("--report", path) for path in reports),
@@ -170,6 +200,15 @@ def monitor_command(
     for line in lines:
         echo(line)
     return watched.verdict.exit_code
+
+
+def _as_file(log: Source) -> Path:
+    """Return a log's file; an object is fetched, and kept until the command ends."""
+    if isinstance(log, Path):
+        return log
+    from gtmbench.intake.objects import fetched
+
+    return click.get_current_context().with_resource(fetched(log))
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

@@ -8,7 +8,7 @@ nothing after it: cut a record, and the alarms up to the cut stay as they were.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, Protocol, TypeGuard, runtime_checkable
 
@@ -377,3 +377,11 @@ def watch(monitor: Monitor, record: Record) -> Watch:
     2.0
     """
     return watch_inside(monitor.watch, record)
+
+
+def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
+    """Say with a monitor on what it was calibrated, where it keeps such a thing."""
+    try:
+        return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
+    except (TypeError, ValueError):  # somebody's own class, without such a field, or one that it fills itself
+        return monitor

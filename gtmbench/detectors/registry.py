@@ -15,6 +15,7 @@ from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
 from gtmbench.detectors.rivals.catalogue import RIVALS
@@ -81,6 +82,23 @@ def as_detector(given: Any) -> Detector | Monitor:
     ()
     """
     return find_detector(given) if isinstance(given, str | Path) else adapted(given)
+
+
+def prepared(given: Any) -> Detector | Monitor:
+    """Return whatever can serve as a detector as one; a plain function, which learns nothing, as a monitor at once.
+
+    Raises
+    ------
+    InputError
+        As `as_detector`.
+
+    Examples
+    --------
+    >>> is_recipe(prepared(lambda record: [])), is_recipe(prepared("C"))
+    (False, True)
+    """
+    detector = as_detector(given)
+    return detector.calibrate() if isinstance(detector, FunctionDetector) else detector
 
 
 def for_data_file(source: str | Path) -> Detector | Monitor:

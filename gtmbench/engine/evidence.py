@@ -12,7 +12,8 @@ which onset, end and explanation fits best, for all of them share one misfit wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -31,6 +32,7 @@ _WEAK = 6.0  # nats: what shows less isn't looked at by parts
 _MOST_DEVIATIONS = 3.0  # of a constant's prior
 _ROUNDS = 3  # of a size and the noise beside it
 _NOTHING = 1e-9  # of information: less is rounding
+_AT_ONCE = 256  # windows that are worked out together, for memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,10 +104,24 @@ def evidence(
         Whether only that evidence counts which remains without the part of a window that shows most. Without it the
         ratio is an upper bound, at a third of the cost.
     """
-    count = len(model.explanations)
     if not len(onset) or model.is_witness.all():
         return _nothing(model, onset, last)
-    seen = [_seen(model, each, onset, last) for each in (sums or model.sums)]
+    own = sums or model.sums
+    parts = [slice(begin, begin + _AT_ONCE) for begin in range(0, len(onset), _AT_ONCE)]
+    found = [_evidence(model, onset[part], last[part], own, by_parts=by_parts) for part in parts]
+    return found[0] if len(found) == 1 else _joined(found)
+
+
+def _joined(parts: Sequence[Evidence]) -> Evidence:
+    """Return the evidence of windows that were looked at in parts."""
+    names = [each.name for each in fields(Evidence)]
+    joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names[:-1]}
+    return Evidence(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
+
+
+def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums], *, by_parts: bool) -> Evidence:
+    count = len(model.explanations)
+    seen = [_seen(model, each, onset, last) for each in sums]
     misfit, counts = (
         np.array([getattr(each, name) for each in seen])[:, :, np.newaxis] for name in ("misfit", "counts")
     )
@@ -255,7 +271,7 @@ def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
     power = inside.power - np.einsum("wsi,wsi->ws", absorbed, inside.mixed)
     return _Whole(
         misfit=max(float(known[0, 0] + prior @ centre**2 - aim @ spread @ aim), 0.0),
-        blocks=float(own.counts.sum()),
+        blocks=float(own.counts[-1]),
         cross=_spread_out(inside.cross - absorbed @ aim, own, model),
         power=_spread_out(np.maximum(power, 0.0), own, model),
     )

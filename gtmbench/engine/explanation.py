@@ -12,6 +12,7 @@ from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.flight import Flight
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
+from gtmbench.values.recursive_filter import filtered
 
 TIMES_S = (2.5, 7.0, 16.0)  # time constants of an estimator that the gyros drive; what lies between is near one of them
 
@@ -146,11 +147,9 @@ def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatAr
     fades_s : float
         Its time constant.
     """
-    from scipy.signal import lfilter  # half a second to import
-
     step = flight.blocks.period_s
     driven = np.einsum("nij,nj->ni", flight.matrices, wrong)
     before = np.zeros_like(driven)
-    turned = lfilter([step], [1.0, -kept_a_block(flight, fades_s)], driven, axis=0)
+    turned = filtered([step], [1.0, -kept_a_block(flight, fades_s)], driven)
     before[1:] = turned[:-1]
     return turned, driven - 0.5 * (before + turned) / fades_s  # amid each block

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.curves import Curve, curves_of
@@ -80,12 +80,7 @@ class Judged:
         named = {sensor: list(spans) for sensor, spans in failures.items()}
         for sensor, span in self.accused:
             named.setdefault(sensor, []).append(failure_of(span))
-        return hindsight_of(
-            self.flight.blocks,
-            is_driven=self.flight.is_driven,
-            is_sure=not self.flight.is_assumed,
-            failures=named,
-        )
+        return _hindsight(self.flight, tuple((sensor, tuple(spans)) for sensor, spans in named.items()))
 
     @cached_property
     def cleared(self) -> Hindsight:
@@ -130,6 +125,12 @@ class Judged:
         """Return the broken side of a finding; both, where that is open."""
         start_s = finding.onset_s if finding.side is Side.AFTER else self.flight.blocks.start_s
         return start_s, finding.onset_s if finding.side is Side.BEFORE else finding.end_s
+
+
+@lru_cache(maxsize=4)  # a verdict asks the same several times
+def _hindsight(flight: Flight, failures: tuple[tuple[str, tuple[Failure, ...]], ...]) -> Hindsight:
+    is_sure = not flight.is_assumed
+    return hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=is_sure, failures=dict(failures))
 
 
 def _logged(flight: Flight) -> Iterator[tuple[str, tuple[str, float]]]:

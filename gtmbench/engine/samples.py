@@ -15,6 +15,7 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 FORCES = ("nx", "ny", "nz")
 _LAGS_S = np.linspace(-0.4, 0.4, 17)  # of the attitude's stamps behind the gyros'; a longer lag is a wrong reading
+_TELL_LAG = 6000  # blocks: of twenty minutes a lag is known to a millisecond
 _BETTER = 0.02  # of the misfit without a lag: less is chance
 _LOUDEST = 0.9  # of squared differences: larger ones tell of jumps, and count as much
 _LONGEST_S = 86_400.0  # a pause costs what a flight does: 28 h of it took 15 GB
@@ -82,7 +83,8 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
 def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
     """Return by how much the attitude's stamps are late behind the gyros': where both turn most alike.
 
-    The least of the mean squared difference over lags, its largest tenth clipped, by a parabola through three.
+    The least of the mean squared difference over lags, its largest tenth clipped, by a parabola through three. Of a
+    long log the liveliest twenty minutes tell it.
 
     Examples
     --------
@@ -94,6 +96,8 @@ def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
     """
     edges = _edges(sensors)
     gyros = np.column_stack([means_between(sensors[name], edges) for name in GYROS])
+    if len(gyros) > _TELL_LAG:
+        sensors, gyros, edges = _liveliest(sensors, gyros, edges)
     misfits = np.array([_misfit(sensors, gyros, edges, lag_s) for lag_s in _LAGS_S])
     if not np.isfinite(misfits).all() or not np.ptp(misfits) > 0.0:
         return 0.0
@@ -103,6 +107,27 @@ def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
     before, least, behind = misfits[best - 1 : best + 2]
     bend = before - 2.0 * least + behind
     return float(_LAGS_S[best] + 0.5 * (before - behind) / bend * (_LAGS_S[1] - _LAGS_S[0]))
+
+
+def _liveliest(
+    sensors: Mapping[str, Samples], gyros: FloatArray, edges: FloatArray
+) -> tuple[Mapping[str, Samples], FloatArray, FloatArray]:
+    """Return what tells a lag of the part of a log in which it turns most."""
+    turned = np.concatenate([[0.0], np.cumsum(np.nan_to_num(np.square(gyros)).sum(axis=1))])
+    first = int(np.argmax(turned[_TELL_LAG:] - turned[:-_TELL_LAG]))
+    edges, gyros = edges[first : first + _TELL_LAG + 1], gyros[first : first + _TELL_LAG]
+    return (
+        {name: _cut(sensors[name], edges[0] + _LAGS_S[0], edges[-1] + _LAGS_S[-1]) for name in ATTITUDE},
+        gyros,
+        edges,
+    )
+
+
+def _cut(samples: Samples, start_s: float, end_s: float) -> Samples:
+    """Return samples from the last before a time to the first behind another."""
+    first = max(int(np.searchsorted(samples.time_s, start_s)) - 1, 0)
+    own = slice(first, int(np.searchsorted(samples.time_s, end_s)) + 1)
+    return Samples(samples.time_s[own], samples.values[own])
 
 
 def _misfit(sensors: Mapping[str, Samples], gyros: FloatArray, edges: FloatArray, lag_s: float) -> float:

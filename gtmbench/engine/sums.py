@@ -193,7 +193,7 @@ class Signatures:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Products:
-    """Products of an equation's columns, cell by cell.
+    """Running sums of products of an equation's columns over cells, from nothing on; shapes (cells + 1, ...).
 
     The columns are, in order: what is left, the regressors, the signatures, and what fades (times by earth axes).
     `first` and `second` say which two each product is of, `rates` by how much a block's fades, in 1 / blocks.
@@ -204,13 +204,18 @@ class Products:
     first: IntArray = field(repr=False)
     second: IntArray = field(repr=False)
     rates: FloatArray = field(repr=False)
-    cells: FloatArray = field(repr=False)
+    sums: FloatArray = field(repr=False)
     means: FloatArray = field(repr=False)
     mean_rates: FloatArray = field(repr=False)
     powers: FloatArray = field(repr=False)
     counts: FloatArray = field(repr=False)
     per_chunk: int  # cells
     regressors: int
+
+    @property
+    def cells(self) -> int:
+        """How many there are."""
+        return len(self.sums) - 1
 
 
 def products_of(
@@ -236,11 +241,11 @@ def products_of(
         first=first,
         second=second,
         rates=rates[first] + rates[second],
-        cells=_of_cells(cells, first, second),
-        means=np.einsum("ckj,ck->cj", cells, mean),
+        sums=_of_cells(cells, first, second),
+        means=running(np.einsum("ckj,ck->cj", cells, mean)),
         mean_rates=rates,
-        powers=np.square(mean).sum(axis=1),
-        counts=by_chunks(equation.known.astype(float), CELL).sum(axis=1),
+        powers=running(np.square(mean).sum(axis=1)),
+        counts=running(by_chunks(equation.known.astype(float), CELL).sum(axis=1)),
         per_chunk=per_chunk // CELL,
         regressors=regressors.shape[1],
     )
@@ -273,11 +278,13 @@ def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray
 
 
 def _of_cells(cells: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
-    """Return sums of products over cells."""
-    found = np.empty((len(cells), len(first)))
+    """Return running sums of products."""
+    found = np.zeros((len(cells) + 1, len(first)))
+    each = found[1:]
     for begin in range(0, len(cells), _AT_ONCE):
         part = cells[begin : begin + _AT_ONCE]
-        found[begin : begin + _AT_ONCE] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
+        each[begin : begin + _AT_ONCE] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
+    np.cumsum(each, axis=0, out=each)
     return found
 
 
@@ -313,7 +320,7 @@ class Window:
 
 
 class Sums:
-    """Running sums of an equation's products, the mean of each chunk marginalised.
+    """Sums of an equation's products over windows, the mean of each chunk marginalised.
 
     Parameters
     ----------
@@ -326,11 +333,7 @@ class Sums:
         self.products = products
         wander = products.equation.wander if wander is None else wander
         self._precision = np.inf if wander <= 0.0 else wander**-2.0
-        self._raw = running(products.cells)
-        self._mean = running(products.means)
-        self._power = running(products.powers)
-        self._count = running(products.counts)
-        self.cells = len(products.cells)
+        self.cells = products.cells
 
     @cached_property
     def _rates(self) -> tuple[FloatArray, IntArray]:
@@ -351,48 +354,33 @@ class Sums:
             found[at] = chunks[at] + kept * found[at + 1]
         return found
 
-    def _piece(self, first: IntArray, last: IntArray) -> FloatArray:
+    def _piece(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
         """Return sums over cells within one chunk each, what fades relative to the chunk's beginning."""
-        raw = self._raw[last] - self._raw[first]
+        raw = self.products.sums[last, :count] - self.products.sums[first, :count]
         if np.isinf(self._precision):
             return raw
-        mean = self._mean[last] - self._mean[first]
-        power = self._power[last] - self._power[first] + self._precision
+        mean = self.products.means[last] - self.products.means[first]
+        power = self.products.powers[last] - self.products.powers[first] + self._precision
         own = self.products
-        return np.asarray(raw - mean[:, own.first] * mean[:, own.second] / power[:, np.newaxis])
-
-    @cached_property
-    def _heads(self) -> FloatArray:
-        """Sums from each cell to its chunk's end, what fades relative to the cell, shape (cells + 1, products)."""
-        cells, width = np.arange(self.cells + 1), self.products.per_chunk
-        chunk = (cells // width) * width
-        return self._piece(cells, np.minimum(chunk + width, self.cells)) * self._kept(chunk - cells)
-
-    @cached_property
-    def _tails(self) -> FloatArray:
-        """Sums from its chunk's beginning to each cell, what fades relative to the beginning."""
-        cells = np.arange(self.cells + 1)
-        return self._piece((cells // self.products.per_chunk) * self.products.per_chunk, cells)
+        return np.asarray(raw - mean[:, own.first[:count]] * mean[:, own.second[:count]] / power[:, np.newaxis])
 
     def between(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
         """Return sums over cells [first, last), what fades relative to the first; shape (windows, products).
 
         `count` asks for the first products alone.
         """
-        own, width = slice(count), self.products.per_chunk
+        width = self.products.per_chunk
         chunk, behind = (first // width) * width, (last // width) * width
         begin = np.minimum(chunk + width, self.cells)
-        found = self._heads[first, own] + self._tails[last, own] * self._kept(behind - first, count)
+        head = self._piece(first, np.minimum(begin, last), count) * self._kept(chunk - first, count)
+        tail = self._piece(behind, last, count) * self._kept(behind - first, count)
+        found = head + np.where((behind > chunk)[:, np.newaxis], tail, 0.0)
         between = behind > begin
         if between.any():
             at, to = (begin // width)[between], (behind // width)[between]
             since = first[between]
-            found[between] += self._whole[at, own] * self._kept(begin[between] - since, count)
-            found[between] -= self._whole[to, own] * self._kept(behind[between] - since, count)
-        inside = behind == chunk
-        if inside.any():
-            piece = self._piece(first[inside], last[inside])
-            found[inside] = (piece * self._kept(chunk[inside] - first[inside]))[:, own]
+            found[between] += self._whole[at, :count] * self._kept(begin[between] - since, count)
+            found[between] -= self._whole[to, :count] * self._kept(behind[between] - since, count)
         return found
 
     def _kept(self, cells: IntArray, count: int | None = None) -> FloatArray:
@@ -433,7 +421,9 @@ class Sums:
 
     def chunk_means(self, first: IntArray, last: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return sums of columns times the mean's, and the mean's squares, over cells that lie in one chunk each."""
-        return self._mean[last] - self._mean[first], self._power[last] - self._power[first]
+        return self.products.means[last] - self.products.means[first], self.products.powers[
+            last
+        ] - self.products.powers[first]
 
     def signature_means(self, onset: int, edges: IntArray, signature: int) -> FloatArray:
         """Return the same of a signature that begins at `onset`, over cells from each edge to the next.
@@ -448,7 +438,7 @@ class Sums:
         """
         own, columns = self.products, self.products.columns
         known = 1 + own.regressors
-        means = self._mean[edges[1:]] - self._mean[edges[:-1]]
+        means = self.products.means[edges[1:]] - self.products.means[edges[:-1]]
         base, since = int(columns.bases[signature]), columns.since[onset, signature]
         found = means[:, known + signature] - (since * means[:, known + base] if base >= 0 else 0.0)
         time = int(columns.fading[signature])
@@ -462,7 +452,7 @@ class Sums:
 
     def known_blocks(self, first: IntArray, last: IntArray) -> FloatArray:
         """Return how many blocks of cells [first, last) are known."""
-        return np.asarray(self._count[last] - self._count[first])
+        return np.asarray(self.products.counts[last] - self.products.counts[first])
 
 
 def running(values: FloatArray) -> FloatArray:

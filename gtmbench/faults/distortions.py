@@ -9,8 +9,10 @@ from typing import Any, overload
 import numpy as np
 
 from gtmbench.values.clock import FloatArray, Value
+from gtmbench.values.recursive_filter import filtered
 
-NOTHING = (math.nan, 0.0)  # what a lag carries before its first sample
+Carried = tuple[float, float, float]
+NOTHING: Carried = (math.nan, 0.0, 0.0)  # what a lag carries before its first sample
 
 
 @overload
@@ -71,8 +73,8 @@ def rate_limited(values: FloatArray, step: float, start: float) -> tuple[FloatAr
 
 
 def lagged(
-    values: FloatArray, lag_s: float, sample_period_s: float, carried: tuple[float, float] = NOTHING
-) -> tuple[FloatArray, tuple[float, float]]:
+    values: FloatArray, lag_s: float, sample_period_s: float, carried: Carried = NOTHING
+) -> tuple[FloatArray, Carried]:
     """Return a signal behind a first-order lag tau y' + y = u, and what is carried into the next stretch.
 
     The signal runs straight from sample to sample, and on these ramps (so on held signals, too) the solution is exact:
@@ -81,15 +83,13 @@ def lagged(
         y(k) = a y(k-1) + (1 - g) u(k) + (g - a) u(k-1).
 
     Holding u(k-1) over the step instead would add half a sample of delay, as much as a lag of 5 ms does at 100 Hz.
-    Carried are the value in which it was at rest, and the filter's state from there; with nothing carried it is in rest
-    at the first sample. Missing samples are passed over.
+    Carried are the value in which it was at rest, and u and y of the last sample from there; with nothing carried it is
+    in rest at the first sample. Missing samples are passed over.
 
     >>> lagged(np.arange(4.0), 1e-4, 1.0)[0].round(4)
     array([0.    , 0.9999, 1.9999, 2.9999])
     """
-    from scipy.signal import lfilter
-
-    rest, state = carried
+    rest, *last = carried
     there = np.isfinite(values)
     behind = values.copy()
     if there.any():
@@ -97,23 +97,21 @@ def lagged(
         rest = float(kept[0]) if math.isnan(rest) else rest
         a, now, before = _lag_gains(lag_s, sample_period_s)
         # the filter starts from zero, and so at rest, when it sees what has changed since
-        moved, states = lfilter([now, before], [1.0, -a], kept - rest, zi=[state])
+        moved = filtered([now, before], [1.0, -a], kept - rest, (last[0], last[1]))
         behind[there] = rest + moved
-        state = float(states[0])
-    return behind, (rest, state)
+        last = [float(kept[-1] - rest), float(moved[-1])]
+    return behind, (rest, last[0], last[1])
 
 
-def lagged_sample(
-    u: float, lag_s: float, sample_period_s: float, carried: tuple[float, float]
-) -> tuple[float, tuple[float, float]]:
+def lagged_sample(u: float, lag_s: float, sample_period_s: float, carried: Carried) -> tuple[float, Carried]:
     """Return `lagged` of one sample."""
-    rest, state = carried
+    rest, asked, moved = carried
     if not math.isfinite(u):
         return u, carried
     rest = u if math.isnan(rest) else rest
     a, now, before = _lag_gains(lag_s, sample_period_s)
-    moved = state + now * (u - rest)
-    return rest + moved, (rest, before * (u - rest) + a * moved)
+    moved = now * (u - rest) + before * asked + a * moved
+    return rest + moved, (rest, u - rest, moved)
 
 
 @lru_cache(maxsize=64)

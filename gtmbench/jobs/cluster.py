@@ -31,8 +31,17 @@ _LOOK_S = 0.02
 _GOES_ON = "what is finished stays: go on with --resume"
 
 
+class _KilledError(GtmbenchError):
+    """A task has ended every worker that it was given to."""
+
+
 def completed_on_cluster(
-    work: Callable[[Task], Result], tasks: Iterable[Task], *, scheduler: str, tls: Path | None = None
+    work: Callable[[Task], Result],
+    tasks: Iterable[Task],
+    *,
+    scheduler: str,
+    tls: Path | None = None,
+    killed: Callable[[Task], Result] | None = None,
 ) -> Iterator[tuple[int, Result]]:
     """Give what some work makes of every task as soon as it is made, as `gtmbench.jobs.processes.completed` does.
 
@@ -47,6 +56,8 @@ def completed_on_cluster(
         Its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
     tls : Path, optional
         A folder with ca.pem, cert.pem and key.pem.
+    killed : callable, optional
+        What a task comes to that has ended every worker it was given to; without it that is an error.
 
     Raises
     ------
@@ -57,14 +68,20 @@ def completed_on_cluster(
     """
     distributed = load_extra("distributed", "scale", "--scheduler needs")
     with _client(distributed, scheduler, tls) as client:
-        waiting, running = enumerate(tasks), dict[Any, int]()
+        waiting, running = enumerate(tasks), dict[Any, tuple[int, Task]]()
         while True:
             for number, task in islice(waiting, max(_most(client, scheduler) - len(running), 0)):
-                running[client.submit(work, task, pure=False)] = number
+                running[client.submit(work, task, pure=False)] = number, task
             if not running:
                 return
             for future in _done(client, list(running), scheduler):
-                yield running.pop(future), _result(distributed, future, scheduler)
+                number, task = running.pop(future)
+                try:
+                    yield number, _result(distributed, future, scheduler)
+                except _KilledError:
+                    if killed is None:
+                        raise
+                    yield number, killed(task)
 
 
 def check_cluster(
@@ -221,7 +238,7 @@ def _result(distributed: Any, future: Any, scheduler: str) -> Any:
     except GtmbenchError:
         raise
     except distributed.KilledWorker as error:
-        raise GtmbenchError(f"a task has ended every worker that it was given to (no memory?); {_GOES_ON}") from error
+        raise _KilledError(f"a task has ended every worker that it was given to (no memory?); {_GOES_ON}") from error
     except (TimeoutError, OSError, CancelledError, asyncio.CancelledError) as error:
         raise _gone(scheduler) from error
     except Exception as error:

@@ -172,6 +172,28 @@ def survived(
                 yield number, result
 
 
+_kept = threading.local()  # a thread's process, how it is given work: it stays for the next task
+
+
+def survived_one(work: Callable[[Task], Result], task: Task, *, limit_s: float) -> Result | Lost:
+    """Return what some work makes of a task in a process that this thread keeps for its next one.
+
+    For a worker of a cluster, which must not die of a task: what `survived` does for many, one at a time. The process
+    ends with this one, so one that may have no children, as it couldn't end them, may have this.
+    """
+    if not hasattr(_kept, "submit"):
+        multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
+        _kept.stack = ExitStack()
+        _kept.submit = _kept.stack.enter_context(_pool(1, None, _KILLED))
+    begun_s = time.monotonic()
+    try:
+        result: Result = _kept.submit(partial(_bounded, work, limit_s), task).result()
+    except BrokenProcessPool:
+        del _kept.submit
+        return Lost(time.monotonic() - begun_s, limit_s)
+    return result
+
+
 def _bounded(work: Callable[[Task], Result], limit_s: float, task: Task) -> Result:
     """Do a task, or end this process: by a thread of C, for a library may hold Python's lock for ever."""
     faulthandler.dump_traceback_later(limit_s, exit=True, file=_nowhere())

@@ -14,17 +14,16 @@ from gtmbench.checks import one_line
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor
-from gtmbench.files.arrow_table import Row, described
+from gtmbench.files.arrow_table import described
 from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.report.figures.fleet import gyros_figure
+from gtmbench.report.page.fleet import fleet_page
 from gtmbench.report.page.flight import flight_page
-from gtmbench.report.tables.fleet import COLUMNS, fleet_row, worst_first
-from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.fleet import MEANING, counts_text, fleet_table, full_lines
-from gtmbench.study.log.log_fleet import LIMIT_S, Watching, conduct
+from gtmbench.report.tables.fleet import COLUMNS, fleet_row
+from gtmbench.study.log.log_fleet import LIMIT_S, Kept, Source, Watching, conduct
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import judge_text
@@ -33,10 +32,8 @@ from gtmbench.verdict.verdict import Outcome
 if TYPE_CHECKING:
     import pandas as pd
 
-TABLE, FIGURE, REPORT, PAGES = "fleet.parquet", "gyros.png", "report.md", "pages"
-_WIDTH = 140  # of the table, in characters
+TABLE, FIGURE, REPORT, PAGES = "fleet.parquet", "gyros.png", "fleet.html", "pages"
 _ODD = re.compile(r"[^A-Za-z0-9._-]")  # in a file's name
-_MARKS = re.compile(r"[|<`*\[\]\\]")
 
 
 def watch_fleet(
@@ -52,6 +49,8 @@ def watch_fleet(
     limits: Sequence[str] = (),
     limit_s: float = LIMIT_S,
     jobs: int = 1,
+    scheduler: str | None = None,
+    tls: Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> pd.DataFrame:
@@ -62,15 +61,15 @@ def watch_fleet(
     Parameters
     ----------
     sources : sequence of str or Path
-        Logs, patterns, and folders, which stand for all logs in them.
+        Logs, patterns, and folders, which stand for all logs in them; or addresses of objects, as fsspec takes them.
     detector, healthy, mapping, rate_hz, false_alarms_per_hour, judge, limits
         As in `watch_log`. Spans apply to each log, and other logs that serve as healthy aren't watched.
     out : str or Path
-        The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png``, ``report.md``, and of a page for each
+        The folder of the parts, one a log, of ``fleet.parquet``, ``gyros.png``, ``fleet.html``, and of a page for each
         log on which something failed or nobody can tell.
     limit_s : float
         Time limit for one log, in seconds.
-    jobs, resume, progress
+    jobs, scheduler, tls, resume, progress
         As `campaign` takes them.
 
     Returns
@@ -110,35 +109,53 @@ def watch_fleet(
         limit_s=limit_s,
     )
     logs = watching.logs_of(sources)
-    return written(logs, watching, Path(out), jobs=jobs, resume=resume, progress=progress).read().to_pandas()
+    parts = written(
+        logs, watching, Path(out), jobs=jobs, scheduler=scheduler, tls=tls, resume=resume, progress=progress
+    )
+    return parts.read().to_pandas()
 
 
 def written(
-    logs: Sequence[Path],
+    logs: Sequence[Source],
     watching: Watching,
     out: Path,
     *,
     jobs: int = 1,
+    scheduler: str | None = None,
+    tls: Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> Parts:
     """Watch what isn't in a folder yet, write what is made of all of it beside, and return the parts."""
-    row = partial(_row_with_page, pages=out.absolute() / PAGES, options=_options(watching))
-    parts = conduct(logs, watching, out, row=row, columns=COLUMNS, jobs=jobs, resume=resume, progress=progress)
+    parts = conduct(
+        logs,
+        watching,
+        out,
+        row=partial(_kept, options=_options(watching)),
+        keep=partial(_keep_page, out / PAGES),
+        columns=COLUMNS,
+        jobs=jobs,
+        scheduler=scheduler,
+        tls=tls,
+        resume=resume,
+        progress=progress,
+    )
     with atomic_folder(out) as aside:
         write_fleet(parts, aside, out / PAGES)
     return parts
 
 
-def _row_with_page(watched: WatchedLog, *, pages: Path, options: Sequence[str]) -> Row:
-    """Return what is kept of a log, and write its page where somebody will want to look at it."""
-    if watched.verdict.outcome is not Outcome.HEALTHY:
-        path = watched.log.path
-        pages.mkdir(exist_ok=True)
-        command = shlex.join(["gtmbench", "monitor", path.name, *options])
-        with atomic_write(pages / page_name(one_line(str(path)))) as aside:
-            aside.write_text(flight_page(watched, command), encoding="utf-8")
-    return fleet_row(watched)
+def _kept(watched: WatchedLog, *, options: Sequence[str]) -> Kept:
+    if watched.verdict.outcome is Outcome.HEALTHY:
+        return Kept(fleet_row(watched))
+    command = shlex.join(["gtmbench", "monitor", watched.log.path.name, *options])
+    return Kept(fleet_row(watched), flight_page(watched, command))
+
+
+def _keep_page(pages: Path, log: Source, page: str) -> None:
+    pages.mkdir(exist_ok=True)
+    with atomic_write(pages / page_name(one_line(str(log)))) as aside:
+        aside.write_text(page, encoding="utf-8")
 
 
 def _options(watching: Watching) -> list[str]:
@@ -171,9 +188,9 @@ def page_name(log: str) -> str:
 
 
 def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
-    """Write ``fleet.parquet``, a row a log in the order in which they were given, ``gyros.png`` and ``report.md``.
+    """Write ``fleet.parquet``, a row a log in the order in which they were given, ``gyros.png`` and ``fleet.html``.
 
-    Where no log tells anything of a gyro there is no figure. The report links to the pages that there are.
+    Where no log tells anything of a gyro there is no figure. ``fleet.html`` links to the pages that there are.
     """
     import pyarrow.parquet as pq
 
@@ -182,34 +199,8 @@ def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
     figure = gyros_figure(table.to_pandas())
     if figure is not None:
         figure.savefig(folder / FIGURE, dpi=110)
-    (folder / REPORT).write_text(_report(table.to_pylist(), pages, has_figure=figure is not None), encoding="utf-8")
-
-
-def _report(rows: list[Row], pages: Path, *, has_figure: bool) -> str:
-    """Return a table that is cut as on a screen, the figure, and every log's verdict in full."""
-    import pandas as pd
-
-    worst = worst_first(rows)
-    names, cells = fleet_table(worst, _WIDTH)
-    table = markdown(pd.DataFrame([[_as_text(cell) for cell in line] for line in cells], columns=names))
-    lines = [
-        "# A fleet of logs",
-        "",
-        counts_text(row["outcome"] for row in rows),
-        "",
-        table,
-        "",
-        f"{'; '.join(MEANING.values())}.",
-    ]
-    if has_figure:
-        lines += ["", f"![Each gyro's residual, bias and noise, flight by flight]({FIGURE})"]
-    for row in worst:
-        name = page_name(row["log"])
-        page = f" ([its page]({PAGES}/{name}))" if is_file(pages / name) else ""
-        lines += ["", f"**{_as_text(row['log'])}**{page}", *(f"- {_as_text(line)}" for line in full_lines(row))]
-    return "\n".join([*lines, ""])
-
-
-def _as_text(text: str) -> str:
-    """Return a text that Markdown takes for nothing else: files and logs may say anything."""
-    return _MARKS.sub(r"\\\g<0>", text)
+    rows = table.to_pylist()
+    names = {row["log"]: page_name(row["log"]) for row in rows}
+    own = {log: f"{PAGES}/{name}" for log, name in names.items() if is_file(pages / name)}
+    picture = (folder / FIGURE).read_bytes() if figure is not None else b""
+    (folder / REPORT).write_text(fleet_page(rows, own, picture), encoding="utf-8")

@@ -6,12 +6,16 @@ and results show it by that name (``levels/p``, ``peak_level``).
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.report.style import colours
-from gtmbench.study.trial import Trial
 from gtmbench.values.record import FloatArray, Span
+
+if TYPE_CHECKING:
+    from gtmbench.study.trial import Trial
 
 LOWEST, HIGHEST = 0.03, 1e6  # of levels on a logarithmic axis
 _MISSED_S = 60.0

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.bench.sensor_chain import IDEAL
 from gtmbench.bench.sensors import NOISES
 from gtmbench.checks import shown
-from gtmbench.detectors.function import FunctionDetector
-from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
-from gtmbench.detectors.registry import as_detector
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe, with_provenance
+from gtmbench.detectors.registry import prepared
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Tell
@@ -43,23 +42,6 @@ def own_detector(setup: Setup) -> DissertationOperator:
         threshold_factor=alarm.threshold_factor,
         threshold_s=alarm.threshold_s,
     )
-
-
-def prepared(given: Any) -> Detector | Monitor:
-    """Return whatever can serve as a detector as one; a plain function, which learns nothing, as a monitor at once.
-
-    Raises
-    ------
-    InputError
-        As `as_detector`.
-
-    Examples
-    --------
-    >>> is_ready(prepared(lambda record: [])), is_ready(prepared("C"))
-    (True, False)
-    """
-    detector = as_detector(given)
-    return detector.calibrate() if isinstance(detector, FunctionDetector) else detector
 
 
 def resolved(detectors: Sequence[object]) -> dict[str, Any]:
@@ -185,14 +167,6 @@ def _flights(flown: Flown, tell: Tell) -> list[Record]:
 
 def _seed(setup: Setup, number: int) -> int:
     return int((setup.seed + _SEEDS + number) % 2**31)
-
-
-def with_provenance(monitor: Monitor, origin: Mapping[str, Any]) -> Monitor:
-    """Say with a monitor on what it was calibrated, where it keeps such a thing."""
-    try:
-        return replace(monitor, provenance=dict(origin) | dict(monitor.provenance))  # type: ignore[type-var]
-    except (TypeError, ValueError):  # somebody's own class, without such a field, or one that it fills itself
-        return monitor
 
 
 def _origin(setup: Setup) -> dict[str, Any]:

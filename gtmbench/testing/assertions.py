@@ -10,6 +10,7 @@ import numpy as np
 
 from gtmbench.checks import number, shown
 from gtmbench.detectors.protocol import Monitor, Watch, is_ready, is_recipe
+from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.files.artefacts import artefacts
@@ -19,7 +20,6 @@ from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
-from gtmbench.study.watchers import prepared
 from gtmbench.testing.on_logs import Watching, hold_found, hold_quiet, is_flight
 from gtmbench.testing.shared_flights import calibration_records, standard_record
 from gtmbench.values.channels import unit_of

@@ -16,6 +16,7 @@ from gtmbench.checks import meant, number, shown
 from gtmbench.errors import InputError
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
+from gtmbench.values.recursive_filter import filtered
 
 STEEPEST_DEG = 85.0  # beyond, tan(theta) exceeds 11 and Euler angles turn faster than samples can follow
 FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator of which nothing is known
@@ -104,9 +105,8 @@ class AttitudeEstimator:
 
         d(k) = a (d(k-1) + Ts (u(k-1) + u(k))/2 - Ts b_d(k-1)) with b_d as in `bent`, as a filter of the second order.
 
-        >>> from scipy.signal import lfilter
         >>> b, a = AttitudeEstimator(time_constant_s=5.0).response(0.01)
-        >>> lfilter(b, a, np.full(2000, 2.0))[[100, 1999]].round(1)
+        >>> filtered(b, a, np.full(2000, 2.0))[[100, 1999]].round(1)
         array([1.8, 9.8])
         """
         kept = self.time_constant_s / (self.time_constant_s + period_s)
@@ -193,8 +193,6 @@ class AttitudeEstimator:
         It is linear but for f(d) = g(x + d, y_d - b_d) - g(x, y) - d + Ts b_d: d is filtered out of f of the last d,
         until it stays. What a turn carries from angle to angle is small beside what the references pull back.
         """
-        from scipy.signal import lfilter
-
         kept = self.time_constant_s / (self.time_constant_s + step_s)
         gain = step_s / (self.time_constant_s * self.bias_time_constant_s)
         over, under = (
@@ -210,7 +208,7 @@ class AttitudeEstimator:
             if np.abs(was[:, 1] + turned[:, 1]).max() > STEEPEST_DEG:
                 return None
             before = bend.copy()
-            bend[1:] = lfilter(over, under, turned - healthy + step_s * bias[:-1], axis=0)
+            bend[1:] = filtered(over, under, turned - healthy + step_s * bias[:-1])
             bias = gain * np.cumsum(bend, axis=0)
             if np.abs(bend - before).max() <= _SAME_DEG:
                 return bend

@@ -6,12 +6,12 @@ import click
 
 from gtmbench.cli.output import print_table
 
-from . import day, diagnosis, faults, flight, fresh, growth, identification, peers, residual, stream
+from . import commands, day, diagnosis, faults, flight, fresh, growth, identification, peers, residual, stream
 from .machine import machine
 from .results import rounded, write
 from .table import tables
 
-SECTIONS = ("identification", "fresh", "peers", "residual", "norm", "flight", "growth")
+SECTIONS = ("identification", "fresh", "commands", "peers", "residual", "norm", "flight", "growth")
 ALONE = ("stream", "faults", "diagnosis", "day")  # that are only measured when asked for
 ROUNDS, QUICK_ROUNDS = 7, 3
 
@@ -30,6 +30,7 @@ def measure(wanted: tuple[str, ...], *, quick: bool) -> dict:
         results["identification"] = identification.measure(rounds)
     sections = {
         "fresh": lambda: fresh.measure(rounds),
+        "commands": lambda: commands.measure(rounds),
         "peers": lambda: peers.measure(results["identification"], 1 if quick else 3, tell),
         "residual": lambda: residual.measure(rounds),
         "norm": lambda: residual.measure_norm(rounds),

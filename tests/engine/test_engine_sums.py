@@ -75,7 +75,7 @@ def columns(flight, signatures, products, beside):
         own = products(name, channel)
         equation = own.equation
         every = [
-            signatures.over(equation.relation, channel, equation.constants, int(place), onset, len(own.cells))
+            signatures.over(equation.relation, channel, equation.constants, int(place), onset, own.cells)
             for place in own.columns.own
         ]
         felt = np.column_stack([np.zeros(len(flight)) if each is None else each for each in every])
@@ -123,7 +123,7 @@ def lengths(brute, known):
 @pytest.mark.parametrize("name", EQUATIONS, ids="{0[0]} {0[1]}".format)
 def test_a_window_has_the_sums_of_brute_force(products, columns, name, onset, wander):
     own, every = products(*name), columns(*name, onset)
-    first, last = np.array([(a, len(own.cells) if b is None else b) for a, b in WINDOWS[onset]]).T
+    first, last = np.array([(a, own.cells if b is None else b) for a, b in WINDOWS[onset]]).T
     window = Sums(own, wander).window(np.full_like(first, onset), first, last)
     wandering = own.equation.wander if wander is None else wander
     known = 1 + own.regressors
@@ -154,7 +154,7 @@ def test_every_kind_of_signature_is_among_those_that_are_compared(signatures, pr
 def test_what_is_known_without_an_explanation_is_the_same_as_in_a_window(products, name):
     own = products(*name)
     sums = Sums(own)
-    first, last = np.array([(0, 1), (5, 23), (9, 10), (0, len(own.cells)), (40, 60), (80, len(own.cells))]).T
+    first, last = np.array([(0, 1), (5, 23), (9, 10), (0, own.cells), (40, 60), (80, own.cells)]).T
     window, known = sums.window(first, first, last), sums.known(first, last)
     assert known.shape == (6, 1 + own.regressors, 1 + own.regressors)
     for at in range(len(first)):

@@ -37,9 +37,9 @@ def summary(cls: type[Fault]) -> str:
 def api(text: str) -> str:
     """Return the public names with all classes of kinds."""
     names = sorted(cls.__name__ for cls in FAULTS.values())
-    text = re.sub(r"from gtmbench\.faults\.kinds\.\w+ import (\([^)]*\)|[^\n]*)\n", "", text)
-    imports = "".join(f"from {cls.__module__} import {cls.__name__}\n" for cls in FAULTS.values())
-    text = text.replace("from gtmbench.faults.intermittent", f"{imports}from gtmbench.faults.intermittent")
+    text = re.sub(r"    from gtmbench\.faults\.kinds\.\w+ import (\([^)]*\)|[^\n]*)\n", "", text)
+    imports = "".join(f"    from {cls.__module__} import {cls.__name__}\n" for cls in FAULTS.values())
+    text = text.replace("    from gtmbench.faults.intermittent", f"{imports}    from gtmbench.faults.intermittent")
     head, _, rest = text.partition("__all__ = [\n")
     listed = {*re.findall(r'"(\w+)"', rest), *names}
     text = head + "__all__ = [\n" + "".join(f'    "{name}",\n' for name in sorted(listed)) + "]\n"

@@ -31,7 +31,17 @@ def test_the_committed_figure_meets_its_target(results, section, key):
 
 
 def test_every_section_and_every_peer_is_there(results):
-    assert set(results) == {"machine", "identification", "fresh", "peers", "residual", "norm", "flight", "growth"}
+    assert set(results) == {
+        "machine",
+        "identification",
+        "fresh",
+        "commands",
+        "peers",
+        "residual",
+        "norm",
+        "flight",
+        "growth",
+    }
     assert set(results["peers"]) == set(SOLVERS)
     for name, row in results["peers"].items():
         assert row["note"], name

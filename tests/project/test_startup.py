@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+import gtmbench as gb
 from gtmbench.bench.excitation import EXCITATIONS
 from gtmbench.cli.app import app
 from gtmbench.cli.calibrate import calibrate_command
@@ -15,6 +16,7 @@ from gtmbench.detectors.registry import detector_names
 from gtmbench.faults.registry import FAULTS
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.study.healthy_records import CalibrationFlights
+from tests.helpers import monitors
 
 HEAVY = "numpy", "scipy", "pandas", "pyarrow", "rerun", "jsbsim", "matplotlib", "rich", "asyncio", "multiprocessing"
 PROBE = """
@@ -49,9 +51,29 @@ def test_the_package_alone_loads_nothing():
 
 
 def test_everything_public_loads_without_scipy_pandas_or_what_draws():
-    probe = "import sys, gtmbench.api; print(*{name.partition('.')[0] for name in sys.modules})"
+    probe = "import sys; from gtmbench.api import *; print(*{name.partition('.')[0] for name in sys.modules})"
     modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
     assert set(HEAVY) & set(modules) == {"asyncio", "jsbsim", "multiprocessing", "numpy"}
+
+
+def test_a_public_name_loads_what_it_needs_alone():
+    probe = "import sys, gtmbench as gb; dir(gb); gb.Drift; print(*sys.modules)"
+    modules = subprocess.run([sys.executable, "-c", probe], capture_output=True, text=True, check=True).stdout.split()
+    assert {name.partition(".")[0] for name in modules} & set(HEAVY) == {"numpy"}
+    assert "gtmbench.study" not in modules
+
+
+def test_a_watched_log_loads_what_watching_takes(tmp_path):
+    """Of what is heavy; scipy.signal and scipy.stats alone would take half a second."""
+    log = tmp_path / "flight.csv"
+    gb.write_log(monitors.record(2000, seed=5), log)
+    code, _, heavy = loaded_by(["monitor", str(log)])
+    assert (code in (0, 1, 3), heavy) == (True, {"numpy", "pandas", "pyarrow", "rich", "scipy"})
+    ended = subprocess.run(
+        [sys.executable, "-c", PROBE, "monitor", str(log)], capture_output=True, text=True, check=True
+    )
+    _, modules = json.loads(ended.stderr.splitlines()[-1])
+    assert not {"scipy.signal", "scipy.stats", "scipy.optimize", "scipy.interpolate", "scipy.ndimage"} & {*modules}
 
 
 def first_lines(objects):

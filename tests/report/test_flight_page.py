@@ -135,8 +135,8 @@ def test_a_fleets_report_links_to_the_pages_of_what_failed(cli, tmp_path):
     for name, bias in (("broken.csv", 4.0), ("well.csv", 0.0)):
         gb.write_log(record_with(bias, 110.0), tmp_path / name)
     assert cli("monitor", "broken.csv", "well.csv", "--healthy", "0:50", "--out", "fleet", "-q")[0] == 1
-    report = (tmp_path / "fleet/report.md").read_text()
-    (link,) = re.findall(r"\]\((pages/[^)]*)\)", report)
+    report = (tmp_path / "fleet/fleet.html").read_text()
+    (link,) = re.findall(r'href="(pages/[^"]*)"', report)
     assert link.startswith("pages/broken.csv-")
     assert "The pitch gyro (q) failed" in (tmp_path / "fleet" / link).read_text()
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.registry import prepared
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.task import rows_of
@@ -13,7 +14,6 @@ from gtmbench.study.fault_tables import spec_of
 from gtmbench.study.flights import fly_setup
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.scenario import AlarmSetup, Setup
-from gtmbench.study.watchers import prepared
 from gtmbench.values.attitude import ESTIMATORS
 from tests.helpers.campaigns import loaded, table, written
 from tests.helpers.hostile import refused

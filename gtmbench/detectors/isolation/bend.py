@@ -14,6 +14,7 @@ from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
+from gtmbench.values.recursive_filter import filtered
 
 # what an estimator may be that nobody tells of: each a factor of two or so from the next, which few faults tell apart
 CANDIDATES = (
@@ -97,9 +98,7 @@ class Bend:
         return self.about(record.replace(self._channel, healthy))
 
     def _passed(self, rates: FloatArray) -> FloatArray:
-        from scipy.signal import lfilter
-
-        return np.asarray(lfilter(*self.estimator.response(self._period_s), rates, axis=-1))
+        return np.moveaxis(filtered(*self.estimator.response(self._period_s), np.moveaxis(rates, -1, 0)), 0, -1)
 
     def response(self, frequency: FloatArray, angle: str, by: FloatArray) -> FloatArray:
         """Return what of a change of the gyro is in an angle, weighed row by row, at frequencies in rad a row."""
@@ -142,13 +141,11 @@ def undriven(estimator: AttitudeEstimator, residual: FloatArray, period_s: float
     u = e + tau e'' / (s + 1/tau_b), the inverse of what references leave of a change near wings level; the residual is
     to be smooth.
     """
-    from scipy.signal import lfilter
-
     steep = np.gradient(residual, period_s)
     bias_s = estimator.bias_time_constant_s
     if np.isfinite(bias_s):  # what was learnt of it has passed from the slope
         kept = bias_s / (bias_s + period_s)
-        steep = lfilter([kept, -kept], [1.0, -kept], steep)
+        steep = filtered([kept, -kept], [1.0, -kept], steep)
     return np.asarray(residual + estimator.time_constant_s * steep)
 
 

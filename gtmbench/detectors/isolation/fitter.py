@@ -540,4 +540,4 @@ def _felt(suspect: Suspect) -> dict[str, FloatArray]:
 
 
 def _lagged(values: FloatArray, lag_s: float, sample_period_s: float) -> FloatArray:
-    return lagged(values, lag_s, sample_period_s, (float(values[0]), 0.0))[0]
+    return lagged(values, lag_s, sample_period_s, (float(values[0]), 0.0, 0.0))[0]

@@ -92,7 +92,7 @@ def _known(model: Model, channels: Sequence[str]) -> BoolArray:
     for each in model.products:
         if own & {*each.columns.own.tolist()}:
             name = each.equation.relation.name
-            known[name] = known.get(name, np.zeros(model.cells, dtype=bool)) | (each.counts > 0.0)
+            known[name] = known.get(name, np.zeros(model.cells, dtype=bool)) | (np.diff(each.counts) > 0.0)
     return np.asarray(sum(known.values(), start=np.zeros(model.cells, dtype=int)) >= _WITNESSES)
 
 

@@ -44,7 +44,7 @@ _MOST = 2  # suspects that are told
 _OF_REST, _MOST_LIVELY = 1.5, 0.9  # by how much it may turn more there than elsewhere; of the liveliest blocks
 _BESIDE = 0.3  # of the evidence of a finding
 _MOVES_DEG_S, _AS_LIVELY = 1.5, 0.5  # while a sensor stands still; of what is usual
-_MAG = "magnetometer"
+_MAG, _BENDS = "magnetometer", "error"  # which change of a gyro may bend an attitude
 # of the field: the most that motors' currents add, by ArduPilot's limit of what can be flown with; in a tenth of a span
 _BY_CURRENTS, _MOST_OF_IT = 0.6, 0.9
 # who else enters the one comparison that shows a finding: what that doesn't know of may be theirs
@@ -259,12 +259,20 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
         for sensor, span in whole.accused
         if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
     ]
-    said = course_judged(whole.flight.without(broken), sensors)
+    beside = course_judged(whole.flight.without(broken), sensors)
+    bent = [each.text for each in whole.cleared.changes if each.of == _BENDS]
+    if bent:  # a gyro that nobody names may drive the attitude, by which every relation turns what sensors read
+        beside = replace(beside, found=tuple(_doubted_by(beside.course, each, bent[0]) for each in beside.found))
     if not {*COMMANDS} <= sensors.keys():
-        return said
+        return beside
     claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
-    commands = commands_judged(said.course.flight, sensors, [*claims, *said.claims], [*whole.found, *said.found])
-    return replace(said, commands=commands)
+    found = [*whole.found, *beside.found]
+    return replace(beside, commands=commands_judged(beside.course.flight, sensors, [*claims, *beside.claims], found))
+
+
+def _doubted_by(course: Course, finding: Finding, why: str) -> Finding:
+    """Return a finding that a bent attitude may be behind, with that doubt."""
+    return finding if _is_its_own(course, finding) else replace(finding, doubt=finding.doubt or why)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:

@@ -9,6 +9,7 @@ import numpy as np
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
+from gtmbench.values.recursive_filter import filtered
 
 _LAG_S, _LEAST_S = 1.0, 0.005  # the most that a link delays; a tenth of a sample at 20 Hz
 _IRON_DEG, _LEAST_DEG = 40.0, 1.0  # of a compass beside a motor; of one that is calibrated
@@ -49,11 +50,9 @@ def _lag(flight: Flight) -> Effect:
 
 def _iron(flight: Flight, *, is_east: bool) -> Effect:
     """Return a heading that is off by the sine, or cosine, of itself, as an estimator follows it."""
-    from scipy.signal import lfilter  # half a second to import
-
     psi = np.radians(flight.angles[:, 2])
     wrong = np.cos(psi) if is_east else np.sin(psi)
     step = flight.blocks.period_s
-    off = lfilter([step / _COMPASS_S], [1.0, -(1.0 - step / _COMPASS_S)], wrong - wrong[0]) + wrong[0]
+    off = filtered([step / _COMPASS_S], [1.0, -(1.0 - step / _COMPASS_S)], wrong - wrong[0]) + wrong[0]
     turning = flight.angle_axes[:, :, 2] * np.gradient(off, step)[:, np.newaxis]
     return Effect(turning=turning)

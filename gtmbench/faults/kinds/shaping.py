@@ -389,7 +389,7 @@ class Lag(Fault):
 
     def begin(self, before: FloatArray) -> State:
         """Rest at the last healthy sample."""
-        return float(before[0]), 0.0
+        return float(before[0]), 0.0, 0.0
 
     def distort(self, readings: FloatArray, elapsed_s: FloatArray, sample_period_s: float, carried: State) -> Distorted:
         """Filter a stretch."""

@@ -96,13 +96,22 @@ def read_raw(path: Path, part: str = "") -> RawLog:
     return with_dialect(_printable(form.read(path, part) if form.has_parts else form.read(path)))
 
 
+def is_log_name(name: str) -> bool:
+    """Whether a file that is called so goes by the name of a log.
+
+    >>> is_log_name("flight.ULG"), is_log_name("notes.txt")
+    (True, False)
+    """
+    return Path(name).suffix.lower() in (".csv", *(suffix for form in FORMATS for suffix in form.suffixes))
+
+
 def is_log(path: Path) -> bool:
     """Whether a file goes by the name of a log, or begins as one; any CSV does. Some folders are one log."""
     if is_log_folder(path):
         return True
     if not is_file(path):
         return False
-    if path.suffix.lower() in (".csv", *(suffix for form in FORMATS for suffix in form.suffixes)):
+    if is_log_name(path.name):
         return True
     try:
         with path.open("rb") as file:

@@ -20,7 +20,7 @@ _PANELS = {
     "bias_deg_s": "bias (deg/s)",
     "noise_deg_s": "noise (deg/s)",
 }
-_MOST_NAMES = 60  # under an axis
+_MOST_NAMES, _MOST_TICKS = 60, 200  # under an axis
 _SIGNED = "bias_deg_s"
 
 
@@ -41,15 +41,20 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
     figure, grid = panels(len(_PANELS), 1, (width, 7.5))
     axes = [row[0] for row in grid]
     at = np.arange(1, len(rows) + 1)
-    folders = np.array([str(Path(log).parent) for log in rows["log"]])
+    _, folders = np.unique([str(Path(log).parent) for log in rows["log"]], return_inverse=True)
+    order = np.argsort(folders, kind="stable")
+    parts = np.flatnonzero(np.diff(folders[order])) + 1
     for axis, (name, label) in zip(axes, _PANELS.items(), strict=True):
         for gyro in GYROS:
             values = rows[f"{gyro}_{name}"].to_numpy(dtype=float)
-            for folder in dict.fromkeys(folders):
-                own = folders == folder
-                axis.plot(at[own], values[own], "o-", ms=3.5, lw=0.8, color=COLOURS[gyro], label=gyro)
-        for place in at[(rows["outcome"] == "failed").to_numpy()]:
-            axis.axvspan(place - 0.4, place + 0.4, color=COLOURS["threshold"], alpha=0.15, lw=0.0, label="failed")
+            line = np.insert(values[order], parts, np.nan)  # a gap between folders
+            axis.plot(np.insert(at[order], parts, 0), line, "o-", ms=3.5, lw=0.8, color=COLOURS[gyro], label=gyro)
+        failed = [(place - 0.4, 0.8) for place in at[(rows["outcome"] == "failed").to_numpy()]]
+        if failed:
+            across = axis.get_xaxis_transform()
+            axis.broken_barh(
+                failed, (0.0, 1.0), transform=across, label="failed", color=COLOURS["threshold"], alpha=0.15, lw=0.0
+            )
         if name == _SIGNED:
             axis.axhline(0.0, color=COLOURS["healthy"], lw=0.8)
             axis.set_yscale("symlog", linthresh=0.1)
@@ -58,7 +63,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
             axis.set_yscale("log")
         axis.set_ylabel(label)
         axis.set_xlim(0.5, len(rows) + 0.5)
-        axis.set_xticks(at, [])
+        axis.set_xticks(at[:: -(-len(rows) // _MOST_TICKS)], [])
     if len(rows) <= _MOST_NAMES:
         stems = [as_it_is(Path(log).name) for log in rows["log"]]
         axes[-1].set_xticks(at, stems, rotation=60, ha="right", rotation_mode="anchor", fontsize="x-small")

@@ -48,14 +48,14 @@ def counts_text(outcomes: Iterable[str]) -> str:
     return f"{counted(counts.total(), 'log')}: {', '.join(parts)}"
 
 
-def full_lines(row: Mapping[str, Any]) -> list[str]:
-    """Return all that is said of a log."""
+def whole_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what a page shows of a row, under `HEAD`: nothing is cut."""
+    cells = _cells(row)
     if row["outcome"] == "error":
-        return [_error(row)]
-    autopilot = [] if row["autopilot"] is None else [f"autopilot: {row['autopilot']}"]
-    told = [row["verdict"], row["certificate"]]
+        return tuple({**cells, "log": row["log"]}.values())
     watched = f"{duration_text(row['watched_hours'])} watched of {row['start_s']:.2f} to {row['end_s']:.2f} s"
-    return [*told, *autopilot, f"{watched}, by {row['monitor']}, at {row['rate_hz']:.4g} Hz"]
+    told = f"{row['verdict']} {row['certificate']} {watched}, by {row['monitor']}, at {row['rate_hz']:.4g} Hz"
+    return tuple({**cells, "log": row["log"], "verdict": told}.values())
 
 
 def _cells(row: Mapping[str, Any]) -> dict[str, str]:

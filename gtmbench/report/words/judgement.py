@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from gtmbench.bench.loop_flight import DEPARTURE, ENVELOPE, OUT_OF_LOOP, LoopEvent
 from gtmbench.detectors.accommodate import GIVEN_BACK, OUT_OF_DATE, REPLACED, SUSPECTED, UNCERTAIN
@@ -16,9 +17,11 @@ from gtmbench.faults.registry import loaded_faults
 from gtmbench.report.score_units import norm_of
 from gtmbench.report.words.units import per_second, percent_text, with_interval
 from gtmbench.study.score import first_after
-from gtmbench.study.trial import Injection, Trial
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
+
+if TYPE_CHECKING:
+    from gtmbench.study.trial import Injection, Trial
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET, _CLOSE_S = "onset_s", 0.1  # an interval that short isn't told

@@ -66,7 +66,7 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
     --------
     >>> from gtmbench.study.scenario import AlarmSetup
     >>> setup = Setup(duration_s=60.0, noise="t2", snr=None, alarm=AlarmSetup(healthy_records=1))
-    >>> from gtmbench.study.watchers import prepared
+    >>> from gtmbench.detectors.registry import prepared
     >>> (row,) = rows_of(Task(number=0, setup=setup, faults=()), {"none": prepared(lambda record: [])})
     >>> row["detector"], row["noise_seed"], row["false_alarms"], round(3600 * row["armed_hours"])
     ('none', 1, 0, 35)

@@ -13,7 +13,7 @@ import numpy as np
 from gtmbench.checks import naming
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import kind_of, load_monitor, save_monitor
-from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe
+from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe, with_provenance
 from gtmbench.detectors.registry import as_detector
 from gtmbench.detectors.statistics.thresholds import Luck
 from gtmbench.errors import InputError
@@ -24,7 +24,7 @@ from gtmbench.study.campaign.task import Watchers
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.run import knowing
 from gtmbench.study.scenario import Setup
-from gtmbench.study.watchers import OWN, Calibrator, is_tied, own_detector, with_provenance
+from gtmbench.study.watchers import OWN, Calibrator, is_tied, own_detector
 from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 

@@ -10,9 +10,9 @@ from gtmbench.checks import number
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
+from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.study.log.origin import check_attitude
-from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
 

@@ -38,7 +38,8 @@ _SHORTEST_S = 5.0  # that a bank is calibrated on
 _BLOCK_S, _FEWEST = 2.0, 6
 _BEYOND, _STANDS_OUT = 6.0, 3.0  # times what such motion leaves elsewhere
 _TOUCHING_S = 0.25
-_ALIKE = 1.0 / 3.0  # of the blocks: those whose motion is nearest
+_ABOUT_S = 1200.0  # about what was learnt: as much again, where that is the usual 300 s, four times
+_ALIKE, _MOST_ALIKE = 1.0 / 3.0, 300  # of the blocks: those whose motion is nearest; so many say a median to 7 %
 
 RESET, GROUND = "an estimator's reset", "on the ground"
 RESIDUAL = f"their residuals are more than {_BEYOND:g} times what such motion leaves elsewhere"
@@ -182,7 +183,7 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
 
 
 def stands_out(detector: Detector, log: FlightLog, spans: Sequence[Span]) -> bool:
-    """Tell whether in some spans of a log a residual is large beside what the same motion leaves elsewhere in it.
+    """Tell whether in some spans of a log a residual is large beside what the same motion leaves elsewhere about them.
 
     Three times so is little, and says no more than that somebody should look there who wasn't learnt on it.
 
@@ -195,7 +196,13 @@ def stands_out(detector: Detector, log: FlightLog, spans: Sequence[Span]) -> boo
     bank = detector.bank if isinstance(detector, BankDetector) else None
     if bank is None or not _kinematic(bank):
         return True  # nobody knows
-    stretches, _ = healthy_stretches([(log, log.segments)], detector.channels)
+    first_s, last_s = min(start_s for start_s, _ in spans) - _ABOUT_S, max(end_s for _, end_s in spans) + _ABOUT_S
+    near = [
+        record.between(max(first_s, record.start_s), min(last_s, record.end_s))
+        for record in log.segments
+        if record.start_s < last_s and record.end_s > first_s
+    ]
+    stretches, _ = healthy_stretches([(log, near)], detector.channels)
     found = [left.span for left, _ in _beyond(stretches, bank, _STANDS_OUT)]
     return any(start_s < of[1] and end_s > of[0] for start_s, end_s in found for of in spans)
 
@@ -286,7 +293,7 @@ def _beyond(stretches: Stretches, bank: Bank, times: float) -> list[tuple[LeftOu
             if len(there) >= 0.5 * len(rows):
                 motion = min(predicted[there].sum(axis=1).mean(), read[there].sum(axis=1).mean())
                 squares.append([*left[there].mean(axis=0), motion])
-                spans.append((float(record.time_s[rows[0]]), float(record.time_s[rows[-1]])))
+                spans.append((record.time_at(rows[0]), record.time_at(rows[-1])))
                 logs.append(log.path)
     if len(squares) < _FEWEST:
         return []
@@ -323,11 +330,13 @@ def ratios(residuals: FloatArray, motion: FloatArray) -> FloatArray:
     >>> ratios(np.array([[1.0], [1.0], [2.0], [9.0], [1.0], [1.0], [1.0]]), np.array([1.0, 1, 2, 1, 1, 1, 1]))
     array([1., 1., 1., 9., 1., 1., 1.])
     """
-    nearest = max(3, round(_ALIKE * len(motion)))
+    nearest = min(max(3, round(_ALIKE * len(motion))), _MOST_ALIKE)
     size = np.log(np.maximum(motion, 1e-9))
+    by_size = np.argsort(size, kind="stable")
     found = np.zeros(len(motion))
-    for place in range(len(motion)):
-        by_distance = np.argsort(np.abs(size - size[place]), kind="stable")
+    for at, place in enumerate(by_size):
+        around = by_size[max(at - nearest, 0) : at + nearest + 1]
+        by_distance = around[np.argsort(np.abs(size[around] - size[place]), kind="stable")]
         others = by_distance[by_distance != place][:nearest]
         more = np.maximum(1.0, np.exp(size[place] - size[others]))
         expected = np.median(residuals[others] * more[:, np.newaxis], axis=0)

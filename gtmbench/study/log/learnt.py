@@ -12,7 +12,7 @@ from typing import Protocol, runtime_checkable
 
 from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.monitor.regime import Regime
-from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
+from gtmbench.detectors.protocol import Detector, Monitor, is_recipe, with_provenance
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.healthy import Healthy, chosen
@@ -21,7 +21,6 @@ from gtmbench.study.log.opened import Opened, but_heading
 from gtmbench.study.log.opened import opened as opened_anew
 from gtmbench.study.log.records import outside, whole_s
 from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, Doubt, SelfCheck, check_identified, check_wiring
-from gtmbench.study.watchers import with_provenance
 from gtmbench.values.channels import axis_of
 from gtmbench.values.record import Record, Span
 

@@ -8,32 +8,36 @@ from __future__ import annotations
 import glob
 import hashlib
 import os
+import pickle
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
 from gtmbench.checks import number, one_line, shown, whole
 from gtmbench.detectors.bank.composed import AUTO
+from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.arrow_table import Column, Row, table_of
-from gtmbench.files.disk import UnwrittenError, is_file
+from gtmbench.files.disk import is_file
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
-from gtmbench.intake.formats.registry import is_log
+from gtmbench.intake.formats.registry import is_log, is_log_name
 from gtmbench.intake.mapping import split_mapping
+from gtmbench.intake.objects import fetched, is_address, object_digest, objects_in
 from gtmbench.intake.one_flight import is_log_folder
+from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
 from gtmbench.jobs.parts import Parts, holds_parts, parts_in, read_parts
-from gtmbench.jobs.processes import Lost, survived
+from gtmbench.jobs.processes import Lost, survived, survived_one
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.study.watchers import prepared
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
 
@@ -43,6 +47,14 @@ MOST_LOGS = 20_000
 _LIBRARIES = ("numpy", "scipy", "pandas")  # whose versions rows hang on
 _WILD = re.compile(r"[*?\[]")
 _DIGITS = re.compile(r"(\d+)")
+Source: TypeAlias = Path | str  # a file, or an object's address
+
+
+class Kept(NamedTuple):
+    """What is kept of a log: its row, and a page where somebody will want to look at one."""
+
+    row: Row
+    page: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,9 +106,12 @@ class Watching:
             if isinstance(each, Path) and not is_file(each):
                 raise InputError(f"no file {each}, which is to be identified on; give a span in seconds, or a log")
 
-    def logs_of(self, sources: Sequence[str | Path]) -> tuple[Path, ...]:
-        """Return the logs that are meant, as `logs_in` does, but for those that serve as healthy."""
-        return logs_in(sources, apart=[each for each in self.healthy if isinstance(each, Path)])
+    def logs_of(self, sources: Sequence[Source]) -> tuple[Source, ...]:
+        """Return the logs that are meant, as `logs_in` and `objects_in` do, but for those that serve as healthy."""
+        files = [each for each in sources if not is_address(each)]
+        apart = [each for each in self.healthy if isinstance(each, Path)]
+        objects = [log for each in sources if is_address(each) for log in _logs_at(each)]
+        return (*(logs_in(files, apart=apart) if files or not objects else ()), *dict.fromkeys(objects))
 
     def files(self) -> tuple[str, ...]:
         """Return the files of the user's own that the detector, and kinds of faults, stand in."""
@@ -118,6 +133,15 @@ class Watching:
             "limits": list(self.limits),
             "python": digests_of(self.files()),
         }
+
+
+def _logs_at(address: str) -> list[str]:
+    """Return the logs that an address means: one, or those of a folder or a pattern, by their names."""
+    found = objects_in(address)
+    logs = found if found == [address] else sorted(filter(is_log_name, found), key=_in_order)
+    if not 0 < len(logs) <= MOST_LOGS:
+        raise InputError(f"{address} holds {len(logs)} logs, by their names; give an address of 1 to {MOST_LOGS:,}")
+    return logs
 
 
 def logs_in(sources: Sequence[str | Path], *, apart: Sequence[Path] = ()) -> tuple[Path, ...]:
@@ -193,19 +217,22 @@ def _within(folder: Path) -> Iterator[Path]:
         yield from (path for name in files if not name.startswith(".") and is_log(path := Path(here, name)))
 
 
-def _in_order(path: Path) -> list[tuple[bool, int, str]]:
+def _in_order(path: Source) -> list[tuple[bool, int, str]]:
     """Return what sorts paths as one reads them, 9 before 10."""
     return [(not part.isdigit(), int(part) if part.isdecimal() else 0, part) for part in _DIGITS.split(str(path))]
 
 
 def conduct(
-    logs: Sequence[Path],
+    logs: Sequence[Source],
     watching: Watching,
     out: Path,
     *,
-    row: Callable[[WatchedLog], Row],
+    row: Callable[[WatchedLog], Kept],
+    keep: Callable[[Source, str], None],
     columns: Mapping[str, Column],
     jobs: int = 1,
+    scheduler: str | None = None,
+    tls: Path | None = None,
     resume: bool = False,
     progress: Progress = silent,
 ) -> Parts:
@@ -213,17 +240,23 @@ def conduct(
 
     Parameters
     ----------
-    logs : sequence of Path
+    logs : sequence of Path, or str for an object's address
     watching : Watching
     out : Path
         The folder of the parts; made where there is none.
     row : callable
         What is kept of a watched log, picklable.
+    keep : callable
+        Given a log and its page, here, before its row is a part.
     columns : mapping
         Of a row; among them task, log, outcome and error, which a log that couldn't be watched has.
     jobs : int
         Processes. The caller's main module is imported by each of them, so a script needs its
         ``if __name__ == "__main__":``.
+    scheduler : str, optional
+        Of a Dask cluster, which does the work instead: workers read the logs, by paths that they share or addresses.
+    tls : Path, optional
+        The folder of its certificates.
     resume : bool
         Whether the folder may hold parts already.
     progress : callable
@@ -238,22 +271,52 @@ def conduct(
     """
     watching.check()
     whole("jobs", jobs, 1, 1000)
+    if scheduler is not None:
+        check_cluster(scheduler, tls, partial(code_facts, _LIBRARIES))
     _check_rows(out)
     facts = {"rows": SCHEMA, "watching": watching.facts(), "versions": code_facts(_LIBRARIES)}
-    of = {tuple(_file_fact(path)): path for path in logs}
+    of = {tuple(_file_fact(log)): log for log in logs}
     with parts_in(out, what=WHAT, tasks=len(logs), facts=facts, items=list(of), resume=resume) as parts:
         todo, logs = parts.todo(), [of[tuple(item)] for item in parts.items]
-        work = partial(_row_of, watching=watching, row=row)
-        begin = partial(load_files, watching.files())
         progress("logs", 0, len(todo))
-        made = survived(work, (logs[task] for task in todo), processes=jobs, limit_s=watching.limit_s, begin=begin)
+        made = _made([logs[task] for task in todo], watching, row, jobs, scheduler, tls)
         for finished, (place, told) in enumerate(made, 1):
             task = todo[place]
-            cells = _lost(told) if isinstance(told, Lost) else told
-            rows = [{**cells, "task": task, "log": one_line(str(logs[task]))}]
+            kept = _lost(told) if isinstance(told, Lost) else told
+            if kept.page:
+                keep(logs[task], kept.page)
+            rows = [{**kept.row, "task": task, "log": one_line(str(logs[task]))}]
             parts.write(task, table_of(rows, columns, schema=SCHEMA))
             progress("logs", finished, len(todo))
         return parts
+
+
+def _made(
+    logs: Sequence[Source],
+    watching: Watching,
+    row: Callable[[WatchedLog], Kept],
+    jobs: int,
+    scheduler: str | None,
+    tls: Path | None,
+) -> Iterator[tuple[int, Kept | Lost]]:
+    """Give what is kept of each log, as soon as it is watched."""
+    if scheduler is None:
+        work, begin = partial(_kept_of, watching=watching, row=row), partial(load_files, watching.files())
+        return survived(work, logs, processes=jobs, limit_s=watching.limit_s, begin=begin)
+    ready = replace(watching, detector=prepared(watching.detector))  # workers have no file of a monitor
+    packed = pickle.dumps(partial(_kept_of, watching=ready, row=row))
+    one = partial(_on_worker, files=watching.files(), packed=packed, limit_s=watching.limit_s)
+    return completed_on_cluster(one, logs, scheduler=scheduler, tls=tls, killed=lambda _: Lost(0.0, watching.limit_s))
+
+
+def _on_worker(log: Source, *, files: Sequence[str], packed: bytes, limit_s: float) -> Kept | Lost:
+    return survived_one(partial(_unpacked, files=files, packed=packed), log, limit_s=limit_s)
+
+
+def _unpacked(log: Source, *, files: Sequence[str], packed: bytes) -> Kept:
+    load_files(files)
+    kept: Kept = pickle.loads(packed)(log)  # noqa: S301  our own, from the process that conducts
+    return kept
 
 
 def _check_rows(out: Path) -> None:
@@ -269,24 +332,23 @@ def _check_rows(out: Path) -> None:
         )
 
 
-def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row]) -> Row:
+def _kept_of(log: Source, *, watching: Watching, row: Callable[[WatchedLog], Kept]) -> Kept:
     """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
     try:
-        return row(
-            watch_log(
-                path,
-                watching.detector,
-                healthy=watching.healthy,
-                mapping=watching.mapping,
-                rate_hz=watching.rate_hz,
-                false_alarms_per_hour=watching.false_alarms_per_hour,
-                attitude=watching.attitude,
-                judge=watching.judge,
-                limits=watching.limits,
+        with fetched(log) if isinstance(log, str) else nullcontext(log) as path:
+            return row(
+                watch_log(
+                    path,
+                    watching.detector,
+                    healthy=watching.healthy,
+                    mapping=watching.mapping,
+                    rate_hz=watching.rate_hz,
+                    false_alarms_per_hour=watching.false_alarms_per_hour,
+                    attitude=watching.attitude,
+                    judge=watching.judge,
+                    limits=watching.limits,
+                )
             )
-        )
-    except UnwrittenError:  # of a page: there is nothing wrong with the log
-        raise
     except GtmbenchError as error:
         return _failed(str(error))
     except MemoryError:
@@ -295,18 +357,18 @@ def _row_of(path: Path, *, watching: Watching, row: Callable[[WatchedLog], Row])
         return _failed(f"{type(error).__name__}: {error}")
 
 
-def _lost(told: Lost) -> Row:
+def _lost(told: Lost) -> Kept:
     if told.is_late:
         return _failed(f"it took longer than {told.limit_s:g} s; cut the log, or give it more time")
     return _failed("its process was killed (no memory?); cut the log, or use fewer processes")
 
 
-def _failed(why: str) -> Row:
-    return {"outcome": "error", "error": one_line(why)}
+def _failed(why: str) -> Kept:
+    return Kept({"outcome": "error", "error": one_line(why)})
 
 
-def _file_fact(path: Path) -> list[Any]:
-    return [one_line(str(path)), _digest(path)]
+def _file_fact(log: Source) -> list[Any]:
+    return [one_line(str(log)), object_digest(log) if isinstance(log, str) else _digest(log)]
 
 
 def _digest(path: Path) -> str | None:

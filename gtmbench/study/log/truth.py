@@ -24,6 +24,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
+from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.flight_log import FlightLog
@@ -35,7 +36,6 @@ from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.study.log.records import whole_s
 from gtmbench.study.log.watch import watch_log
 from gtmbench.study.log.watched import WatchedLog
-from gtmbench.study.watchers import prepared
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 

@@ -283,10 +283,10 @@ def concluded(said: Said, swap: Swap | None = None) -> WatchedLog:
     is_bent = opened.bends or (opened.attitude is not None and opened.is_driven and not opened.attitude.is_assumed)
     if is_bent or not first.moving:  # an attitude that a broken gyro bends shows it on other axes, too
         return first
-    later = second_faults(first.monitor, first.watches, said.learnt.before)
-    if not later:
-        return first
     shifted = shifted_gyros(first.evidence)  # by the attitude over the whole log, whatever a bank was learnt on
+    if not shifted:
+        return first
+    later = second_faults(first.monitor, first.watches, said.learnt.before)
     return replace(first, later=tuple(alarm for alarm in later if alarm.sensor in shifted))
 
 

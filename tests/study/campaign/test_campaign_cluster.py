@@ -2,8 +2,6 @@
 
 import contextlib
 import importlib.metadata
-import json
-import os
 import shutil
 import signal
 import socket
@@ -11,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
@@ -20,46 +17,11 @@ from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
 from gtmbench.jobs.parts import read_parts
 from gtmbench.study.campaign.conduct import conduct, versions
 from tests.helpers.campaigns import TINY, asserts, fails, loaded, results, written
+from tests.helpers.clusters import ROOT, Cluster
 
 pytest.importorskip("distributed", reason="no extra [scale]")
 
-ROOT = Path(__file__).parents[3]
 MORE = TINY.replace("1:8", "1:12")
-
-
-class Cluster:
-    """A scheduler and its workers, a process each."""
-
-    def __init__(self, folder, *options, workers=2, path=ROOT):
-        self._path = path
-        self._file = folder / "scheduler.json"
-        self._options = options
-        self._processes = []
-        self.scheduler = self._begin("scheduler", "--host", "127.0.0.1", "--port", "0", "--no-show", "--no-dashboard")
-        self.workers = [self._worker() for _ in range(workers)]
-
-    @property
-    def address(self):
-        for _ in range(600):
-            with contextlib.suppress(OSError, ValueError, KeyError):
-                return json.loads(self._file.read_text())["address"]
-            time.sleep(0.05)
-        raise AssertionError("no scheduler")
-
-    def _worker(self):
-        return self._begin("worker", "--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
-
-    def _begin(self, what, *options):
-        environment = {**os.environ, "PYTHONPATH": str(self._path), "OPENBLAS_NUM_THREADS": "1"}
-        command = [sys.executable, "-m", "dask", what, "--scheduler-file", self._file, *options, *self._options]
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self._processes.append(process)
-        return process
-
-    def end(self):
-        for process in self._processes:
-            process.kill()
-            process.wait()
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
 from gtmbench.report.words.fleet import fleet_table
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.log_fleet import Watching, conduct, logs_in
+from gtmbench.study.log.log_fleet import Kept, Watching, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
 from gtmbench.verdict.scope import Scope
@@ -95,14 +96,15 @@ def test_a_row_is_what_the_log_alone_comes_to(flown):
     assert alone == {name: row[name] for name in alone}
 
 
-def test_the_report_and_the_figure_stand_beside(flown):
-    text = (flown / "out/report.md").read_text()
-    lines = [line for line in text.splitlines() if line.startswith("| flight_")]
+def test_the_page_and_the_figure_stand_beside(flown):
+    text = (flown / "out/fleet.html").read_text()
+    lines = [line for line in text.splitlines() if line.startswith("<tr><td")]
     assert ["flight_10" in lines[0], "flight_11" in lines[1], "flight_9" in lines[2]] == [True] * 3
-    assert all(row["verdict"] in text for row in rows_of(flown).values() if row["verdict"])
+    assert all(escape(row["verdict"]) in text for row in rows_of(flown).values() if row["verdict"])
+    assert 'href="pages/flight_10.csv-' in lines[0]
     assert "it names columns, and holds no row of values" in text
     assert (flown / "out/gyros.png").read_bytes().startswith(b"\x89PNG")
-    assert "](gyros.png)" in (flown / "out/report.md").read_text()
+    assert "data:image/png;base64,iVBOR" in text
 
 
 def test_what_is_lost_is_done_anew_to_the_same_bytes(fleet, capsys):
@@ -201,7 +203,19 @@ def row_or_worse(watched):
         raise RecursionError("deep\nin it")
     if watched.log.path.stem == "dies":
         os.kill(os.getpid(), signal.SIGKILL)
-    return fleet_row(watched)
+    return Kept(fleet_row(watched))
+
+
+def row_alone(watched):
+    return Kept(fleet_row(watched))
+
+
+def row_with_page(watched):
+    return Kept(fleet_row(watched), "page")
+
+
+def forget(_log, _page):
+    """Keep no page."""
 
 
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
@@ -209,7 +223,13 @@ def test_a_log_that_kills_its_process_does_not_stop_the_others(tmp_path):
     logs = small_logs(tmp_path, ["a.csv", "dies.csv", "raises.csv", "z.csv"])
     told = []
     parts = conduct(
-        logs, SMALL, tmp_path / "out", row=row_or_worse, columns=COLUMNS, progress=lambda *step: told.append(step)
+        logs,
+        SMALL,
+        tmp_path / "out",
+        row=row_or_worse,
+        keep=forget,
+        columns=COLUMNS,
+        progress=lambda *step: told.append(step),
     )
     rows = parts.read().to_pylist()
     assert [row["outcome"] for row in rows] == ["healthy", "error", "error", "healthy"]
@@ -218,15 +238,15 @@ def test_a_log_that_kills_its_process_does_not_stop_the_others(tmp_path):
     assert told == [("logs", done, 4) for done in range(5)]
 
 
-def no_page(_):
+def no_page(_log, _page):
     raise unwritten(Path("page.html"), OSError(errno.ENOSPC, "full"))
 
 
 def test_a_full_disk_is_no_logs_fault_and_ends_the_fleet(tmp_path):
     logs, out = small_logs(tmp_path, ["log.csv"]), tmp_path / "out"
     with pytest.raises(gb.GtmbenchError, match=r"can't write page.html: No space left on device"):
-        conduct(logs, SMALL, out, row=no_page, columns=COLUMNS)
-    parts = conduct(logs, SMALL, out, row=fleet_row, columns=COLUMNS, resume=True)
+        conduct(logs, SMALL, out, row=row_with_page, keep=no_page, columns=COLUMNS)
+    parts = conduct(logs, SMALL, out, row=row_alone, keep=forget, columns=COLUMNS, resume=True)
     assert [row["outcome"] for row in parts.read().to_pylist()] == ["healthy"]
 
 
@@ -299,9 +319,9 @@ def test_the_figure_joins_flights_of_one_folder(flown):
     assert gyros_figure(frame[frame["outcome"] == "error"]) is None
     frame["log"] = ["one/a.csv", "two/$x$.csv", "one/c.csv"]
     axes = gyros_figure(frame).axes
-    (first, second), values = (axes[0].get_lines()[place] for place in (0, 1)), frame["p_residual_rms_deg_s"].to_numpy()
-    np.testing.assert_array_equal(first.get_ydata(), values[[0, 2]])
-    np.testing.assert_array_equal(second.get_ydata(), values[[1]])
+    line, values = axes[0].get_lines()[0], frame["p_residual_rms_deg_s"].to_numpy()
+    np.testing.assert_array_equal(line.get_ydata(), [values[0], values[2], np.nan, values[1]])
+    np.testing.assert_array_equal(line.get_xdata()[[0, 1, 3]], [1, 3, 2])
 
 
 def test_long_words_are_cut(flown):

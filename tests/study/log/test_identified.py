@@ -185,3 +185,13 @@ def test_a_log_without_anything_to_identify_on_leaves_it_to_the_others(log):
     assert [len(record) for record in found.records] == [len(log.segments[0])]
     with pytest.raises(gb.InputError, match="nothing that is healthy"):
         healthy_stretches([(log, [])], NEEDED)
+
+
+def test_of_a_long_log_a_block_is_compared_with_those_of_about_its_motion():
+    """What is left grows with the motion, and beside a floor: only what moves alike leaves as much."""
+    draw = np.random.default_rng(3)
+    motion = np.exp(draw.standard_normal(3000))
+    left = (0.5 + motion)[:, np.newaxis] * np.exp(0.1 * draw.standard_normal((3000, 1)))
+    assert np.quantile(ratios(left, motion), [0.01, 0.99]) == pytest.approx([0.8, 1.25], abs=0.1)
+    left[7] *= 5.0
+    assert ratios(left, motion)[7] == pytest.approx(5.0, rel=0.4)

@@ -1,0 +1,49 @@
+"""Recursive filters as a triangular solve: scipy.signal, which has them, takes half a second to import."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from gtmbench.values.record import FloatArray
+
+
+def filtered(
+    over: Sequence[float] | FloatArray,
+    under: Sequence[float] | FloatArray,
+    signal: FloatArray,
+    before: tuple[float, float] = (0.0, 0.0),
+) -> FloatArray:
+    """Return a signal behind a recursive filter along its first axis, as `scipy.signal.lfilter` does.
+
+    y(k) = sum_i b_i u(k - i) - sum_{j >= 1} a_j y(k - j), all k; with T the banded lower triangle of ones and a_j, T y
+    is the first sum.
+
+    Parameters
+    ----------
+    over, under : sequence of float
+        b and a; a begins with 1.
+    signal : shape (rows, ...)
+        Finite.
+    before : tuple of float
+        u and y of the row before the first; before that all is zero.
+
+    Returns
+    -------
+    The same shape.
+
+    >>> filtered([1.0], [1.0, -0.5], np.array([1.0, 0.0, 0.0]))
+    array([1.  , 0.5 , 0.25])
+    """
+    from scipy.linalg import blas
+
+    rows = len(signal) + 1
+    columns = np.concatenate([np.full((1, *signal.shape[1:]), before[0]), signal]).reshape(rows, -1).T
+    driven = np.zeros(columns.shape)
+    for late, weight in enumerate(over):
+        driven[:, late:] += weight * columns[:, : rows - late]
+    driven[:, 0] = before[1]
+    order = min(len(under), rows) - 1
+    bands = np.repeat(np.asarray(under, dtype=float)[: order + 1, np.newaxis], rows, axis=1)
+    if order > 0:
+        driven = np.array([blas.dtbsv(order, bands, each, lower=1, diag=1) for each in driven])
+    return driven[:, 1:].T.reshape(signal.shape)

@@ -1,0 +1,20 @@
+"""A gyro that nobody is named for may bend the attitude: then no other sensor is named by it."""
+
+import gtmbench as gb
+from gtmbench.values.attitude import ESTIMATORS
+from gtmbench.verdict.timeline import State
+
+
+def test_no_accelerometer_is_named_by_an_attitude_that_a_gyro_bends(tmp_path):
+    """Two gyros fail, the first of which isn't named; through a filter of 20 s it leans the attitude by tens of deg."""
+    healthy = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=150.0, seed=730105), snr=50, seed=730105)
+    broken = gb.inject(healthy, gb.Bias(channel="p", onset_s=34.584, size=3.0))
+    broken = gb.inject(broken, gb.Bias(channel="q", onset_s=84.584, size=6.0))
+    gb.write_log(ESTIMATORS["filter 20 s"].bent(healthy, broken), tmp_path / "flight.csv")
+    watched = gb.watch_log(tmp_path / "flight.csv", "auto")
+    assert any(change.of == "error" for change in watched.judged.cleared.changes)
+    assert any(finding.best.suspect == "ny" for finding in watched.course.found)
+    failed = {
+        sensor for sensor in watched.timeline.sensors if watched.timeline.of(sensor, State.FAILED, State.SUSPECTED)
+    }
+    assert failed <= {"p", "q", "phi", "theta"}
