@@ -107,7 +107,13 @@ COMMANDS = {
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
 # what stays, for the next run to go on, or to be looked at
-KEPT = {"campaign": "out/", "fleet": "fleet/", "flights": "flights/", "scored": "scored/", "live": ("saved.tlog", "live.rrd")}
+KEPT = {
+    "campaign": "out/",
+    "fleet": "fleet/",
+    "flights": "flights/",
+    "scored": "scored/",
+    "live": ("saved.tlog", "live.rrd"),
+}
 FOUND = {
     "diff": 1,
     "monitor": 3,

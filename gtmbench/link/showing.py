@@ -55,7 +55,7 @@ class Told(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What became of a recording: the files, one for each clock; rows left out; what went wrong; the file it was for."""
+    """What became of a recording: the files, one for each clock; rows left out; what went wrong; the file asked for."""
 
     paths: tuple[Path, ...] = ()
     left_out: int = 0

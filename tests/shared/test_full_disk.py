@@ -69,3 +69,11 @@ def test_a_link_that_isnt_all_recorded_isnt_called_so_and_ends_with_2_unless_som
     assert f"not all recorded: {recorded}: {os.strerror(errno.EFBIG)}; it holds what came before" in printed.err
     assert "recorded: " not in printed.out
     assert ended.value.code == code
+
+
+def test_a_folder_that_cant_be_made_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pathlib.Path.mkdir", full)
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "--quick", "--any-versions", "--detector", "limits", "--out", str(tmp_path / "scored")])
+    assert ended.value.code == 2
+    assert f"can't write {tmp_path / 'scored'}: No space left on device" in capsys.readouterr().err
