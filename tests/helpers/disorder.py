@@ -5,13 +5,6 @@ import random
 ABSURD = ("1e30", "-1e30", "nan", "inf", "", "0", "x", "1e-320", "9007199254740993", "2026-11-30")
 # a pause of hours costs what a flight does (docs/reference/nightly.md)
 JUMPS_S = (1e-9, 0.05, 1.0, 60.0, 4000.0, 2.0**53)
-    1e-9,
-    0.05,
-    1.0,
-    60.0,
-    4000.0,
-    2.0**53,
-)  # a pause of hours costs what a flight does: docs/reference/nightly.md
 
 
 def disordered(table: bytes, seed: str) -> bytes:
