@@ -53,9 +53,9 @@ def values(name: str, result: str) -> Any:
 
 
 def of_one_code(names: list[str]) -> list[dict[str, Any]]:
-    """Return the results of several scripts, which the same code must have made, if they say which did."""
+    """Return the results of several scripts, which the same code must have made."""
     read = [results(name) for name in names]
-    made = {each["code"]["source"] for each in read if "code" in each}  # those of earlier runs don't say
+    made = {each["code"]["source"] for each in read}
     if len(made) > 1:
         raise InputError(f"results of {len(made)} versions of the code: {', '.join(names)}; run all of them anew")
     return read
