@@ -124,6 +124,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *BEYOND,
         "fault_gallery",
         "figures",
+        "rivals",
         "main_job",
         "real_logs",
         "log_samples",

@@ -79,7 +79,7 @@ def others_of_log(
             own = log_samples(read, [name], mapping)[name]
             found[name] = Samples(own.time_s, own.values)
             beyond += [] if own.out_of_range is None else [own.out_of_range]
-    for each in sensors:
+    for each in (each for each in sensors if each.is_read):
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))
     return found, beyond

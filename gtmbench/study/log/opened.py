@@ -178,10 +178,11 @@ def opened(asked: Asked) -> Opened:
     own = _with_motion(read, log, watcher, asked)
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
-    sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
+    logged = other_sensors_of(read, asked.mapping) if has_heading else ()
+    sensors = tuple(each for each in logged if each.is_read)
     imus, of_imus = imu_samples(read, log, asked.mapping) if own.motion is not None else ({}, [])
     watched = watched_imu(log)
-    readings, of_others = others_of_log(read, asked.mapping, sensors) if sensors else ({}, [])
+    readings, of_others = others_of_log(read, asked.mapping, logged) if logged else ({}, [])
     flight = None
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
