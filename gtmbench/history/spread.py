@@ -6,9 +6,9 @@ spread s of u solves
 
     sum_i r_i^2 / (s^2 + d_i^2) = degrees of freedom
 
-(Paule and Mandel's estimate), and is never less than what is usual of such a sensor. Gyros of one IMU are alike: all
-three tell their common spread, which a gyro has, too, unless its own is larger. A new flight's constant then follows
-Student's law about its prediction, with as many degrees of freedom.
+(Paule and Mandel's estimate), and is never less than what is usual of such a sensor. Gyros of one IMU are alike: what
+the three have in common counts as ten flights of each one's own (Smyth's moderated variances). A new flight's constant
+then follows Student's law about its prediction, with as many degrees of freedom.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ Key = tuple[str, str]
 FEWEST = 5  # flights: a spread of fewer is known to less than a factor of two
 _ROUNDS = 12  # of bisection: then a spread is known to a few thousandths
 _MOST = 1e4  # times the usual spread
+_ALIKE = 10.0  # flights: then spreads of gyros that are alike differ by a quarter
 _SEASON_K = 10.0  # by which temperatures differ that nobody logged: a standard deviation
 
 
@@ -150,16 +151,11 @@ def fitted(
             low, high = np.where(wider, middle, low), np.where(wider, high, middle)
         return np.asarray(np.exp(0.5 * (low + high)))
 
-    own_spread, common = spreads(np.arange(len(own))), spreads(alike)
-    spread = np.maximum(own_spread, common)
+    of_others = np.minimum(_ALIKE, np.bincount(alike, degrees)[alike] - degrees)
+    squares = degrees * spreads(np.arange(len(own))) ** 2 + of_others * spreads(alike) ** 2
+    spread = np.sqrt(squares / (degrees + of_others))
     theta, covariance, _ = solved(spread)
-    together = np.bincount(alike, degrees)[alike]
-    return Lines(
-        theta=theta,
-        covariance=covariance,
-        spread=spread,
-        degrees=np.where(own_spread > common, degrees, together),
-    )
+    return Lines(theta=theta, covariance=covariance, spread=spread, degrees=degrees + of_others)
 
 
 def alike_of(keys: Sequence[Key]) -> IntArray:

@@ -8,8 +8,11 @@ from typing import Any
 
 from gtmbench.history.entry import Entry
 from gtmbench.history.overview import Overview, overviews_of
+from gtmbench.history.standing import Standing
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
+
+_MOST = 6  # explanations: the others are hardly likely
 
 
 def airframe_results(
@@ -35,6 +38,32 @@ def airframe_results(
         ],
     }
     return envelope("monitor-history", verdict, own, exit_code=code, findings=findings)
+
+
+def standing_table(standing: Standing) -> dict[str, Any]:
+    """Return what a flight is beside those before it."""
+    return {
+        "airframe": standing.entry.airframe,
+        "flights_before": standing.flights,
+        "temperature_c": standing.entry.temperature_c,
+        "text": standing.lines,
+        "constants": [
+            {
+                "sensor": each.sensor,
+                "constant": each.name,
+                "value": each.value,
+                "deviation": each.deviation,
+                "expected": None if (told := standing.predictions.get(each.key)) is None else told.value,
+                "chance": None if told is None else told.chance(each.value),
+                "apart": each.key in standing.apart,
+            }
+            for each in standing.entry.constants
+        ],
+        "explanations": [
+            {"suspects": each.explanation.suspects, "kind": each.explanation.kind, "probability": each.probability}
+            for each in standing.explained[:_MOST]
+        ],
+    }
 
 
 def _constant(each: Overview) -> Mapping[str, Any]:

@@ -130,7 +130,6 @@ def timeline_of(evidence: Evidence) -> Timeline:
     claims += _left_open(evidence, claims)
     if evidence.beside is not None and not evidence.check.stops:
         claims += evidence.beside.claims(span_s)
-        told += evidence.beside.lines
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)

@@ -17,6 +17,7 @@ from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.imus.imu import Imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
+from gtmbench.history.next_motion import NextMotion, next_motions
 from gtmbench.history.standing import Standing
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
@@ -233,6 +234,13 @@ class WatchedLog:
     def verdict(self) -> LogVerdict:
         """The verdict: what the timeline comes to for the sensors that are asked."""
         return verdict_of(timeline_of(self.evidence), self.scope)
+
+    @cached_property
+    def next_motions(self) -> tuple[NextMotion, ...]:
+        """What to fly next, so that the sensors are judged which this log leaves open; some tenths of a second."""
+        if self.judged is None or self.check.stops or not self.verdict.unjudged:
+            return ()
+        return next_motions(self.judged.flight, self.verdict)
 
     @property
     def outcome(self) -> Outcome:
