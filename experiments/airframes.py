@@ -4,11 +4,12 @@
 
 Each simulated airframe has constants of its own, and a spread from flight to flight as sensors' sheets say; its flights
 are simulated (the GTM, multisine in turbulence), measured with T2's noise, judged by the engine, and entered. Of half
-of the airframes the gyros drive the attitude, through an estimator of 2.5 s that learns their bias. Every flight from
-the sixth on is judged beside those before. Then the last one is flown again with an error from the first sample on, of
-4 to 40 spreads; with another IMU, mounted anew, and in another season. Drifts are drawn on the constants themselves:
-what a flight tells them by is what it told on the simulated flights. Ends with code 1 where a target is missed (never
-with --quick).
+of the airframes the gyros drive the attitude, through an estimator of 2.5 s that learns their bias: these are
+autopilots, which calibrate their gyros as they start (0.3 deg/s is left) and state their hardware; the others don't.
+Every flight from the sixth on is judged beside those before. Then the last one is flown again with an error from the
+first sample on, of 4 to 40 spreads; with another IMU on the same autopilot, mounted anew, and in another season. Drifts
+are drawn on the constants themselves: what a flight tells them by is what it told on the simulated flights. Ends with
+code 1 where a target is missed (never with --quick).
 """
 
 from __future__ import annotations
@@ -91,15 +92,15 @@ def airframe(number: int, seed: int) -> Airframe:
             "factor": float(np.exp(random.uniform(np.log(0.003), np.log(0.01)))),
             "noise": random.uniform(0.1, 0.2),
         },
-        **_installation(random),
+        **_installation(random, is_driven=bool(number % 2)),
     )
 
 
-def _installation(random: np.random.Generator) -> dict[str, FloatArray]:
+def _installation(random: np.random.Generator, *, is_driven: bool) -> dict[str, FloatArray]:
     askew = np.radians(1.0) * random.standard_normal((3, 3))
     np.fill_diagonal(askew, 0.0)
     return {
-        "offset": random.standard_normal(3),
+        "offset": (0.3 if is_driven else 1.0) * random.standard_normal(3),
         "factor": 1.0 + 0.01 * random.standard_normal(3),
         "noise": np.exp(0.3 * random.standard_normal(3)),
         "per_k": 0.03 * random.standard_normal(3),
@@ -157,6 +158,7 @@ def flown(
         digest=f"{frame.number} {flight}",
         log=f"{flight}",
         airframe=f"airframe {frame.number}",
+        hardware="known" if frame.is_driven else "",
         temperature_c=float(temperature_c),
         constants=constants_of(said),
     )
@@ -174,7 +176,7 @@ def flown_of(number: int, *, flights: int, seed: int) -> list[Flown]:
         size = sign * min(spreads * frame.spreads[kind], LARGEST[kind])
         put = {"sensor": str(random.choice(GYROS)), "size": size, "spreads": abs(size) / frame.spreads[kind]}
         found.append(flown(frame, last, seed, kind, put=put))
-    other = replace(frame, **_installation(random))
+    other = replace(frame, **_installation(random, is_driven=frame.is_driven))
     turned = replace(frame, turned=_turn(random, np.radians(TURNED_DEG)))
     found.append(flown(other, last, seed, HEALTHY[0]))
     found.append(flown(turned, last, seed, HEALTHY[1]))
@@ -188,10 +190,10 @@ def judged_rows(every: Sequence[Flown], *, is_driven: bool) -> list[Row]:
     rows: list[Row] = []
     healthy = [each for each in every if each.what == "healthy"]
     for number, each in enumerate([*healthy, *(each for each in every if each.what != "healthy")]):
-        began = time.perf_counter()
+        began = time.process_time()
         standing = stood(known, each.entry)
         claims = standing.claims((0.0, FLOWN_S))
-        ms = 1e3 * (time.perf_counter() - began)
+        ms = 1e3 * (time.process_time() - began)
         named = {name: span.state for name, span in claims if span.state in (State.FAILED, State.SUSPECTED)}
         rows.append(
             {
@@ -290,7 +292,7 @@ def report(rows: pd.DataFrame, flights: int) -> tuple[list[str], bool]:
         Target("drifts: found before the limit", "", "before", ">=", 0.8),
         Target("drifts: the crossing inside its interval", "", "inside", ">=", 0.9),
         Target("another IMU, mounted anew, another season: accused", "", "changed", "<=", 0.0),
-        Target("median of a flight beside its history, ms", "", "ms", "<=", 5.0),
+        Target("median of a flight beside its history, ms of CPU", "", "ms", "<=", 5.0),
     ]
     seen = changed.groupby("what").agg(
         flights=("accused", "size"),

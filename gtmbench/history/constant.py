@@ -37,15 +37,16 @@ class Kind:
     tells: bool = False
 
 
-# Spreads are the floors of the engine's relations: what a constant may change by from one part of a log to another.
-# Failures are its priors. Populations, and what a kelvin changes, are by the sheets of the IMUs that autopilots have
-# (BMI055, BMI088, ICM-20602, ICM-20689, MPU-6000): biases of 1 deg/s, 0.01 to 0.2 deg/s a kelvin; scales of 1 to 3 %,
-# 0.01 to 0.05 % a kelvin; axes 1 to 2 % askew; noises that differ by a third.
+# Spreads are the floors of the engine's relations: what a constant may change by from one part of a log to another; of
+# a factor what sheets say that it changes by over a sensor's life. Failures are the relations' priors. Populations, and
+# what a kelvin changes, are by the sheets of the IMUs that autopilots have (BMI055, BMI088, ICM-20602, ICM-20689,
+# MPU-6000): biases of 1 deg/s, 0.01 to 0.2 deg/s a kelvin; scales of 1 to 3 %, 0.01 to 0.05 % a kelvin; axes 1 to 2 %
+# askew; noises that differ by a third.
 KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         OFFSET: Kind(unit="deg/s", spread=0.1, population=1.0, failure=3.0, per_k=0.05, tells=True),
         AT_REST: Kind(unit="deg/s", spread=0.1, population=1.0, failure=3.0, per_k=0.05, tells=True),
-        FACTOR: Kind(unit="", spread=0.01, population=0.02, failure=0.1, per_k=5e-4, tells=True),
+        FACTOR: Kind(unit="", spread=0.005, population=0.02, failure=0.1, per_k=5e-4, tells=True),
         NOISE: Kind(unit="", spread=0.1, population=0.3, failure=1.0, tells=True),
         MISALIGNMENT: Kind(unit="deg", spread=0.5, population=1.0, failure=5.0),
         LAG: Kind(unit="s", spread=0.01, population=0.02, failure=0.1),

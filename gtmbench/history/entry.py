@@ -33,6 +33,8 @@ class Entry:
     log : str
         The file's name.
     airframe : str
+    hardware : str
+        The autopilot's identifier; "" where the log states none.
     temperature_c : float
         The IMU's over the flight; NaN where it isn't logged.
     constants : tuple of Constant
@@ -45,10 +47,15 @@ class Entry:
     digest: str
     log: str
     airframe: str
+    hardware: str = ""
     temperature_c: float = float("nan")
     constants: tuple[Constant, ...] = field(default=(), repr=False)
     apart: frozenset[tuple[str, str]] = frozenset()
     begins: bool = False
+
+    def is_on(self, other: Entry) -> bool | None:
+        """Tell whether another flight was flown with the same autopilot; None where one of them doesn't say."""
+        return self.hardware == other.hardware if self.hardware and other.hardware else None
 
     @cached_property
     def by_key(self) -> Mapping[tuple[str, str], Constant]:

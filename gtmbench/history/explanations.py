@@ -18,7 +18,8 @@ from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE,
 from gtmbench.history.spread import Key, Prediction
 from gtmbench.values.channels import ATTITUDE, GYROS
 
-_CAUSES = 1.1  # nats: a part is replaced, or mounted anew, three times as often as a sensor fails from power-on
+_CAUSES = 1.1  # nats: healthy causes are three times as frequent as a sensor that fails from power-on
+_SAME = 3.4  # nats: by which it is rarer that an IMU is replaced on the same autopilot
 _TURNED_DEG = 5.0  # by which an IMU is mounted otherwise than before
 _ALIKE = 0.5  # of the logarithm of noises: what shakes one axis shakes the others by half to twice as much
 _TWO = 2.0**0.5  # installations, each of which is one of the population
@@ -40,6 +41,8 @@ class Explanation:
         Those that change with it: by how many times as much, and to within which standard deviation.
     is_new : bool
         Whether earlier flights tell nothing of what comes after it.
+    price : float
+        In nats.
     """
 
     suspects: tuple[str, ...]
@@ -47,11 +50,12 @@ class Explanation:
     lead: Key | None = None
     follow: Mapping[Key, tuple[float, float]] = field(default_factory=dict)
     is_new: bool = False
+    price: float = 0.0
 
     def log_odds(self, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
         """Return the logarithm of its likelihood over that of a flight whose constants are all as before."""
         off = self._off(constants, predictions)
-        total = 0.0 if self.suspects else _CAUSES
+        total = (0.0 if self.suspects else _CAUSES) - self.price
         if self.lead is not None:
             before = predictions[self.lead]
             width = float(np.hypot(kind_of(self.lead[1]).failure, before.deviation))
@@ -81,7 +85,9 @@ class Weighed:
     probability: float
 
 
-def weighed(constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> tuple[Weighed, ...]:
+def weighed(
+    constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction], *, is_same: bool = False
+) -> tuple[Weighed, ...]:
     """Return explanations of a flight's constants, the likeliest first.
 
     Parameters
@@ -90,9 +96,11 @@ def weighed(constants: Mapping[Key, Constant], predictions: Mapping[Key, Predict
         Of the flight.
     predictions : mapping of key to Prediction
         Of those that earlier flights predict.
+    is_same : bool
+        Whether it was flown with the same autopilot.
     """
     shifts = {key: constants[key].value - each.value for key, each in predictions.items()}
-    told = list(explanations_of(shifts))
+    told = list(explanations_of(shifts, is_same=is_same))
     scores = np.array([each.log_odds(constants, predictions) for each in told])
     chances = np.exp(scores - scores.max())
     chances /= chances.sum()
@@ -100,7 +108,7 @@ def weighed(constants: Mapping[Key, Constant], predictions: Mapping[Key, Predict
     return tuple(Weighed(explanation=told[at], probability=float(chances[at])) for at in order)
 
 
-def explanations_of(shifts: Mapping[Key, float]) -> Iterator[Explanation]:
+def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[Explanation]:
     """Give what may explain how far some constants are from what they were.
 
     >>> told = list(explanations_of({("q", "offset"): 4.1, ("q", "noise"): 0.1}))
@@ -111,7 +119,9 @@ def explanations_of(shifts: Mapping[Key, float]) -> Iterator[Explanation]:
     for imu in dict.fromkeys(gyro_and_imu(sensor)[1] for sensor, _ in shifts):
         own = [key for key in shifts if not imu or gyro_and_imu(key[0])[1] == imu]
         others = {key: (0.0, _TWO * kind_of(key[1]).population) for key in own}
-        yield Explanation(suspects=(), kind=f"{imu or 'the IMU'} was replaced", follow=others, is_new=True)
+        yield Explanation(
+            suspects=(), kind=f"{imu or 'the IMU'} was replaced", follow=others, is_new=True, price=_SAME * is_same
+        )
     turned = {key: (0.0, _TURNED_DEG) for key in shifts if key[1].startswith(MISALIGNMENT)}
     if turned:
         yield Explanation(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
@@ -140,4 +150,6 @@ def _failures(shifts: Mapping[Key, float]) -> Iterator[Explanation]:
             if own:
                 against = [key for each in beside if (key := (each, own[0][1])) in shifts]
                 follow = dict.fromkeys(own[1:], (1.0, 0.0)) | dict.fromkeys(against, (-1.0, 0.0))
+                if kind == "noise" and (sensor, FACTOR) in shifts:  # its noise stands in what it is fitted to
+                    follow |= {(sensor, FACTOR): (0.0, kind_of(FACTOR).failure)}
                 yield Explanation(suspects=suspects, kind=kind, lead=own[0], follow=follow)

@@ -23,6 +23,7 @@ _COLUMNS = {
     "digest": Column("string", "of the log's file, SHA-256"),
     "log": Column("string", "the file's name"),
     "airframe": Column("string", "by the hardware's identifier, else as it was given or by its folder"),
+    "hardware": Column("string", "the autopilot's identifier; empty where the log states none"),
     "temperature_c": Column("float", "the IMU's, the median of the flight; null where it isn't logged"),
     "begins": Column("bool", "whether an installation begins with this flight"),
     "sensor": Column("string", "whose constant; null of a flight that tells none"),
@@ -106,6 +107,7 @@ def _rows(entry: Entry) -> list[Row]:
         "digest": entry.digest,
         "log": one_line(entry.log),
         "airframe": entry.airframe,
+        "hardware": entry.hardware,
         "temperature_c": entry.temperature_c if math.isfinite(entry.temperature_c) else None,
         "begins": entry.begins,
     }
@@ -135,6 +137,7 @@ def _entry(rows: Sequence[Row]) -> Entry:
         digest=first["digest"],
         log=first["log"],
         airframe=first["airframe"],
+        hardware=first["hardware"],
         temperature_c=math.nan if first["temperature_c"] is None else first["temperature_c"],
         constants=tuple(
             Constant(sensor=row["sensor"], name=row["constant"], value=row["value"], deviation=row["deviation"])

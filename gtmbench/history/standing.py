@@ -33,11 +33,14 @@ class Standing:
         How many of its airframe and its installation were before.
     predictions : mapping of (sensor, name) to Prediction
         What these say of its constants; none of those that fewer than five tell.
+    is_same : bool
+        Whether the logs say that it was flown with the same autopilot.
     """
 
     entry: Entry
     flights: int
     predictions: Mapping[Key, Prediction] = field(default_factory=dict, repr=False)
+    is_same: bool = False
 
     @cached_property
     def level(self) -> float:
@@ -58,7 +61,7 @@ class Standing:
     @cached_property
     def explained(self) -> tuple[Weighed, ...]:
         """What explains it, the likeliest first; nothing where all is as before."""
-        return weighed(self.entry.by_key, self.predictions) if self.apart else ()
+        return weighed(self.entry.by_key, self.predictions, is_same=self.is_same) if self.apart else ()
 
     @property
     def begins(self) -> bool:
@@ -188,7 +191,8 @@ def stood(earlier: Sequence[Entry], entry: Entry) -> Standing:
     entry : Entry
     """
     own = installed(earlier, entry)
-    return Standing(entry=entry, flights=len(own), predictions=predicted(own, entry))
+    is_same = bool(own) and bool(entry.is_on(own[-1]))
+    return Standing(entry=entry, flights=len(own), predictions=predicted(own, entry), is_same=is_same)
 
 
 def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
@@ -197,4 +201,5 @@ def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
     digests = [each.digest for each in own]
     own = own[: digests.index(entry.digest)] if entry.digest in digests else own
     begun = [place for place, each in enumerate(own) if each.begins]
-    return own[begun[-1] :] if begun else own
+    begun += [place + 1 for place, each in enumerate(own) if each.is_on(entry) is False]  # with another autopilot
+    return own[max(begun, default=0) :]

@@ -19,8 +19,8 @@ _COLDEST_C, _WARMEST_C = -60.0, 125.0  # of electronics that work
 _LONGEST = 100
 
 
-def airframe_of(read: ReadLog, given: str = "") -> str:
-    """Return whose log it is: as it is given, by the hardware's identifier in it, else the name of its folder.
+def airframe_of(read: ReadLog) -> str:
+    """Return whose log it is: by the hardware's identifier in it, else the name of its folder.
 
     >>> from gtmbench.intake.formats.raw import RawLog
     >>> airframe_of(ReadLog(path=Path("T2/7.bin"), raw=RawLog(kind="", series=(), hardware="0034 3235")))
@@ -28,7 +28,7 @@ def airframe_of(read: ReadLog, given: str = "") -> str:
     >>> airframe_of(ReadLog(path=Path("T2/7.bin"), raw=RawLog(kind="", series=())))
     'T2'
     """
-    found = given or read.raw.hardware or Path(read.path).resolve().parent.name or "aircraft"
+    found = read.raw.hardware or Path(read.path).resolve().parent.name or "aircraft"
     return one_line(found)[:_LONGEST]
 
 

@@ -28,13 +28,13 @@ def entries(values, deviations, temperatures=None):
 @pytest.mark.parametrize("spread", [0.3, 1.0])
 def test_a_healthy_flight_is_called_unlikely_as_often_as_it_is(flights, spread):
     random = np.random.default_rng([flights, round(10 * spread)])
-    level, count, trials = 0.05, 0, 400
+    level, count, trials = 0.05, 0, 250
     for _ in range(trials):
         deviations = random.uniform(0.05, 0.4, flights + 1)
         values = 1.0 + np.hypot(spread, deviations) * random.standard_normal(flights + 1)
         *earlier, last = entries(values, deviations)
         count += predicted(earlier, last)[KEY].chance(values[-1]) < level
-    assert count / trials == pytest.approx(level, abs=0.033)  # three deviations of such a count
+    assert count / trials == pytest.approx(level, abs=0.042)  # three deviations of such a count
 
 
 def test_no_spread_is_believed_that_is_smaller_than_sensors_have():

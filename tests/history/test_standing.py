@@ -50,6 +50,8 @@ def test_one_gyro_that_is_louder_is_named_and_all_that_are_aren_t():
     random, means, earlier = flights(3, 15)
     alone = stood(earlier, flight(random, 15, means, off={("r", NOISE): 2.0}))
     assert states(alone) == {"r": State.FAILED}
+    off = {("r", NOISE): 2.5, ("r", FACTOR): 0.05}  # its noise stands in what the factor is fitted to
+    assert states(stood(earlier, flight(random, 15, means, off=off))) == {"r": State.FAILED}
     shaken = stood(earlier, flight(random, 15, means, off={(gyro, NOISE): 2.0 for gyro in "pqr"}))
     assert State.FAILED not in states(shaken).values()
     quieter = stood(earlier, flight(random, 15, means, off={("r", NOISE): -2.0}))

@@ -30,6 +30,7 @@ def entry_of(watched: WatchedLog, aircraft_id: str = "") -> Entry:
         digest=digest_of(watched.log.path),
         log=watched.log.path.name,
         airframe=aircraft_id or watched.airframe,
+        hardware=watched.hardware,
         temperature_c=watched.temperature_c,
         constants=() if judged is None else constants_of(judged),
     )

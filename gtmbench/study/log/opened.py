@@ -110,8 +110,8 @@ class Opened:
         What the engine says of that flight, before anything is learnt; None where nothing has to be.
     beyond : tuple of OutOfRange
         The readings of the log that no sensor reads, but for those of the channels that it was opened with.
-    airframe : str
-        Whose log it is, by what it says itself, else by its folder.
+    airframe, hardware : str
+        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
     temperature_c : float
         Its IMU's; NaN where it isn't logged.
     """
@@ -134,6 +134,7 @@ class Opened:
     judged: Judged | None = field(default=None, repr=False)
     beyond: tuple[OutOfRange, ...] = field(default=(), repr=False)
     airframe: str = ""
+    hardware: str = ""
     temperature_c: float = float("nan")
 
     @property
@@ -212,6 +213,7 @@ def opened(asked: Asked) -> Opened:
         judged=None if flight is None or is_ready(watcher) else judged(flight),
         beyond=(*of_others, *of_imus),
         airframe=airframe_of(read),
+        hardware=read.raw.hardware,
         temperature_c=temperature_c(read),
     )
 

@@ -100,8 +100,8 @@ class WatchedLog:
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
         What the verdict is asked.
-    airframe : str
-        Whose log it is, by what it says itself, else by its folder.
+    airframe, hardware : str
+        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
     temperature_c : float
         Its IMU's; NaN where it isn't logged.
     beside : Standing or None
@@ -149,6 +149,7 @@ class WatchedLog:
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
     airframe: str = ""
+    hardware: str = ""
     temperature_c: float = float("nan")
     beside: Standing | None = field(default=None, repr=False)
 
@@ -338,6 +339,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said), held_of(said)),
         airframe=opened.airframe,
+        hardware=opened.hardware,
         temperature_c=opened.temperature_c,
     )
 
