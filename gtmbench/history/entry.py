@@ -66,9 +66,11 @@ class Entry:
 def constants_of(judged: Judged) -> tuple[Constant, ...]:
     """Return the constants that a judged flight tells of its gyros, without what was found to have failed."""
     found: dict[tuple[str, str], Constant] = {}
+    turned = {imu.name for imu in judged.flight.imus if imu.mounting.turned_deg}  # whose gyros a log calls otherwise
     for sums in judged.model.sums:
         for each in _of_equation(judged, sums):
-            found.setdefault(each.key, each)
+            if gyro_and_imu(each.sensor)[1] not in turned:
+                found.setdefault(each.key, each)
     return tuple(found.values())
 
 

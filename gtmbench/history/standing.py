@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.history.constant import NOISE, Constant, kind_of
 from gtmbench.history.entry import Entry
@@ -91,11 +92,13 @@ class Standing:
             return (f"{self.entry.airframe}: this flight tells none of the constants of the {self.flights} before.",)
         if not self.explained:
             return (f"{self.entry.airframe}: {would_show_text(self.predictions, self.level)}.",)
-        first = self.explained[0].explanation
-        if first.suspects or self.explained[0].probability < _SURE:
+        if self.claims((0.0, 1.0)):
             return ()
-        names = ", ".join(f"{name} of {sensor}" for sensor, name in self.apart[:_SUSPECTS])
-        return (f"{self.entry.airframe}: {names} and more are others than before; {first.kind}.",)
+        first, is_sure = self.explained[0].explanation, self.explained[0].probability > _SURE
+        names = listed([f"the {name} of {sensor}" for sensor, name in self.apart[:_SUSPECTS]])
+        are = "is another" if len(self.apart) == 1 else "are others"
+        why = first.kind if is_sure and not first.suspects else "what explains that is open"
+        return (f"{self.entry.airframe}: {names} {are} than before; {why}.",)
 
     def _value(self, key: Key) -> float:
         return self.entry.by_key[key].value
