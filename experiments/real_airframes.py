@@ -42,7 +42,7 @@ def entry(path: Path) -> tuple[Entry, str] | str:
     try:
         log = opened(question)
     except GtmbenchError as error:
-        return str(error)[:90]
+        return str(error).removeprefix(f"{path}: ")[:60]
     if log.judged is None:
         return "no gyros with an attitude"
     flight = log.judged.flight
@@ -118,7 +118,7 @@ def conduct(campaign: Campaign) -> Findings:
         if told:
             own, its_rows = judged(folder.name, told)
             text, rows = [*text, *own], [*rows, *its_rows]
-        text.append(f"Left out of {folder.name}: {dict(left.head(5)) or 'none'}.")
+        text.append(f"Left out of {folder.name}: {left.head(5).to_dict() or 'none'}.")
 
     def write(out: Path) -> None:
         pd.DataFrame(rows).to_csv(out / "constants.csv", index=False)
