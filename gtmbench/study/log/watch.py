@@ -116,7 +116,7 @@ def watch_log(
         The flights of its airframe before, as ``gtmbench monitor --history`` wrote them: an error that is there from
         the first sample on is told beside them. Nothing is entered.
     aircraft_id : str
-        Whose flight it is; by default what the log says of its hardware, else its folder.
+        Whose flight it is; by default by the hardware's identifier in the log, else by its folder.
     progress : callable
         Called with the step, the number done and the total.
 
