@@ -30,6 +30,7 @@ _DRAWS = 3  # of them; the worst counts
 _SPARE = 1.25  # times the worst of these: what is promised
 _OF_RATE = 0.01  # of the rates: what gyros are off by at least where the motion is livelier than in this log
 _G_M_S2, _SPEED_M_S = 9.81, 20.0  # by which a turn banks an aircraft: at a small one's speed
+_MOVES_DEG_S = 0.5  # by which a gyro's own axis has to turn to and fro
 _FEWEST = 50  # blocks whose errors are known
 
 
@@ -152,6 +153,9 @@ def _sizes(flight: Flight, errors: FloatArray, motion: Motion, scope: Scope) -> 
     worst = dict.fromkeys(scope.sensors, 0.0)
     for draw in range(_DRAWS):
         blocks = _flown(flight, errors, motion, np.random.default_rng([74, draw]))
+        if scope.factor is not None:  # a steady turn tells no factor from an offset
+            still = {gyro for gyro, moves in zip(GYROS, blocks.rates.std(axis=0), strict=True) if moves < _MOVES_DEG_S}
+            worst = {name: size for name, size in worst.items() if name not in still}
         span_s = (0.0, blocks.end_s)
         claims = hindsight_of(blocks, is_driven=flight.is_driven, is_sure=not flight.is_assumed).claims
         verdict = verdict_of(laid_out(span_s, claims, motion_s=[span_s]), scope)

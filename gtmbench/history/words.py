@@ -56,7 +56,7 @@ def trend_text(trend: Trend) -> str:
 def would_show_text(predictions: Mapping[tuple[str, str], Prediction], level: float) -> str:
     """Say that nothing is another than before, and what would have shown."""
     flights = max(each.flights for each in predictions.values())
-    told = f"as in {flights} flights before, from the first sample on"
+    told = f"as in {flights} flights before"
     sizes = {}
     for name in (OFFSET, FACTOR):
         own = [_would_show(each, level) for key, each in predictions.items() if key[1] == name and " of " not in key[0]]

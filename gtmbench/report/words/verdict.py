@@ -140,7 +140,7 @@ def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
         return f"the {sensor_text(one)} and the {sensor_text(other)}", "have changed places", ""
     imu = f" of {judged.imu}" if judged is not None and judged.imu and " of " not in sensor else ""
     axis = f", its {judged.axis.rpartition('_')[2]} axis" if judged is not None and judged.axis else ""
-    fault = fault_text(sensor, judged) or span.reason.rstrip(".")
+    fault = span.reason.rstrip(".") or fault_text(sensor, judged)
     return f"the {sensor_text(sensor)}{imu}", "failed", f"{axis}{f': {fault}' if fault else ''}"
 
 
