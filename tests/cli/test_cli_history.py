@@ -65,7 +65,7 @@ def test_an_error_from_power_on_is_named_beside_the_flights_before(cli, flights)
     assert "deg/s too much throughout; in 8 flights before at most" in told["verdict"]
     code, out, _ = cli("monitor", "healthy.csv", *KEPT)
     assert code == 0
-    assert "History      T2: as in 8 flights before; an error of" in out
+    assert "History      T2: as in 9 flights before; an error of" in out
     assert [each.log for each in read_history(flights / "a.parquet")][-2:] == ["broken.csv", "healthy.csv"]
     assert_quiet("healthy.csv", history="a.parquet", aircraft_id="T2")
     with pytest.raises(AssertionError, match="too much throughout"):
