@@ -15,6 +15,7 @@ from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
+from gtmbench.history.standing import Standing
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import without
 from gtmbench.study.log.certificate import Certificate
@@ -83,6 +84,8 @@ class Evidence:
         What limits the verdict, where nothing could have alarmed.
     out_of_range : tuple of OutOfRange
         Of all that was read.
+    beside : Standing or None
+        What the flight is beside those of its airframe before.
     """
 
     log: FlightLog
@@ -102,6 +105,7 @@ class Evidence:
     watched_imu: str
     reasons: tuple[str, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
+    beside: Standing | None = field(default=None, repr=False)
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
@@ -124,6 +128,8 @@ def timeline_of(evidence: Evidence) -> Timeline:
         claims += of_imus.claims
         told += of_imus.lines
     claims += _left_open(evidence, claims)
+    if evidence.beside is not None and not evidence.check.stops:
+        claims += evidence.beside.claims(span_s)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)

@@ -17,6 +17,8 @@ from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.imus.imu import Imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
+from gtmbench.history.next_motion import NextMotion, next_motions
+from gtmbench.history.standing import Standing
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
@@ -98,6 +100,12 @@ class WatchedLog:
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
         What the verdict is asked.
+    airframe, hardware : str
+        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
+    temperature_c : float
+        Its IMU's; NaN where it isn't logged.
+    beside : Standing or None
+        What it is beside the flights of its airframe before; None where no history was given.
 
     Examples
     --------
@@ -140,6 +148,10 @@ class WatchedLog:
     later: tuple[Alarm, ...] = ()
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
+    airframe: str = ""
+    hardware: str = ""
+    temperature_c: float = float("nan")
+    beside: Standing | None = field(default=None, repr=False)
 
     def _repr_html_(self) -> str:
         facts = {
@@ -224,6 +236,13 @@ class WatchedLog:
         """The verdict: what the timeline comes to for the sensors that are asked."""
         return verdict_of(timeline_of(self.evidence), self.scope)
 
+    @cached_property
+    def next_motions(self) -> tuple[NextMotion, ...]:
+        """What to fly next, so that the sensors are judged which this log leaves open; some tenths of a second."""
+        if self.judged is None or self.check.stops or not self.verdict.unjudged:
+            return ()
+        return next_motions(self.judged.flight, self.verdict)
+
     @property
     def outcome(self) -> Outcome:
         """The verdict's outcome; its value is the exit code."""
@@ -265,6 +284,7 @@ class WatchedLog:
             watched_imu=self.watched_imu,
             reasons=self.reasons,
             out_of_range=self.out_of_range,
+            beside=self.beside,
         )
 
     @cached_property
@@ -318,6 +338,9 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         out_of_range=opened.out_of_range,
         swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said), held_of(said)),
+        airframe=opened.airframe,
+        hardware=opened.hardware,
+        temperature_c=opened.temperature_c,
     )
 
 
