@@ -171,7 +171,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             logs=logs,
             mapping=texts_of("map", table.get("map", [])),
             history=history_path(path, table.get("history")),
-            aircraft_id=text("aircraft-id", table.get("aircraft-id", "")),
+            aircraft_id=text("aircraft-id", table["aircraft-id"]) if "aircraft-id" in table else "",
             seed=common_setup(scenarios[:1], seed).seed if scenarios else seed or 0,  # others': when they are run
             detector=detector,
             tolerances=_tolerances(table.get("tolerances", {})),
