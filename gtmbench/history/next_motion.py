@@ -16,7 +16,7 @@ from gtmbench.engine.blocks import Blocks, rates_deg_s
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.alignment import alignment_of
 from gtmbench.engine.hindsight.cleared import JUDGED, hindsight_of
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS, axis_of
 from gtmbench.values.record import FloatArray
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out
@@ -120,7 +120,8 @@ def motions() -> Iterator[Motion]:
 def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
     """Return the cheapest motions by which the sensors are judged that a log's verdict leaves open.
 
-    None for sensors that failed, that part from the attitude, or that no motion of four minutes would clear.
+    None for sensors that failed, or whose partner about their axis did, that part from the attitude, or that no motion
+    of four minutes would clear.
 
     Parameters
     ----------
@@ -145,7 +146,8 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
 
 
 def _is_accused(verdict: LogVerdict, sensor: str) -> bool:
-    return bool(verdict.timeline.of(sensor, State.FAILED, State.SUSPECTED))
+    """Tell whether it, or who shares its axis, is: then no motion tells of it, but a sensor that is mended."""
+    return any(verdict.timeline.of(each, State.FAILED, State.SUSPECTED) for each in axis_of(sensor))
 
 
 def _sizes(flight: Flight, errors: FloatArray, motion: Motion, scope: Scope) -> dict[str, float]:

@@ -20,7 +20,6 @@ from gtmbench.method.problem import operator_names
 from gtmbench.method.pseudo_inputs import raw_needs
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.history import beside_history
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import opened
 from gtmbench.study.log.origin import FROM_LOG
@@ -153,7 +152,11 @@ def watch_log(
     )
     monitor, swap = crossed(learnt(chosen(opened(question)), progress), progress)
     watched = concluded(doubted(listened(monitor, progress), progress), swap)
-    return watched if history is None else beside_history(watched, Path(history), aircraft_id)
+    if history is None:
+        return watched
+    from gtmbench.study.log.history import beside_history
+
+    return beside_history(watched, Path(history), aircraft_id)
 
 
 def taught_by(
