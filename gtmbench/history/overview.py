@@ -93,10 +93,12 @@ def _overview(
     off = _SURE * np.array([each.deviation for _, _, each in told])
     intervals = np.column_stack([values - off, values + off])
     last, usual, chance = flights[-1], None, 1.0
+    apart = np.array([key in each.apart for _, each, _ in told], dtype=bool)
     if expected is not None:
         reach, chance = expected.reach(CHANCE), expected.chance(last.by_key[key].value)
         low, high = _shown(key[1], np.array([expected.value - reach, expected.value + reach])).tolist()
         usual = low, high
+        apart[-1] &= not low <= float(_shown(key[1], values)[-1]) <= high  # one of a sensor that failed otherwise isn't
     return Overview(
         sensor=key[0],
         name=key[1],
@@ -104,7 +106,7 @@ def _overview(
         flights=np.array([number for number, _, _ in told]),
         values=_shown(key[1], values),
         intervals=_shown(key[1], intervals),
-        is_apart=np.array([key in each.apart for _, each, _ in told], dtype=bool),
+        is_apart=apart,
         usual=usual,
         chance=chance,
         trend=trend,
