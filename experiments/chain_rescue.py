@@ -31,6 +31,7 @@ from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from in_the_loop import drawn_fault
+from studies.conduct import write_report
 
 ONSET_S, FLIGHT_S, SEED, CALIBRATION_SEED = 15.0, 40.0, 970_001, 620_001
 HARD: tuple[Callable[[str, int], gb.Fault], ...] = (
@@ -176,7 +177,7 @@ def main() -> None:
         kept.append(row)
         table = pd.DataFrame(kept)
         table.to_csv(asked.out / "rows.csv", index=False)
-        (asked.out / "report.md").write_text(report(table, asked.full), encoding="utf-8")
+        write_report(asked.out, report(table, asked.full), asked)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.bench.tuning import delay_margin_s
 from gtmbench.values.channels import GYROS
+from studies.conduct import write_report
 
 TARGET = 1.2  # RMS q on the chain over that on ideal sensors
 
@@ -67,7 +68,7 @@ def main() -> None:
         f"times that on ideal sensors; the target of {TARGET:g} is {reached}.\n\n" + "\n".join(lines) + "\n"
     )
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text(text, encoding="utf-8")
+    write_report(given.out, text, given)
     print(text)
 
 

@@ -19,11 +19,14 @@ from typing import Any, NamedTuple
 import click
 
 from dissertation.reproduction import tally
+from gtmbench.checks import listed
 from gtmbench.errors import InputError
 from gtmbench.study.scores.intervals import exact_interval
+from studies.tables import tables_in
 
 HERE = Path(__file__).parent
 MARKED = re.compile(r"(?P<begin><!-- figures: (?P<name>[\w ]+) -->).*?(?P<end><!-- end -->)", re.DOTALL)
+BESIDE = ("C", "C-early", "B", "dissertation")  # the rivals
 WAYS = {
     "estimated": "one more unknown of each output, one for all records (the default)",
     "records": "what the records' means give, over all of their samples",
@@ -37,6 +40,12 @@ def results(name: str) -> dict[str, Any]:
     return read
 
 
+def rows_of(name: str, column: str) -> list[dict[str, str]]:
+    """Return the rows of a report's first table that has such a column."""
+    tables = tables_in((HERE / "reports" / name / "report.md").read_text(encoding="utf-8"))
+    return next(table for table in tables if column in table[0])
+
+
 def values(name: str, result: str) -> Any:
     """Return the values of the row whose name begins so."""
     (row,) = [row for row in results(name)["rows"] if row["result"].startswith(result)]
@@ -44,9 +53,9 @@ def values(name: str, result: str) -> Any:
 
 
 def of_one_code(names: list[str]) -> list[dict[str, Any]]:
-    """Return the results of several scripts, which the same code must have made, if they say which did."""
+    """Return the results of several scripts, which the same code must have made."""
     read = [results(name) for name in names]
-    made = {each["code"]["source"] for each in read if "code" in each}  # those of earlier runs don't say
+    made = {each["code"]["source"] for each in read}
     if len(made) > 1:
         raise InputError(f"results of {len(made)} versions of the code: {', '.join(names)}; run all of them anew")
     return read
@@ -152,13 +161,79 @@ def own_noise() -> str:
     rest = [each["detection_delay_s"] for each in trials if each["scenario"] != "drift" and each["detected"]]
     hours = sum(run["healthy"][0]["hours"] for run in runs)
     alarmed = sum(run["healthy"][0]["false_alarms"] > 0 for run in runs)
-    low, high = exact_interval(alarmed, len(runs))
     return (
         f"this detects {sum(each['detected'] for each in trials)} of {len(trials)} of the dissertation's faults. The "
         f"drift of the roll gyro takes {span('drift', 'p')}, of the pitch gyro {span('drift', 'q')}, of the yaw gyro "
         f"{span('drift', 'r')}; what else is found is found within {max(rest):.0f} s. In "
-        f"{hours:.1f} h of healthy flight there are false alarms on {alarmed} of {len(runs)} flights "
-        f"({100 * low:.0f} to {100 * high:.0f} % at 95 % confidence)"
+        f"{hours:.1f} h of healthy flight there are false alarms on {share(alarmed, len(runs))}"
+    )
+
+
+def healthy_bound() -> str:
+    """Say what no false alarm bounds."""
+    hours = min(each["hours"] for each in results("main_job")["healthy"])
+    return f"No false alarm in {hours:.2f} h bounds the rate at {-math.log(0.05) / hours:.1f} an hour (95 % confidence)"
+
+
+def share(hits: int, of: int) -> str:
+    """Write a share of flights with its interval.
+
+    >>> share(107, 120)
+    '107 of 120 flights (82 to 94 % at 95 % confidence)'
+    """
+    low, high = exact_interval(hits, of)
+    return f"{hits} of {of} flights ({100 * low:.0f} to {100 * high:.0f} % at 95 % confidence)"
+
+
+def rescue() -> str:
+    """Say how many flights depart with a gyro that fails hard, unaided and accommodated."""
+    (unaided, aided) = (
+        share(int(row["departed"]), int(row["flights"]))
+        for remedy in ("unaided", "accommodated")
+        for row in rows_of("chain_rescue", "remedy")
+        if (row["part"], row["remedy"]) == ("hard gyro faults", remedy)
+    )
+    return f"{unaided} depart, with the monitor {aided}"
+
+
+def benchmark() -> str:
+    """Say how quick some entries are, and how many faults they name wrong."""
+    entries = {row["entry"]: row for row in rows_of("gtmbench-1", "quickness")}
+    told = {
+        "C-early": "`C-early`",
+        "C": "`C`",
+        "kinematic-kalman-no-fir": "a kinematic Kalman filter",
+        "limits": "limit checks",
+        "kalman": "a Kalman filter on the linear model",
+    }
+    quick = ", ".join(f"{words} {float(entries[name]['quickness']):.2f}" for name, words in told.items())
+    wrong = [entries[name]["named right / wrong / either-or"].split(" / ")[1] for name in told]
+    faults = entries["C"]["missed"].rpartition(" of ")[2]
+    return (
+        f"quickness (1 is the limit of quickest detection): {quick}. Of {faults} faults named wrong: {', '.join(wrong)}"
+    )
+
+
+def rivals_table() -> str:
+    """Return the comparison of all detectors, and who has no score, as the campaign's report has them."""
+    read = results("rivals")
+    names = list(read["table"][0])
+    lines = [names, ["---"] * len(names), *(list(row.values()) for row in read["table"])]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return "\n".join(["", table, *(f"\n{note}" for note in read["notes"]), ""])
+
+
+def rivals_sentence() -> str:
+    """Say who shares the first place, and how the other detectors of the literature come out."""
+    read = results("rivals")
+    scored = {row["detector"]: row for row in read["table"]}
+    first = [name for name, row in scored.items() if row["place"].split("-")[0] == "1"]
+    behind = [row["detected"].split(" of ") for name, row in scored.items() if name not in (*first, *BESIDE)]
+    most = max(int(found) for found, _ in behind)
+    return (
+        f"{listed([f'`{name}`' for name in first])} {'share' if len(first) > 1 else 'has'} the first place; of the "
+        f"other detectors of the literature {len(behind)} keep the rate of false alarms that they were calibrated for, "
+        f"as far as can be told, and detect at most {most} of {behind[0][1]} faults, and the rest raise more"
     )
 
 
@@ -169,6 +244,11 @@ FIGURES: dict[str, Callable[[], str]] = {
     "agreement": agreement,
     "constants": constants,
     "other excitation": other_excitation,
+    "healthy bound": healthy_bound,
+    "rescue": rescue,
+    "benchmark": benchmark,
+    "rivals": rivals_table,
+    "rivals in words": rivals_sentence,
 }
 
 

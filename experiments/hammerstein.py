@@ -5,8 +5,9 @@ predicted and measured, and the error (6.34) of normalised Markov parameters aga
 what theory says of it: sqrt(2/pi) standard deviations. Short records lie above it: (6.34) divides by H_0-hat, which may
 come close to 0 there.
 
-The samples start when the outputs are stationary (assumption 1). Identification removes their means here, which (6.4)
-doesn't: right where N_2 has one (examples 4 and 5), and the realisation's mean of N_1 (examples 2 and 5) goes with it.
+The samples start when the outputs are stationary (assumption 1). Identification finds a constant of y_2 with the
+operator, which (6.4) has not: right where N_2 has a mean (examples 4 and 5), and what the realisation's mean of N_1
+(examples 2 and 5) does to y_2 goes with it.
 
 Misprints: the exponent of (6.1) runs down, mu - i; (6.2) has H_0..H_mu, theta H_0..H_(mu-1), as here; (6.34) sums 201
 terms over 200. G_2/G_1 is biproper, so H_d, which normalises, is H_0.
@@ -35,7 +36,7 @@ G1, G2 = companion(B1, A1), companion(B2, A2)
 MU = 30  # Markov parameters of the model, H_0..H_29; not printed
 LINEAR = companion(np.polymul(A1, B2), np.polymul(A2, B1)).markov(MU)[:, 0, 0]  # H' of (6.33)
 REALISATIONS = 200  # (6.34)
-MEANS = "means are removed, unlike in (6.4)"
+CONSTANT = "a constant is estimated, unlike in (6.4)"
 SHOWN = [2, 3, 4, 5]  # of Figs. 6.5-6.9
 UNTIL_STATIONARY = 400  # samples: 0.9^400 is 5e-19
 DEVIATIONS = 4.5  # that chance is allowed
@@ -61,7 +62,7 @@ def outputs(pair: Pair, samples: int, rng: np.random.Generator) -> gb.Record:
 def estimates(pair: Pair, lengths: list[int], runs: int, seed: int) -> FloatArray:
     """Return theta-hat of (6.4) from so many first samples of every realisation, shape (runs, lengths, MU)."""
     markov = np.empty((runs, len(lengths), MU))
-    orders = {"causal_order": MU - 1, "noncausal_order": 0, "constant": "records"}
+    orders = {"causal_order": MU - 1, "noncausal_order": 0}
     for run in range(runs):
         record = outputs(pair, max(lengths), np.random.default_rng([seed, run]))
         for i, length in enumerate(lengths):
@@ -128,7 +129,7 @@ def example(page: Reproduction, number: int, name: str, pair: Pair) -> None:
         f"slope {slopes.min():.2f}..{slopes.max():.2f}, {ratio.min():.2f}..{ratio.max():.2f} of theory",
         agrees=bool(np.all(np.abs(ratio - 1.0) < chance)),
         note=f"slope -1/2 is theory; from {np.array(lengths)[settled][0]} samples on; (6.34) is the mean of {runs}; "
-        f"{MEANS}; mu is missing: {MU}",
+        f"{CONSTANT}; mu is missing: {MU}",
         runs=runs,
         values={"lengths": lengths, "measured": measured, "theory": expected, "slopes": slopes},
     )
@@ -146,7 +147,7 @@ def factor(page: Reproduction, number: int, pair: Pair, ratios: FloatArray, devi
         "tends to (6.29)",
         f"{mean:.4g} ± {spread / np.sqrt(runs):.1g} ({pair.scale:.7g})",
         agrees=bool(agrees),
-        note=f"in brackets (6.29); one realisation is off by {spread:.2g}, theory has {deviation:.2g}; {MEANS}",
+        note=f"in brackets (6.29); one realisation is off by {spread:.2g}, theory has {deviation:.2g}; {CONSTANT}",
         runs=runs,
         values={"scale": pair.scale, "correlation": pair.correlation, "mean": mean, "deviation": spread},
     )

@@ -29,6 +29,7 @@ from gtmbench.detectors.excursion import MOTION
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
+from studies.conduct import write_report
 
 SEED, CALIBRATION_SEED, STUCK_S, FLIGHT_S = 985_001, 640_001, 20.0, 60.0
 SERVOS = (
@@ -191,7 +192,7 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     table = pd.DataFrame(list(rows(asked.flights)))
     table.to_csv(asked.out / "rows.csv", index=False)
-    (asked.out / "report.md").write_text(report(table, asked.flights), encoding="utf-8")
+    write_report(asked.out, report(table, asked.flights), asked)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
 from gtmbench.values.record import Record
+from studies.conduct import write_report
 
 LEARNT_S, LASTS_S, SETTLED_S = 120.0, 30.0, 20.0
 TAU_S = 20.0
@@ -123,7 +124,7 @@ def main() -> int:
     lines = [f"# A magnetometer between r and psi (seeds {first} to {last - 1})", INTRODUCTION, markdown(table)]
     lines.append(f"Healthy gyros accused: {int(gyros.sum())} of {len(rows)} cases.\n")
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text("\n\n".join(lines), encoding="utf-8")
+    write_report(given.out, "\n\n".join(lines), given)
     rows.to_csv(given.out / "cases.csv", index=False)
     print("\n\n".join(lines))
     return int(gyros.any())

@@ -4,7 +4,7 @@ A linear policy, from what the sensors read to the commands, is learnt by augmen
 2018) in ``gtmbench/GTM-v0``: in four of five episodes some gyro breaks at a random time. Then both fly on air that
 neither the policy nor anybody else has seen, healthy and with each fault, on the same seeds.
 
-    python experiments/learnt_controller.py --minutes 4 --out experiments/reports/learnt_controller/report.md
+    python experiments/learnt_controller.py --minutes 4 --out experiments/reports/learnt_controller
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 import gtmbench as gb
 from gtmbench.gym import ID, GtmEnv
+from studies.conduct import write_report
 
 Action = Callable[[GtmEnv, NDArray[np.float32]], NDArray[np.float32]]
 HELD_SEEDS = range(900_001, 900_021)  # looked at once, when the training was as it is
@@ -147,11 +148,13 @@ def main() -> None:
     """Learn, compare and write."""
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("--minutes", type=float, default=4.0, help="how long to learn")
-    asked.add_argument("--out", type=Path, default=Path("learnt.md"), help="the page")
+    asked.add_argument("--out", type=Path, default=Path("out/learnt_controller"), help="folder of the report")
     told = asked.parse_args()
     weights, episodes = learnt(60.0 * told.minutes)
-    told.out.write_text(report(weights, episodes, told.minutes))
-    print(told.out.read_text())
+    told.out.mkdir(parents=True, exist_ok=True)
+    text = report(weights, episodes, told.minutes)
+    write_report(told.out, text, told)
+    print(text)
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ from scipy.interpolate import CubicSpline
 import gtmbench as gb
 from gtmbench.files.folders import atomic_folder
 from gtmbench.values.channels import header_of
+from studies.conduct import write_report
 
 CHANNELS = ("phi", "theta", "psi", "p", "q", "r")
 RATES_HZ = (10, 25, 50, 100, 125, 200, 250, 400, 1000)
@@ -115,7 +116,7 @@ def main() -> None:
     if given.out:
         given.out.parent.mkdir(parents=True, exist_ok=True)
         with atomic_folder(given.out) as folder:
-            (folder / "report.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+            write_report(folder, "\n".join(lines) + "\n", given)
             table.to_csv(folder / "rows.csv", index=False, float_format="%.4g")
 
 

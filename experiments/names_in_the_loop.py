@@ -23,6 +23,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
+from studies.conduct import write_report
 
 ONSET_S, FLIGHT_S, BEGUN_S = 60.0, 85.0, 20.0
 FIRST_SEED, CALIBRATION_SEED = 747_001, 1000
@@ -110,7 +111,7 @@ def main() -> int:
     print(text)
     if asked.out is not None:
         asked.out.mkdir(parents=True, exist_ok=True)
-        (asked.out / "report.md").write_text(text + "\n", encoding="utf-8")
+        write_report(asked.out, text + "\n", asked)
     return 0
 
 

@@ -27,6 +27,7 @@ from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.export.vectors import statistics_of
 from gtmbench.testing.on_board import M4_INSTALL, Compiled, missing_tools, run_on_m4
+from studies.conduct import write_report
 
 KINDS = ("jam", "drift", "bias", "deadzone", "noise", "scale_factor", "lag", "oscillation")
 VARIANTS = ("full", "compact")
@@ -215,7 +216,7 @@ def main() -> int:
     kinds = Counter(row["kind"] for row in rows if row["variant"] == "full" and row["python"] is not None)
     text += ["", f"Python alarms on: {', '.join(f'{kind} {count}' for kind, count in sorted(kinds.items()))}.", ""]
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text("\n".join(text), encoding="utf-8")
+    write_report(given.out, "\n".join(text), given)
     print("\n".join(text))
     return 0
 

@@ -75,8 +75,7 @@ def averaged(estimates: Sequence[FloatArray], d: int = 0) -> Average:
 def fir(records: Sequence[gb.Record], estimator: object, r: int, d: int) -> Average:
     """Return the FIR model of lags -d..r, u to y."""
     names, orders = {"inputs": ["u"], "outputs": ["y"]}, {"causal_order": r, "noncausal_order": d}
-    settings = {**orders, "estimator": estimator, "constant": "records"}  # what c excites has no offset
-    operators = [gb.identify(record, **names, **settings) for record in records]
+    operators = [gb.identify(record, **names, **orders, estimator=estimator) for record in records]
     return averaged([operator.markov[:, 0, 0] for operator in operators], d)
 
 

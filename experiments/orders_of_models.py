@@ -74,7 +74,7 @@ def rms(errors: gb.Residual) -> float:
 
 def fir(record: gb.Record, r: int, d: int) -> gb.Transmissibility:
     """Return the FIR model of lags -d..r."""
-    return gb.identify(record, inputs=["u"], outputs=["y"], causal_order=r, noncausal_order=d, constant="records")
+    return gb.identify(record, inputs=["u"], outputs=["y"], causal_order=r, noncausal_order=d)
 
 
 def fir_errors(own: Records, other: Records, orders: Sequence[tuple[int, int]]) -> FloatArray:

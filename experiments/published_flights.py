@@ -17,6 +17,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.intake.formats.registry import is_log, is_log_folder
 from gtmbench.report.tables.markdown import markdown
+from studies.conduct import write_report
 
 NEEDS = ["p", "q", "r", "phi", "theta", "psi"]
 MARGIN_S = 2.0
@@ -63,7 +64,7 @@ def main() -> None:
     table = markdown(pd.DataFrame(rows))
     print(table)
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text(f"{INTRODUCTION}{table}\n{SOURCES}", encoding="utf-8")
+    write_report(given.out, f"{INTRODUCTION}{table}\n{SOURCES}", given)
 
 
 def logs(folder: Path) -> list[Path]:

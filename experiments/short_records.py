@@ -38,6 +38,7 @@ from gtmbench.report.figures.panels import panels
 from gtmbench.report.style import COLOURS
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import false_alarms
+from studies.conduct import write_report
 
 SENSORS = {  # bias, vibration and noise (RMS) and quantum in deg/s, deg or g
     #       lag (s)  gain    bias  vibration  noise  quantum
@@ -338,7 +339,7 @@ def main() -> int:
     print(text)
     if given.out:
         with atomic_folder(given.out) as folder:
-            (folder / "report.md").write_text(f"{text}\n![r, predicted and measured](example.png)\n", encoding="utf-8")
+            write_report(folder, f"{text}\n![r, predicted and measured](example.png)\n", given)
             draw(folder / "example.png")
     print(f"{time.monotonic() - began:.0f} s" + (f"; report and figure in {given.out}" if given.out else ""))
     return 0

@@ -38,6 +38,7 @@ from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import COMMANDS, SENSORS, SURFACES
+from studies.conduct import write_report
 
 HELD_SEED, CALIBRATION_SEED = 1_020_001, 960_001
 ALL_PARTS = "surfaces,throttle,sensors,healthy"
@@ -466,7 +467,7 @@ def main() -> None:
     chosen = "" if asked.parts == ALL_PARTS else f"--parts {asked.parts} "
     command = f"python experiments/surface_faults.py {chosen}--flights {flights} --hours {hours:g} --seed {asked.seed}"
     text = report(rows, command, asked.seed, both)
-    (asked.out / "report.md").write_text(text, encoding="utf-8")
+    write_report(asked.out, text, asked)
     print(text)
 
 

@@ -34,8 +34,8 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import gtmbench as gb
-from gtmbench.files.disk import atomic_write
 from gtmbench.values.channels import header_of
+from studies.conduct import write_report
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 DETECTORS = ("C", "C-early", "kinematic-kalman-no-fir")
@@ -430,8 +430,7 @@ def main() -> int:
             table.to_csv(path, mode="a", header=not path.is_file(), index=False)
             print(f"\r{number} of {len(todo)}: {rows[0]['part']}", end="", flush=True)
     text = report(pd.read_csv(path))
-    with atomic_write(given.out / "report.md") as aside:
-        aside.write_text(text, encoding="utf-8")
+    write_report(given.out, text, given)
     print("\n" + text)
     return 0
 

@@ -1,5 +1,6 @@
 """Everything public: what `import gtmbench as gb` gives. Each name is imported when it is first asked for."""
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -141,11 +142,13 @@ else:
         """Return the public names, beside what every module has."""
         return [*globals(), *__all__]
 
+    @cache
     def _modules() -> dict[str, str]:
         """Return where each public name is defined, by the imports of this very file."""
         import ast
+        from pathlib import Path
 
-        tree = ast.parse(__loader__.get_source(__name__))
+        tree = ast.parse(Path(__file__).read_text(encoding="utf-8"))
         imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
         return {each.name: node.module for node in imports for each in node.names}
 

@@ -24,6 +24,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import pyarrow.parquet as pq
 
 import gtmbench as gb
 from gtmbench.check.baseline import read_reference, write_figures
@@ -102,10 +103,17 @@ COMMANDS = {
     "words": ["campaign", "done", "--report", "md", "--out", "r.md", "--force"],
     "junit": ["check", "mine.toml", "--junit", "j.xml"],
     "flights": ["benchmark", "--export", "flights", "--csv", "--jobs", "2"],
+    "scored": ["benchmark", "--detector", "limits", "--any-versions", "--out", "scored", "--jobs", "2"],
     "live": ["live", "link.tlog", "--learn", "30", "--save", "saved.tlog", "--record", "live.rrd", "--force"],
 }
 # what stays, for the next run to go on, or to be looked at
-KEPT = {"campaign": "out/", "fleet": "fleet/", "flights": "flights/", "live": ("saved.tlog", "live.rrd")}
+KEPT = {
+    "campaign": "out/",
+    "fleet": "fleet/",
+    "flights": "flights/",
+    "scored": "scored/",
+    "live": ("saved.tlog", "live.rrd"),
+}
 FOUND = {
     "diff": 1,
     "monitor": 3,
@@ -190,6 +198,10 @@ def content_of(path):
         return f"a recording that is {'whole' if b'RRF2FOOT' in content[-12:] else 'cut'}"
     if path.suffix == ".xml":  # it says how long it took
         return re.sub(rb' time(stamp)?="[^"]*"', b"", path.read_bytes())
+    if "scored" in path.parts:  # scores, pages and entries of a benchmark say what a sample took, a figure of its own
+        if path.suffix == ".parquet":
+            return pq.read_table(path).replace_schema_metadata().to_pydict()
+        return path.read_bytes() if path.suffix in (".csv", ".png") else re.sub(rb"[\d\s|-]", b"", path.read_bytes())
     if path.name == SUMS:
         sums = read_sums(path)
         return [(name, None if name.endswith(".rrd") else digest) for name, digest in sums.items()]
@@ -246,8 +258,10 @@ class Ordeals:
             print(f"... {number}, {self.failed} failed, {time.strftime('%H:%M:%S')}", flush=True)
 
     def said(self, err):
+        """Return what was said, and whether that is one line, or one for each output of a link."""
         lines = [line for line in err.read_text().splitlines() if not line.startswith("note: ")]
-        return lines, len(lines) == 1 and lines[0].startswith("gtmbench: ")
+        is_of_link = bool(lines) and all(line.startswith("gtmbench: not all ") for line in lines)
+        return lines, is_of_link or (len(lines) == 1 and lines[0].startswith("gtmbench: "))
 
     def disk(self, tries):
         """Give every command in turn a disk of 1 to 64 MB, of which little is free."""
@@ -316,17 +330,14 @@ class Ordeals:
             changed = sorted(each for each in {*before, *after} if before.get(each) != after.get(each))
             outputs = [each for each in changed if is_seen(each) and not each.startswith(KEPT.get(name, "-"))]
             what, text = f"{name}, change {nth} fails as {errno.errorcode[failure]}, exit {code}", err.read_text()
-            # a link is watched to its end all the same; rerun, which records it, gives no reason
-            is_unrecorded = name == "live" and "note: the recording ended" in text
-            if code == 2 or is_unrecorded or (name == "live" and "saved" in text):
+            if code == 2:  # a link is watched to its end all the same
                 told[errno.errorcode[failure]] += 1
-                if code == 2 or not is_unrecorded:
-                    self.hold_words(what, text, failure)
+                self.hold_words(what, err, failure)
                 is_cut = after.get("live.rrd") == "a recording that is cut"
                 self.hold(
                     what,
                     (f"half output: {outputs}", not outputs),
-                    (f"a recording is cut: {text}", not is_cut or is_unrecorded),
+                    (f"a recording is cut: {text}", not is_cut or "not all recorded" in text),
                 )
                 left[name, failure] += 1 + int(self.draw.integers(0, 1 + nth // 2))
             else:
@@ -342,13 +353,14 @@ class Ordeals:
         forks.end()
         print(f"writes: {dict(told)} failed, {self.failed} wrongly, not tried to the end: {sorted(left)}", flush=True)
 
-    def hold_words(self, what, text, failure):
+    def hold_words(self, what, err, failure):
         """Hold what is said to one line, which names an output and the reason, and not the input."""
-        lines = [line for line in text.splitlines() if not line.startswith("note: ")]
-        is_named = ("can't write" in text or "saved" in text) and os.strerror(failure) in text
+        lines, is_one = self.said(err)
+        text = " ".join(lines)
+        is_named = ("can't write" in text or "not all " in text) and text.count(os.strerror(failure)) == len(lines)
         self.hold(
             what,
-            (f"not one line: {lines}", len(lines) == 1 and lines[0].startswith("gtmbench: ")),
+            (f"not one line: {lines}", is_one),
             (f"no output and reason: {lines}", is_named),
             (f"the input is blamed: {lines}", "readable" not in text and "log.csv:" not in text),
         )

@@ -12,6 +12,7 @@ import pandas as pd
 
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import silent
+from studies.conduct import write_report
 
 
 def studied_groups(
@@ -61,7 +62,7 @@ def studied_groups(
             found.append(rows.assign(group=name))
             text += [f"## {name}", *filter(None, report(rows))]
     given.out.mkdir(parents=True, exist_ok=True)
-    (given.out / "report.md").write_text("\n\n".join(text) + "\n", encoding="utf-8")
+    write_report(given.out, "\n\n".join(text) + "\n", given)
     everything = pd.concat(found)
     everything.to_csv(given.out / "cases.csv", index=False)
     print("\n\n".join(text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
 import sys
 import time
@@ -62,6 +63,28 @@ def _no_more(parser: argparse.ArgumentParser) -> None:
     """Add nothing."""
 
 
+def write_report(folder: Path, text: str, given: argparse.Namespace) -> None:
+    """Write a report, and beside it its tables with what made them: the script, what it was given, versions, digests.
+
+    Logs don't ship, so of each folder of them a digest of all that it holds is cited.
+    """
+    (folder / "report.md").write_text(text, encoding="utf-8")
+    results = dumps({**_run(given), "tables": tables_in(text)}, indent=1)
+    (folder / "results.json").write_text(results + "\n", encoding="utf-8")
+
+
+def _digests(given: argparse.Namespace) -> dict[str, str]:
+    """Return a digest of every folder that was given to read, by its name."""
+    told = [value if isinstance(value, list) else [value] for name, value in vars(given).items() if name != "out"]
+    digests = {}
+    for folder in (each for values in told for each in values if isinstance(each, Path) and each.is_dir()):
+        digest = hashlib.sha256()
+        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+            digest.update(path.relative_to(folder).as_posix().encode() + b"\0" + path.read_bytes())
+        digests[folder.name] = digest.hexdigest()[:16]
+    return digests
+
+
 def _run(given: argparse.Namespace) -> dict[str, object]:
     """Return what a report's figures come from: the script, what it was given, versions and the code's digest."""
     asked = {name: value for name, value in vars(given).items() if name not in ("out", "jobs")}
@@ -69,6 +92,7 @@ def _run(given: argparse.Namespace) -> dict[str, object]:
         "script": Path(sys.argv[0]).name,
         "given": {name: _plain(value) for name, value in asked.items()},
         "code": code_facts(LIBRARIES),
+        "logs": _digests(given),
     }
 
 
@@ -121,9 +145,7 @@ def conducted(
         click.echo(findings.text)
         if given.out:
             with atomic_folder(given.out) as folder:
-                (folder / "report.md").write_text(findings.text, encoding="utf-8")
-                results = dumps({**_run(given), "tables": tables_in(findings.text)}, indent=1)
-                (folder / "results.json").write_text(results + "\n", encoding="utf-8")
+                write_report(folder, findings.text, given)
                 findings.write(folder)
     except (GtmbenchError, OSError) as error:
         parser.error(str(error))

@@ -17,10 +17,10 @@ from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
 from gtmbench.check.figures import Group, Value, trial_names
-from gtmbench.check.logs import log_paths, new_logs, texts_of
+from gtmbench.check.logs import history_path, log_paths, new_logs, texts_of
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.check.template import TOLERATED, is_file_of_detector, quoted
-from gtmbench.checks import boolean, keys, meant, naming, number, shown, table_of, whole
+from gtmbench.checks import boolean, keys, meant, naming, number, shown, table_of, text, whole
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml
 from gtmbench.files.seals import KEY, altered, digest_of
@@ -28,7 +28,7 @@ from gtmbench.files.shipped import shipped_baselines, shipped_scenarios
 from gtmbench.study.flights import common_setup
 from gtmbench.study.scenario import Scenario, load_scenario
 
-_SETTINGS = ("scenarios", "seed", "detector", "tolerances", "logs", "map")
+_SETTINGS = ("scenarios", "seed", "detector", "tolerances", "logs", "map", "history", "aircraft-id")
 _SETTINGS_KEY = "settings"  # in [recorded]: the digest of these
 _IN_LINES = ("trials", "sensors")  # tables with a line a group
 _A_LINE = 10  # numbers of a list
@@ -48,6 +48,10 @@ class Reference:
         Recorded flights, by their names from the file's folder.
     mapping : tuple of str
         How their columns are read, as ``--map`` takes it.
+    history : Path or None
+        What their airframe's constants are held against.
+    aircraft_id : str
+        Whose flights they are; "" for what they say themselves.
     seed : int
         Of excitation and noise: the file's, else the scenarios'.
     detector : str or None
@@ -68,6 +72,8 @@ class Reference:
     scenarios: tuple[Scenario, ...]
     logs: Mapping[str, Path]
     mapping: tuple[str, ...]
+    history: Path | None
+    aircraft_id: str
     seed: int
     detector: str | None
     tolerances: Mapping[str, Tolerance]
@@ -164,6 +170,8 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             scenarios=scenarios,
             logs=logs,
             mapping=texts_of("map", table.get("map", [])),
+            history=history_path(path, table.get("history")),
+            aircraft_id=text("aircraft-id", table["aircraft-id"]) if "aircraft-id" in table else "",
             seed=common_setup(scenarios[:1], seed).seed if scenarios else seed or 0,  # others': when they are run
             detector=detector,
             tolerances=_tolerances(table.get("tolerances", {})),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gtmbench.check.figures import Group, Value, rounded
-from gtmbench.checks import shown
+from gtmbench.checks import shown, text
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.log_fleet import logs_in
@@ -55,16 +55,32 @@ def new_logs(recorded: Mapping[str, object], names: Sequence[str]) -> tuple[list
     return [name for name in names if name not in was], [name for name in was if name not in names]
 
 
+def history_path(baseline: Path, given: Any) -> Path | None:
+    """Return the history that a baseline's flights are judged beside, seen from its folder; None where there is none.
+
+    Raises
+    ------
+    InputError
+        Where it isn't there.
+    """
+    if given is None:
+        return None
+    path = baseline.absolute().parent / text("history", given)
+    if not path.exists():
+        raise InputError(f"history is {shown(given)}, and there is no such file; gtmbench monitor --history writes one")
+    return path
+
+
 def log_groups(
-    logs: Mapping[str, Path], watcher: Detector | Monitor | str, mapping: Sequence[str], progress: Progress
+    logs: Mapping[str, Path], watcher: Detector | Monitor | str, progress: Progress, **how: Any
 ) -> list[Group]:
-    """Watch logs as `gtmbench monitor` does, and return the figures of every sensor of theirs."""
+    """Watch logs as `gtmbench monitor` does, how else is as `watch_log` takes it; return the figures of each sensor."""
     from gtmbench.study.log.watch import watch_log
 
     groups = []
     for number, (name, path) in enumerate(logs.items()):
         progress(name, number, len(logs))
-        groups += _groups(name, watch_log(path, watcher, mapping=mapping))
+        groups += _groups(name, watch_log(path, watcher, **how))
     return groups
 
 

@@ -60,7 +60,8 @@ def run_reference(
         watches = [] if watcher is None else [watcher]
         groups += figures_of(run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress))
     if reference.logs:
-        groups += log_groups(reference.logs, watcher or AUTO, reference.mapping, progress)
+        how = {"history": reference.history, "aircraft_id": reference.aircraft_id, "mapping": reference.mapping}
+        groups += log_groups(reference.logs, watcher or AUTO, progress, **how)
     return tuple(groups)
 
 

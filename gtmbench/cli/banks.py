@@ -96,7 +96,7 @@ def _print_auto(source: str, log: Path | None, as_json: bool, quiet: bool) -> No
         )
     read = read_log(log)
     bank = bank_for_logs([read], ())[0].bank
-    sensors = sensor_lines(other_sensors_of(read))
+    sensors = sensor_lines([each for each in other_sensors_of(read) if each.is_read])
     if as_json:
         own = {**_bank_json(signatures(bank)), "monitor": None, "other_sensors": [line.strip() for line in sensors[1:]]}
         print_json(envelope("list-bank", _bank_verdict(bank), own))

@@ -8,6 +8,7 @@ import click
 
 _APART = {  # the heading of options that few need
     "Long runs": ("--resume", "--time-limit", "--scheduler", "--tls"),
+    "An aircraft's history": ("--history", "--aircraft-id"),
     "Faults of your own": ("--import",),
     "Help, files that exist": ("--force", "-h"),
 }

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from click import UsageError
+
 from gtmbench.cli.output import echo, print_json, print_table, screen_width
 from gtmbench.errors import InputError
 from gtmbench.files.disk import is_file
@@ -19,6 +21,8 @@ _MOST_ROWS = 40  # on a screen
 
 def is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
     """Whether more than a log is meant: several, a folder, a pattern, or a folder to write into."""
+    if not sources:
+        raise UsageError("Missing argument 'LOG|DIR|GLOB...'.")
     (first, *others) = sources
     if others or out is not None:
         return True

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from gtmbench.link.events import LiveEvent
     from gtmbench.link.live import Live
 
-_INTERRUPTED = 130
+_INTERRUPTED, _UNWRITTEN = 130, 2
 
 
 @click.command("live", cls=Command)
@@ -105,8 +105,9 @@ def live_command(
 
     The monitor is the one of `gtmbench monitor`, and reads the samples as they come. At the end all that arrived is
     judged as a log: the verdict is that of `gtmbench monitor` on the saved file. With --json each event is one line
-    of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 0 nothing found, 3 can't
-    tell, 2 bad input, 130 Ctrl-C (after the verdict; a second Ctrl-C doesn't wait for it).
+    of JSON. Nothing is sent without --say or --request-rates. Exit code: 1 something failed, 2 bad input, or what
+    --save or --record write lacks something, 0 nothing found, 3 can't tell, 130 Ctrl-C (after the verdict; a second
+    Ctrl-C doesn't wait for it).
     """
     _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
     _claim(source, save, record, force=force)
@@ -117,6 +118,7 @@ def live_command(
     from gtmbench.detectors.registry import find_detector
     from gtmbench.link.live import live, ready
     from gtmbench.link.packets import key_of
+    from gtmbench.verdict.verdict import Outcome
 
     key = None if key_file is None else key_of(key_file)
     monitor = ready(None if detector is None else find_detector(detector))
@@ -149,7 +151,12 @@ def live_command(
             interrupted = True
         with progress_bar(silent=as_json or quiet) as tell:
             link.close(tell)
+    lost = _lost(link, save)
     code = _INTERRUPTED if interrupted else int(link.outcome)
+    if lost and code not in (Outcome.FAILED, _INTERRUPTED):
+        code = _UNWRITTEN
+    for each in lost:
+        echo(f"gtmbench: {each}", err=True)
     _print_end(link, source, save, detector, code, as_json=as_json, quiet=quiet)
     return code
 
@@ -218,8 +225,6 @@ def _print_end(
             dumps(envelope("live", link.verdict, _ended(link, source, save), exit_code=code, findings=_found(link)))
         )
         return
-    if save is not None and link.unsaved:
-        echo(f"gtmbench: not all saved: {link.unsaved}; {save} holds what came before", err=True)
     if not quiet:
         for line in _closing_lines(link):
             echo(line)
@@ -227,6 +232,12 @@ def _print_end(
         if save is not None and not link.unsaved:
             echo(f"saved: {save}    look closer: gtmbench monitor {save}{_asked(detector)} --details")
     _print_drawn(link, quiet=quiet)
+
+
+def _lost(link: Live, save: Path | None) -> list[str]:
+    """Say which outputs lack something, and why."""
+    unsaved = [f"not all saved: {link.unsaved}; {save} holds what came before"] if save and link.unsaved else []
+    return unsaved + [drawn.failure for drawn in link.drawn if drawn.failure and drawn.path is not None]
 
 
 def _closing_lines(link: Live) -> list[str]:
@@ -253,7 +264,7 @@ def _print_drawn(link: Live, *, quiet: bool) -> None:
             echo(f"recorded: {path}    look at it: gtmbench view {path}")
         if drawn.left_out and not quiet:
             echo(f"note: the picture lacks {drawn.left_out} rows, which came faster than they were drawn", err=True)
-        if drawn.failure:
+        if drawn.failure and drawn.path is None:
             echo(f"note: {drawn.failure}", err=True)
 
 

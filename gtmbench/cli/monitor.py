@@ -14,6 +14,7 @@ from gtmbench.cli.cluster import check_cluster_options, cluster_options
 from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
+from gtmbench.cli.history import keeping_of, monitor_history
 from gtmbench.cli.output import (
     F,
     claim_file,
@@ -66,7 +67,7 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 
 
 @click.command("monitor", cls=Command)
-@click.argument("logs", nargs=-1, required=True, metavar="LOG|DIR|GLOB|ADDRESS...", type=Log())
+@click.argument("logs", nargs=-1, metavar="LOG|DIR|GLOB|ADDRESS...", type=Log())
 @map_option
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
 @click.option("--system", metavar="N", help="The system that is meant, of a telemetry log of several.")
@@ -77,6 +78,12 @@ def healthy_option(usual: str) -> Callable[[F], F]:
 @click.option(
     "--list", "listed", is_flag=True, help="List the log's sensors and what can be watched; with --details all columns."
 )
+@click.option(
+    "--history",
+    type=click.Path(path_type=Path),
+    help="Judge beside the aircraft's earlier flights in this file, or folder of logs, and enter this one.",
+)
+@click.option("--aircraft-id", metavar="NAME", help="Whose flight it is.  [default: by the log's hardware, or folder]")
 @click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option(
     "--report",
@@ -106,6 +113,8 @@ def monitor_command(
     limits: tuple[str, ...],
     details: bool,
     listed: bool,
+    history: Path | None,
+    aircraft_id: str | None,
     record: Path | None,
     reports: tuple[Path, ...],
     out: Path | None,
@@ -127,27 +136,39 @@ def monitor_command(
     with what to type. A calibrated monitor (`gtmbench calibrate`) watches with --detector monitor.json.
 
     Several logs, a folder or a pattern need --out, a folder for the results: a row a log, worst first
-    (docs/how_to/fleet.md). Logs in an object store are given by their addresses, such as s3://BUCKET/FOLDER.
+    (docs/how_to/fleet.md); or --history, where they are one aircraft's flights (docs/how_to/history.md). Without a log,
+    --history FILE shows what stands in it.
+    Logs in an object store are given by their addresses, such as s3://BUCKET/FOLDER.
 
     Exit code: 1 something failed, 0 nothing found, 3 can't tell, 2 bad input, or none of several could be watched.
     """
     from gtmbench.detectors.bank.composed import AUTO
 
-    detector = AUTO if detector is None else detector
+    how: dict[str, Any] = {
+        "detector": AUTO if detector is None else detector,
+        "healthy": tuple(healthy_part(text) for text in healthy),
+        "mapping": mapping,
+        "rate_hz": rate,
+        "judge": judge,
+        "limits": limits,
+    }
+    keeping = keeping_of(history, aircraft_id, how, time_limit)
+    files = [log for log in logs if isinstance(log, Path)]
+    if keeping is not None:
+        of_fleet = {"--out": out, "--jobs": jobs, "--resume": resume, "--scheduler": scheduler, "--tls": tls}
+        _refuse(of_fleet, "of a fleet; a history's flights follow each other")
+        if len(files) < len(logs):
+            raise InputError("--history is of flights that are files; fetch objects of a store first")
+    if keeping is not None and (not logs or is_fleet(logs, out)):
+        _refuse({"--list": listed, "--details": details}, "of one log")
+        _check_outputs(record, reports, keeping.history, force=force)
+        return monitor_history(keeping, files, record=record, reports=reports, as_json=as_json, quiet=quiet)
     if is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
         _refuse(alone, "of one log; several logs have --out")
         from gtmbench.study.log.log_fleet import LIMIT_S, Watching
 
-        watching = Watching(
-            detector=detector,
-            healthy=tuple(healthy_part(text) for text in healthy),
-            mapping=mapping,
-            rate_hz=rate,
-            judge=judge,
-            limits=limits,
-            limit_s=LIMIT_S if time_limit is None else time_limit,
-        )
+        watching = Watching(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
         check_cluster_options(scheduler, tls)
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
         return monitor_fleet(
@@ -166,27 +187,19 @@ def monitor_command(
     _refuse(of_several, "of several logs; give --out, too")
     first = _as_file(logs[0])
     log = first if system is None else Path(f"{first}:{system}")
-    for option, path in (
-        *(("--record", path) for path in (record,) if path),
-        *(("--report", path) for path in reports),
-    ):
-        _check_output(option, path, log, force=force)
+    _check_outputs(record, reports, log, force=force)
     if listed:
         _list(log, mapping, every=details, as_json=as_json, quiet=quiet)
         return 0
     from gtmbench.study.log.watch import watch_log
 
     with progress_bar(silent=as_json or quiet) as tell:
-        watched = watch_log(
-            log,
-            detector,
-            healthy=[healthy_part(text) for text in healthy],
-            mapping=mapping,
-            rate_hz=rate,
-            judge=judge,
-            limits=limits,
-            progress=tell,
-        )
+        if keeping is None:
+            watched = watch_log(log, **how, progress=tell)
+        else:
+            keeping.enter(keeping.left(files))
+            watched = keeping.watched(log, tell)
+            keeping.add(watched)
         if details:
             watched = watched.with_names()
         tell("certificate", None, None)
@@ -209,6 +222,14 @@ def _as_file(log: Source) -> Path:
     from gtmbench.intake.objects import fetched
 
     return click.get_current_context().with_resource(fetched(log))
+
+
+def _check_outputs(record: Path | None, reports: Sequence[Path], source: Path, *, force: bool) -> None:
+    for option, path in [
+        *(("--record", path) for path in (record,) if path),
+        *(("--report", path) for path in reports),
+    ]:
+        _check_output(option, path, source, force=force)
 
 
 def _refuse(options: Mapping[str, object], why: str) -> None:

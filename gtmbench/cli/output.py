@@ -198,7 +198,7 @@ def scope_options(command: F) -> F:
     judge = click.option(
         "--judge",
         metavar="SENSORS",
-        help="The sensors that the verdict speaks for: p,q,r or gyros, attitude, all.  [default: gyros and attitude]",
+        help="What the verdict speaks for: p,q,r or gyros, attitude, surfaces, all.  [default: gyros and attitude]",
     )
     limit = click.option(
         "--limit",

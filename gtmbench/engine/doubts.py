@@ -40,6 +40,9 @@ _SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usu
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
+_TIMES_AS_LONG = (
+    20.0  # a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
+)
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
@@ -103,6 +106,7 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
     reasons += [*_follows(model, finding), *_gain_between(model, finding), *_shaken(model, finding)]
     reasons += [*_leaks(finding, found), *_outvoted(model, finding), *_shakes_all(model.flight, finding)]
+    reasons += _late(model.flight, finding)
     return replace(finding, others=others, doubt="; ".join(reasons))
 
 
@@ -129,6 +133,14 @@ def _is_cancelled(finding: Finding, found: Sequence[Finding]) -> bool:
         and min(other.last, finding.last) - max(other.first, finding.first) > _BESIDE * length
         for other in healthy
     )
+
+
+def _late(flight: Flight, finding: Finding) -> list[str]:
+    """Name nobody for what shows only over far longer than is known before it: a model errs a little, all the time."""
+    known_s, shows_s = finding.onset_s - flight.blocks.start_s, finding.shows_s - finding.onset_s
+    if finding.side is Side.BEFORE or shows_s <= _TIMES_AS_LONG * known_s:
+        return []
+    return [f"it shows after {shows_s:.0f} s, and {known_s:.0f} s are known before it"]
 
 
 def _short(finding: Finding) -> list[str]:

@@ -172,6 +172,19 @@ def atomic_write(target: Path) -> Iterator[Path]:
         to_disk(meant.parent)
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder of results, and those above it, where there is none.
+
+    Raises
+    ------
+    UnwrittenError
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritten(folder, error) from error
+
+
 @contextmanager
 def told(target: Path, aside: Path) -> Iterator[None]:
     """Say in one line which file couldn't be written and why; what concerns another file stays what it is."""

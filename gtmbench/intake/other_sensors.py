@@ -59,6 +59,11 @@ class SensorReadings:
     # what was left out, because no sensor reads it
     out_of_range: tuple[OutOfRange, ...] = field(default=(), repr=False)
 
+    @property
+    def is_read(self) -> bool:
+        """Whether it read anything, beside what is out of range."""
+        return len(self.time_s) >= _FEWEST
+
     def beside(self, record: Record) -> Record:
         """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
 
@@ -120,7 +125,7 @@ class SensorReadings:
 
 
 def other_sensors_of(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[SensorReadings, ...]:
-    """Return the sensors of a log that read anything.
+    """Return the sensors of a log that read anything, be it out of range.
 
     GPS velocity (of PX4 and ArduPilot with a 3-D fix only; of a table gps_north, gps_east and gps_down in m/s),
     accelerometers, airspeed, pressure altitude, and up to three magnetometers.
@@ -294,7 +299,7 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
     if not whole.all():
         time_s, values = time_s[whole], values[whole]
     is_read = readings_at(time_s, values)
-    if np.count_nonzero(is_read) < _FEWEST:
+    if np.count_nonzero(is_read) < _FEWEST and not beyond:
         return None
     topics = {column.rpartition(".")[0] for column in told.columns}
     return SensorReadings(

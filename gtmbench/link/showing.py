@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import queue
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -18,8 +19,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from gtmbench.checks import one_line
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Monitor
+from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.values.record import Record
 
@@ -31,8 +34,9 @@ _REST = 3.0  # of what a drawing took, until the next
 _LONGEST_S = 60.0  # of rows that wait to be drawn
 _CHECKED_BYTES = 300_000_000  # up to this size a file is read once more: rerun tells of no full disk
 _END_S = 30.0  # for what is left at the end
-_STUCK = "the recording couldn't be finished: rerun takes no more; is the disk full?"
-_DIED = 'the process that records ended too early; a script needs its `if __name__ == "__main__":`'
+_STUCK = "rerun takes no more"
+_DIED = 'the process that draws ended too early; a script needs its `if __name__ == "__main__":`'
+_PROBE_BYTES = 1 << 20  # rerun hands over at most so much at once
 _SEVERITY = {
     LiveKind.ALARM: "ERROR",
     LiveKind.NAMED: "CRITICAL",
@@ -51,11 +55,12 @@ class Told(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """What became of a recording: the files, one for each clock; rows left out; what went wrong."""
+    """What became of a recording: the files, one for each clock; rows left out; what went wrong; the file asked for."""
 
     paths: tuple[Path, ...] = ()
     left_out: int = 0
     failure: str = ""
+    path: Path | None = None
 
 
 class Pictures:
@@ -118,7 +123,7 @@ class Showing:
     """
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:
-        self._waits = waits
+        self._path, self._waits = path, waits
         self._left_out = 0  # rows
         self._rows: list[Record] = []
         self._queue: queue.Queue[Any] = queue.Queue(_WAITING)
@@ -161,7 +166,8 @@ class Showing:
         if self._process.is_alive():
             self._process.terminate()
         self._pipe.close()
-        return drawn._replace(left_out=self._left_out)
+        failure = drawn.failure and _told(drawn.failure, self._path)
+        return drawn._replace(left_out=self._left_out, failure=failure, path=self._path)
 
     def _flush(self) -> None:
         rows, self._rows = self._rows, []
@@ -183,6 +189,18 @@ class Showing:
             self._pipe.send(None)
 
 
+def _told(why: str, path: Path | None) -> str:
+    """Say what isn't drawn; of a full disk rerun tells nothing, so its folder is asked for room."""
+    if path is None:
+        return f"the rerun viewer ended before the flight: {why}"
+    try:
+        with tempfile.TemporaryFile(dir=path.parent) as file:
+            file.write(bytes(_PROBE_BYTES))
+    except OSError as error:
+        why = error.strerror or why
+    return f"not all recorded: {path}: {why}; it holds what came before, if anything"
+
+
 def draw(pipe: Connection, monitor: Monitor, path: Path | None) -> None:
     """Draw what comes through a pipe until it ends; the work of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C ends the watch, and that ends the pipe
@@ -193,8 +211,7 @@ def draw(pipe: Connection, monitor: Monitor, path: Path | None) -> None:
     try:
         drawn = Drawn(_Drawing(monitor, path).run(pipe))
     except Exception as error:  # whatever it is, the watch goes on, and says it at the end
-        what = "the rerun viewer ended before the flight" if path is None else "the recording ended"
-        drawn = Drawn(failure=f"{what}: {error}")
+        drawn = Drawn(failure=one_line(str(error)) or type(error).__name__)
     with suppress(OSError):
         pipe.send(drawn)
 
@@ -270,4 +287,7 @@ class _Drawing:
         if self._paths and self._paths[-1].stat().st_size < _CHECKED_BYTES:
             from gtmbench.report.recording.read import check_recording
 
-            check_recording(self._paths[-1])
+            try:
+                check_recording(self._paths[-1])
+            except InputError as error:
+                raise GtmbenchError("rerun left it cut") from error

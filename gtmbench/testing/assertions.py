@@ -123,11 +123,13 @@ def assert_quiet(
     limits: Sequence[str] = (),
     healthy: Sequence[tuple[float, float] | str | Path] = (),
     mapping: Sequence[str] = (),
+    history: str | Path | None = None,
+    aircraft_id: str = "",
 ) -> None:
     """Fail if a detector alarms on a healthy record, or never could have.
 
     ``assert_quiet("flight.csv")`` fails unless `gtmbench monitor` finds nothing in a recorded flight, and judges
-    enough of it.
+    enough of it; with ``history="airframe.parquet"`` its constants have to be those of the airframe's flights before.
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def assert_quiet(
     record : Record, optional
         A healthy record; by default the T2's sensor readings on the standard flight (200 s). Or a recorded flight that
         the detector watches.
-    judge, limits, healthy, mapping : optional
+    judge, limits, healthy, mapping, history, aircraft_id : optional
         Of a recorded flight: as `watch_log` takes them.
 
     Raises
@@ -149,7 +151,8 @@ def assert_quiet(
     >>> assert_quiet(lambda record: record.time_s[abs(record["p"]) > 500.0])
     """
     __tracebackhide__ = True
-    watching = _on_log(detector, record, judge=judge, limits=limits, healthy=healthy, mapping=mapping)
+    how = {"judge": judge, "limits": limits, "healthy": healthy, "mapping": mapping, "history": history}
+    watching = _on_log(detector, record, **how, aircraft_id=aircraft_id)
     if watching is not None:
         hold_quiet(watching)
         return

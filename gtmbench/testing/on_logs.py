@@ -31,6 +31,8 @@ class Watching:
     limits: Sequence[str] = ()
     healthy: Sequence[tuple[float, float] | str | Path] = ()
     mapping: Sequence[str] = ()
+    history: str | Path | None = None
+    aircraft_id: str = ""
 
     def watched(self) -> WatchedLog:
         """Return what comes of it."""
@@ -43,6 +45,8 @@ class Watching:
             mapping=self.mapping or (_mapping_of(self.log) if isinstance(self.log, FlightLog) else ()),
             judge=self.judge,
             limits=self.limits,
+            history=self.history,
+            aircraft_id=self.aircraft_id,
         )
 
 

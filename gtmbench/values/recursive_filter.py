@@ -43,7 +43,9 @@ def filtered(
         driven[:, late:] += weight * columns[:, : rows - late]
     driven[:, 0] = before[1]
     order = min(len(under), rows) - 1
-    bands = np.repeat(np.asarray(under, dtype=float)[: order + 1, np.newaxis], rows, axis=1)
     if order > 0:
-        driven = np.array([blas.dtbsv(order, bands, each, lower=1, diag=1) for each in driven])
+        bands = np.empty((order + 1, rows), order="F")
+        bands[:] = np.asarray(under, dtype=float)[: order + 1, np.newaxis]
+        for each in driven:
+            blas.dtbsv(order, bands, each, lower=1, diag=1, overwrite_x=1)
     return driven[:, 1:].T.reshape(signal.shape)

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 
 from gtmbench.checks import meant, number
 from gtmbench.errors import InputError
-from gtmbench.values.channels import ATTITUDE, GYROS, unit_of
+from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, unit_of
 
 LIMIT_DEG_S, LIMIT_DEG = 5.0, 10.0  # of an error that stays; asked by our users, see docs/explanation/verdict.md
 JUDGED = 0.75  # of the time in motion: less is no verdict on a flight
 GROUPS = {
     "gyros": GYROS,
     "attitude": ATTITUDE,
-}  # sensors that are asked by one word; "all" is every one that anything compares
+    "surfaces": COMMANDS,
+}  # what is asked by one word; "all" is every sensor that anything compares
 _LIMIT = re.compile(r"\s*(?P<value>[-+.\w]+?)\s*(?P<unit>deg/s|deg)?\s*")
 
 
@@ -136,7 +137,7 @@ def asked_sensors(
         if name == "all":
             asked += held
         elif name in GROUPS:
-            asked += [each for each in GROUPS[name] if each in there]
+            asked += [each for each in GROUPS[name] if each in there or each in held]
         elif name in there or name in held:
             asked.append(name)
         else:

@@ -10,7 +10,6 @@ TARGETS = {  # figure of bench.json: (at least or at most, bound)
     ("identification", "memory_ratio"): (">=", 8.0),
     ("identification", "markov_rel_diff"): ("<=", 1e-9),
     ("fresh", "tenth"): (">=", 100.0),
-    ("commands", "monitor_broken"): ("<=", 6.0),
     ("commands", "monitor_healthy"): ("<=", 6.0),
     ("residual", "ratio"): (">=", 10.0),
     ("norm", "ratio"): (">=", 10.0),

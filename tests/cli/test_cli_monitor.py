@@ -185,7 +185,7 @@ def test_sixteen_options_and_those_that_few_need_apart(cli):
         *("record", "report", "out", "jobs", "quiet", "json"),
     ]
     assert re.findall(r"^  (?:-\w, )?--([\w-]+)", apart, flags=re.MULTILINE) == [
-        *("resume", "scheduler", "tls", "time-limit", "import", "force", "help")
+        *("resume", "scheduler", "tls", "time-limit", "history", "aircraft-id", "import", "force", "help")
     ]
 
 

@@ -64,6 +64,11 @@ CASES = {
         "calibrate healthy.csv --inputs p_att --outputs p --healthy 0:25 --out own.json --force",
     ),
     "monitor, listed": ("monitor-list", 0, "monitor healthy.csv --list"),
+    "monitor, a history": (
+        "monitor-history",
+        0,
+        "monitor healthy.csv turned.csv --detector ready.json --history h.parquet",
+    ),
     "monitor, a fleet": ("monitor-fleet", FAILED, "monitor logs --detector ready.json --out o --resume"),
     "live, healthy": ("live", 0, "live healthy.tlog --detector ready.json"),
     "live, failed": ("live", FAILED, "live broken.tlog --detector ready.json"),

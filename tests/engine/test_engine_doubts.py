@@ -403,3 +403,16 @@ def test_of_two_gyros_behind_one_estimator_neither_is_named_that_the_other_bends
     found = {each.best.suspect: each for each in doubted(model, [drifts, scaled])}
     assert found["r"].doubt.startswith("p bends the attitude by ")
     assert alone(model, scaled).named == "r"
+
+
+@pytest.mark.parametrize(
+    ("shows_s", "side", "is_doubted"),
+    [(107.0, Side.AFTER, True), (103.0, Side.AFTER, False), (107.0, Side.BEFORE, False)],
+)
+def test_what_shows_only_over_far_longer_than_is_known_before_it_names_nobody(
+    model, finding, shows_s, side, is_doubted
+):
+    """Of five seconds that are known, twenty times as much may pass until it shows."""
+    told = finding("q bias", onset_s=5.0, shows_s=shows_s, side=side)
+    (said,) = doubted(model, [told])
+    assert ("are known before it" in said.doubt) == is_doubted

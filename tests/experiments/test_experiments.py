@@ -124,6 +124,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         *BEYOND,
         "fault_gallery",
         "figures",
+        "rivals",
         "main_job",
         "real_logs",
         "log_samples",
@@ -150,6 +151,9 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
         "benchmark_lstm",
         "benchmark_order",
         "published_flights",
+        "airframes",
+        "real_airframes",
+        "next_motions",
         "__main__",
     }
 
@@ -227,6 +231,13 @@ def test_of_several_imus_none_is_named_wrong(run):
     done = run("several_imus", "--quick")
     assert done.code == 0, done.out + done.err
     assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 6 +\| 6 +\| 0 +\| 0 ", done.out)
+
+
+def test_no_airframe_is_accused_and_no_healthy_gyro_named(run):
+    done = run("airframes", "--quick")
+    assert done.code == 0, done.out + done.err
+    assert re.search(r"\| healthy airframes accused +\| 0 ", done.out)
+    assert re.search(r"\| a healthy gyro named +\| 0 ", done.out)
 
 
 def test_a_magnetometer_never_accuses_a_healthy_gyro(tmp_path, run):

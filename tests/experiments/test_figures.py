@@ -1,8 +1,12 @@
 """What README and docs say of a run is what its results hold."""
 
+import argparse
+import json
+
 import pytest
 
 from gtmbench.errors import InputError
+from studies.conduct import write_report
 from tests.helpers.scripts import script
 
 FIGURES = script("figures")
@@ -30,3 +34,23 @@ def test_what_stands_between_marks_is_written_anew():
 def test_an_unknown_figure_is_refused():
     with pytest.raises(InputError, match="there are no figures 'speed'; there are "):
         FIGURES["filled"]("<!-- figures: speed --><!-- end -->")
+
+
+def test_a_report_has_its_tables_beside_it_and_what_made_them(tmp_path):
+    """Logs don't ship: their digest changes with any byte of them, and with nothing else."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    (logs / "a.csv").write_text("1")
+    given = argparse.Namespace(out=tmp_path, folders=[logs], seed=3)
+
+    def results():
+        write_report(tmp_path, "# Report\n\n| fault | share |\n|---|---|\n| jam | 0.9 |\n", given)
+        return json.loads((tmp_path / "results.json").read_text())
+
+    first, again = results(), results()
+    assert first == again
+    assert first["tables"] == [[{"fault": "jam", "share": "0.9"}]]
+    assert (first["given"], list(first["logs"])) == ({"folders": ["logs"], "seed": 3}, ["logs"])
+    assert "source" in first["code"]
+    (logs / "a.csv").write_text("2")
+    assert results()["logs"] != first["logs"]

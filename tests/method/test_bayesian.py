@@ -220,7 +220,9 @@ def test_missing_samples_are_as_if_the_record_had_ended_there(channel, rows):
     off = np.linalg.solve(cut.root, (gappy.operator.markov - cut.operator.markov).ravel())
     assert np.abs(off).max() < 0.5  # deviations: only the filter's ends differ
     np.testing.assert_allclose(gappy.operator.input_means, cut.operator.input_means, atol=1e-9)
-    np.testing.assert_allclose(gappy.operator.output_means, cut.operator.output_means, atol=1e-4)  # the ends, again
+    # the constant is estimated from the same rows, so the ends move it, too, by less than a tenth of its deviation
+    moved, deviation = gappy.operator.constant - cut.operator.constant, cut.operator.rms_residual
+    assert np.abs(moved).max() < 0.1 * deviation[0] / np.sqrt(cut.operator.samples)
 
 
 def test_what_stands_in_a_missing_row_isnt_used():

@@ -1,6 +1,7 @@
 """Two recordings compared: equal runs are equal, one bit is found, and what is laid over each other is both."""
 
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.report.recording.diff import Tolerance, compare
-from gtmbench.report.recording.overlay import TINTS, write_overlay
+from gtmbench.report.recording.overlay import TINTS, _summary, write_overlay
 from gtmbench.report.recording.write import write_recording
 from tests.cli.test_cli import SHORT
 from tests.report.test_viewer import VULKAN, missing
@@ -230,6 +231,21 @@ def test_an_overlay_of_equal_recordings_and_of_recordings_without_a_common_serie
     b = line([1.0, 2.0], "a b/c").assign(time_s=[7.0, 8.0])  # no difference anywhere: there is no common time
     write_overlay(a, b, compare(a, b), tmp_path / "apart.rrd")
     assert list(gb.read_recording(tmp_path / "apart.rrd").value) == [1.0, 2.0, 1.0, 2.0]
+
+
+def test_what_others_recordings_call_things_is_no_markdown():
+    """Whoever wrote a recording fetches no picture and sets no link by the names in it."""
+    hostile = "![x](https://example.org/x.png) <img src=x> `|"
+    a, b = (line([1.0, value], hostile, f"/{hostile}") for value in (2.0, 3.0))
+    told_a, told_b = (
+        told([(hostile, np.nan, np.nan, f"{word}{hostile}")], entity=f"/{hostile}/verdict") for word in ("a", "b")
+    )
+    comparison = compare(pd.concat([a, told_a]), pd.concat([b, told_b]))
+    assert comparison.lines
+    assert comparison.verdicts
+    page = _summary(comparison, (hostile, hostile))
+    assert page.count("example.org") == 8  # two names, a series, a field with its values
+    assert not {*re.findall(r"\]\(|<|`", page)}
 
 
 @pytest.mark.viewer

@@ -2,6 +2,8 @@
 
 import errno
 import json
+import os
+import resource
 
 import pytest
 
@@ -41,9 +43,37 @@ def test_a_link_that_isnt_all_saved_isnt_called_saved(tmp_path, capsys, monkeypa
     with pytest.raises(SystemExit) as ended:
         main(arguments)
     printed = capsys.readouterr()
-    assert ended.value.code == 3
+    assert ended.value.code == 2
     assert f"not all saved: {saved}: No space left on device" in printed.err
     assert "\nsaved: " not in printed.out
     with pytest.raises(SystemExit):
         main([*arguments, "--json"])
     assert json.loads(capsys.readouterr().out.splitlines()[-1])["saved"] is None
+
+
+@pytest.mark.parametrize(("size", "code"), [(0.0, 2), (4.0, 1)])
+def test_a_link_that_isnt_all_recorded_isnt_called_so_and_ends_with_2_unless_something_failed(
+    size, code, tmp_path, capsys
+):
+    record = gb.inject(monitors.record(3000, seed=21), gb.Bias(channel="q", onset_s=45.0, size=size))
+    sent, recorded = links.saved(tmp_path / "sent.tlog", links.packets(record)), tmp_path / "live.rrd"
+    gb.save_monitor(monitors.monitor(), tmp_path / "m.json")
+    allowed = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, allowed[1]))  # of every file, of the process that draws, too
+    try:
+        with pytest.raises(SystemExit) as ended:
+            main(["live", str(sent), "--detector", str(tmp_path / "m.json"), "--record", str(recorded)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, allowed)
+    printed = capsys.readouterr()
+    assert f"not all recorded: {recorded}: {os.strerror(errno.EFBIG)}; it holds what came before" in printed.err
+    assert "recorded: " not in printed.out
+    assert ended.value.code == code
+
+
+def test_a_folder_that_cant_be_made_is_named(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pathlib.Path.mkdir", full)
+    with pytest.raises(SystemExit) as ended:
+        main(["benchmark", "--quick", "--any-versions", "--detector", "limits", "--out", str(tmp_path / "scored")])
+    assert ended.value.code == 2
+    assert f"can't write {tmp_path / 'scored'}: No space left on device" in capsys.readouterr().err

@@ -56,7 +56,8 @@ def absurd(time_s, outside):
     """Return when a reading was outside that lies in a second of which more than one in a hundred were, by counting."""
     at_s = []
     for row in np.flatnonzero(outside):
-        seconds = [np.abs(time_s - (time_s[row] + half_s)) < 0.4999 for half_s in np.linspace(-0.49, 0.49, 5)]
+        begins_s = time_s[row] - np.linspace(0.01, 0.99, 5) - 1e-6  # whole seconds: of 100 Hz, of a hundred readings
+        seconds = [(time_s >= each_s) & (time_s < each_s + 1.0) for each_s in begins_s]
         at_s += [time_s[row]] * any(outside[second].sum() > 0.01 * second.sum() for second in seconds)
     return at_s
 
@@ -107,6 +108,15 @@ def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, 
     (told,) = [line for line in watched.timeline.told if "taken as missing" in line]
     assert told.startswith(f"{outside.sum()} reading")
     assert f" of {channel} " in told
+
+
+@pytest.mark.parametrize("channel", ["mag_y", "gps_down", "nx", "tas"])
+def test_a_sensor_of_which_no_reading_is_one_is_told_too(channel, all_sensors, tmp_path):
+    gb.write_log(all_sensors.replace(channel, np.full(len(all_sensors), 1e30)), tmp_path / "log.csv")
+    timeline = gb.watch_log(tmp_path / "log.csv", "auto").timeline
+    (told,) = [line for line in timeline.told if "taken as missing" in line]
+    assert told.startswith(f"{len(all_sensors)} readings of {channel} are beyond")
+    assert not [span for row in names_of(channel) for span in timeline.of(row, State.CLEAR)]
 
 
 def test_absurd_readings_of_a_further_imu_are_told_and_never_in_a_clear_span(tmp_path):

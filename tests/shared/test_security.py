@@ -46,6 +46,7 @@ HELD_BY = {  # the beginning of each sentence; nothing holds what is only whom u
     "Names that files give": [
         "report/test_notebook: what_files_and_users_call_things_is_escaped",
         "report/test_page: hostile_words_stay_words",
+        "report/test_diff: what_others_recordings_call_things_is_no_markdown",
         "shared/test_hostile_paths: a_logs_name_commands_no_terminal",
         "intake/test_intake_hostile: names_that_a_terminal_would_obey_are_disarmed",
     ],

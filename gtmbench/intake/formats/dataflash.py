@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,6 +35,7 @@ _HEAD = b"\xa3\x95"
 _FMT = 0x80
 _FMT_BODY = struct.Struct("<BB4s16s64s")
 _OLD_TEXT = rb"[^\0]{0,400}?\n *FMT, *128, *89, *FMT,"  # firmware and board come first in texts of the early 2010s
+_NUMBER = re.compile(rb"\b[0-9A-F]{8} [0-9A-F]{8} [0-9A-F]{8}\b")  # of an STM32, behind the board's name
 _TEXTS = "anNZ"  # format characters whose values are no numbers
 _MOST_INSTANCES = 16
 _TOO_MANY = f"it has more than {MOST_MESSAGES} messages; cut the log"
@@ -90,9 +92,20 @@ def read_dataflash(path: Path) -> RawLog:
         notes=notes,
         by_name=False,
         attitude_from_gyros=True,
+        hardware=_hardware(tables),
         events=partial(_events, path, tables, clocks),
         injections=partial(_injections, path, tables, clocks),
     )
+
+
+def _hardware(tables: dict[str, _Table]) -> str:
+    """Return the processor's number, which ArduPilot states among its messages as it starts; "" of older ones."""
+    if "MSG" not in tables or "Message" not in tables["MSG"].layout.columns:
+        return ""
+    for text in tables["MSG"].column("Message").tolist():
+        if isinstance(text, bytes) and (found := _NUMBER.search(text)):
+            return found[0].decode()
+    return ""
 
 
 def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:

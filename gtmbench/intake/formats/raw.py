@@ -120,6 +120,8 @@ class RawLog:
         What shows the time's column or unit, where nothing states it; of several tables, with their columns.
     attitude_from_gyros : bool
         Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
+    hardware : str
+        The identifier of the autopilot that wrote it, as the log states it; "" where it doesn't.
     is_received : bool
         Whether a radio received it, so that what is missing may be the link's loss and no sensor's.
     events : function
@@ -142,6 +144,7 @@ class RawLog:
     facts: Mapping[str, str] = field(default_factory=dict, repr=False)
     time_guessed: str = ""
     attitude_from_gyros: bool = False
+    hardware: str = ""
     is_received: bool = False
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
     injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)

@@ -7,6 +7,7 @@ its messages tell them; packets that came late, twice or in another order are le
 from __future__ import annotations
 
 import re
+import zlib
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -36,8 +37,10 @@ _ARDUPILOT = 3  # MAV_AUTOPILOT
 SYSTEM_TIME = "SYSTEM_TIME"
 SINCE_1970_S = 1e9
 """A stamp above counts since 1970: nothing has been switched on for 30 years."""
+_HARDWARE = "AUTOPILOT_VERSION"
 _OTHERS = (
     "HEARTBEAT",
+    _HARDWARE,
     SYSTEM_TIME,
     "SCALED_IMU2",
     "SCALED_IMU3",
@@ -72,6 +75,7 @@ def log_of_messages(
     """Return the log of what one of several systems sent."""
     topics = dict(sorted(systems[number].items(), key=lambda topic: -len(topic[1][RECEIVED])))  # the fastest first
     autopilot = topics.pop("HEARTBEAT", {}).get("autopilot", ())
+    numbers = [int(each) for each in topics.pop(_HARDWARE, {}).get("uid", ()) if each > 0.0]
     unplaced = _on_one_clock(topics)
     clocks = _clocks(topics)
     scaled = _ARDUPILOT in autopilot
@@ -98,6 +102,7 @@ def log_of_messages(
         notes=("units and axes are documented; times: the sender's, since it was switched on, where it tells", *notes),
         by_name=False,
         attitude_from_gyros=True,
+        hardware=f"{numbers[0]:x}" if numbers else "",
         is_received=True,
     )
 
@@ -221,6 +226,8 @@ def _decoded(content: bytes, mavlink: ModuleType) -> tuple[dict[int, Messages], 
 
 def _numbers(kind: Any) -> tuple[list[str], Callable[[Any], Any]]:
     """Return a message's fields that are one number, and what gets them; of two it is always a tuple."""
+    if kind.msgname == _HARDWARE:  # the longer identifier where there is one, as one number
+        return ["uid"], lambda message: (float(zlib.crc32(bytes(message.uid2)) if any(message.uid2) else message.uid),)
     fields = [name for name, code in zip(kind.fieldnames, kind.fieldtypes, strict=True) if code != "char"]
     return fields, attrgetter(*fields, fields[0])
 

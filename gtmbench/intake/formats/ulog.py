@@ -95,6 +95,7 @@ def read_ulog(path: Path) -> RawLog:
         notes=("units and axes are those of PX4's message definitions", *notes),
         by_name=False,
         attitude_from_gyros=True,
+        hardware=str(log.msg_info_dict.get("sys_uuid", "")),
         events=functools.partial(
             _events, topics, clocks, [(said.timestamp, said.message) for said in log.logged_messages]
         ),

@@ -27,6 +27,7 @@ import rerun.blueprint as rrb
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Comparison, Line, LineDifference, Name, events, lines
 from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
+from gtmbench.report.tables.scores import in_markdown
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
 
@@ -106,14 +107,14 @@ def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame)
 
 def _summary(comparison: Comparison, names: tuple[str, str]) -> str:
     """Return what differs as a page of Markdown."""
-    page = [f"**A** `{names[0]}`", f"**B** `{names[1]}`"]
+    page = [f"**A** {in_markdown(names[0])}", f"**B** {in_markdown(names[1])}"]
     if comparison.equal:
         return "\n\n".join([*page, "The two are equal, so only one of each series is shown."])
     differ = f"{len(comparison.lines)} of {comparison.series} series differ"
     page.append(f"{differ}; the greatest differences over the greatest value:")
     page.append(_table(["series", "relative", "at"], [_worst(line) for line in comparison.lines]))
     page.append(f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts differ:")
-    fields = [[f"`{field.entity}`", field.field, str(field.a), str(field.b)] for field in comparison.verdicts]
+    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts]
     page.append(_table(["verdict", "field", "A", "B"], fields))
     page.append(f"{len(comparison.only_a)} series and fields only in A, {len(comparison.only_b)} only in B")
     return "\n\n".join(page)
@@ -122,11 +123,12 @@ def _summary(comparison: Comparison, names: tuple[str, str]) -> str:
 def _worst(line: LineDifference) -> list[str]:
     worst = line.worst
     at = "" if worst is None else worst.at if isinstance(worst.at, str) else f"{worst.at:g} s"
-    return [f"`{line.entity}` {line.series}", f"{line.relative:.2g}", at]
+    return [f"{line.entity} {line.series}", f"{line.relative:.2g}", at]
 
 
 def _table(columns: list[str], rows: list[list[str]]) -> str:
-    written = [columns, ["---"] * len(columns), *rows[:_MOST_WORDS]]
+    own = [[in_markdown(word) for word in words] for words in rows[:_MOST_WORDS]]  # a recording may be anybody's
+    written = [columns, ["---"] * len(columns), *own]
     return "\n".join(f"| {' | '.join(words)} |" for words in written)
 
 

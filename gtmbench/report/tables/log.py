@@ -17,6 +17,7 @@ from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.score_units import level
+from gtmbench.report.tables.airframe import standing_table
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
 from gtmbench.report.tables.timeline import timeline_table
@@ -48,6 +49,11 @@ def log_results(watched: WatchedLog) -> dict[str, Any]:
         "outcome": watched.verdict.outcome.name.lower(),
         "timeline": timeline_table(watched.verdict, watched.log.zero_stamp),
         "reasons": watched.reasons,
+        "history": None if watched.beside is None else standing_table(watched.beside),
+        "next_motions": [
+            {"motion": each.motion.text, "duration_s": each.motion.duration_s, "sizes": dict(each.sizes)}
+            for each in watched.next_motions
+        ],
         "explained": [_explained(each) for part in (watched.judged, watched.course) if part for each in part.found],
         "certificate": _certificate(watched.certificate),
         "watched_hours": watched.armed_hours,

@@ -48,7 +48,18 @@ _LABEL = 13  # characters, with the space behind
 _MOST = 3  # faults, reasons or spans that are told one by one
 _NEARLY_ALL = 0.95  # of the time in motion: less is told with "clear"
 # where lines are short, the first of these first
-_GIVES_WAY = ("How sure", "Learnt from", "Also clear", "Why", "Read as", "Not watched", "When", "Next")
+_GIVES_WAY = (
+    "How sure",
+    "Learnt from",
+    "Also clear",
+    "Why",
+    "Read as",
+    "Not watched",
+    "When",
+    "Fly next",
+    "History",
+    "Next",
+)
 
 
 class _Accusation(NamedTuple):
@@ -129,7 +140,7 @@ def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
         return f"the {sensor_text(one)} and the {sensor_text(other)}", "have changed places", ""
     imu = f" of {judged.imu}" if judged is not None and judged.imu and " of " not in sensor else ""
     axis = f", its {judged.axis.rpartition('_')[2]} axis" if judged is not None and judged.axis else ""
-    fault = fault_text(sensor, judged) or span.reason.rstrip(".")
+    fault = span.reason.rstrip(".") or fault_text(sensor, judged)
     return f"the {sensor_text(sensor)}{imu}", "failed", f"{axis}{f': {fault}' if fault else ''}"
 
 
@@ -235,6 +246,8 @@ def _also_clear(verdict: LogVerdict) -> list[str]:
 def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
     """Return what follows verdict and table: a label and what is said under it, those that say something."""
     told = [
+        ("History", [] if watched.beside is None else watched.beside.lines),
+        ("Fly next", [f"{capitalised(each.text)}." for each in watched.next_motions]),
         ("Also clear", _also_clear(watched.verdict)),
         ("Why", _why(watched)),
         ("When", stamped_text(watched.log, watched.verdict)),
@@ -357,10 +370,10 @@ def _certainty(watched: WatchedLog) -> list[str]:
         late_s = max((alarm.isolated_s or alarm.time_s) - alarm.time_s for alarm in decided)
         return [f"Decided {late_s:.1f} s after the alarm; no other sensor explains it."]
     seen = "No false alarm" if not passed_alarms(watched) else f"{counted(passed_alarms(watched), 'false alarm')}"
-    return [
-        f"{seen} in {duration_text(watched.armed_hours)} (95 %: at most {bound:.{int(bound < 10.0)}f} an hour). "
-        "An error that is constant from the first sample on shows beyond 5 deg/s only."
-    ]
+    told = f"{seen} in {duration_text(watched.armed_hours)} (95 %: at most {bound:.{int(bound < 10.0)}f} an hour)."
+    if watched.beside is not None and watched.beside.predictions:
+        return [told]
+    return [f"{told} An error that is constant from the first sample on shows beyond 5 deg/s only; --history tells."]
 
 
 def _learnt(watched: WatchedLog) -> list[str]:

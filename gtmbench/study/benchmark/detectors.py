@@ -15,7 +15,7 @@ import pandas as pd
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file
+from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.imports import files_of, load_files
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -64,7 +64,7 @@ def write_entries(
     for name in detectors:
         for group in definition.groups:
             for of in (CALIBRATION, split):
-                (folder / name / group.name / of).mkdir(parents=True, exist_ok=True)
+                make_folder(folder / name / group.name / of)
     flights = [flight for of in (CALIBRATION, split) for flight in definition.flights(of)]
     todo = [flight for flight in flights if not all(is_file(_score(folder, name, flight)) for name in detectors)]
     files = files_of(detectors.values())
@@ -90,7 +90,7 @@ def _learn(
     detectors: Mapping[str, Detector], definition: Definition, folder: Path, *, processes: int, progress: Progress
 ) -> None:
     """Calibrate every detector on every group, and keep the monitors."""
-    (folder / _MONITORS).mkdir(parents=True, exist_ok=True)
+    make_folder(folder / _MONITORS)
     for group in definition.groups:
         todo = [name for name in detectors if not is_file(_monitor(folder, name, group.name))]
         if not todo:

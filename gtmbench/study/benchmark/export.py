@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file
+from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.logs import write_log
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -69,7 +69,7 @@ def export(
     _claim(folder, about)
     for group in definition.groups:
         for of in (LEARN, CALIBRATION, split):
-            (folder / group.name / of).mkdir(parents=True, exist_ok=True)
+            make_folder(folder / group.name / of)
     todo = [flight for flight in flights if not is_file(_path(folder, flight, suffix))]
     work = partial(_write, definition, folder, suffix)
     spread(work, todo, processes=processes, step="flights", progress=progress)
@@ -86,7 +86,7 @@ def _claim(folder: Path, about: str) -> None:
         raise InputError(f"{folder} holds other flights, by its {README}; give another folder")
     if folder.is_dir() and not is_file(readme) and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another folder, or an empty one")
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     for path, content in ((readme, about), (folder / LICENCE, _LICENCE)):
         with atomic_write(path) as aside:
             aside.write_text(content, encoding="utf-8")

@@ -10,7 +10,7 @@ from typing import Any
 
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
-from gtmbench.files.disk import atomic_write, is_file
+from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
@@ -104,7 +104,7 @@ def _claim(folder: Path, definition: Definition, split: str, files: Mapping[str,
         about = before | about
     elif folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another --out, or an empty folder")
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     with atomic_write(path) as aside:
         aside.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
 

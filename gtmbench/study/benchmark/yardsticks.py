@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from gtmbench.detectors.base import SimpleDetector
-from gtmbench.files.disk import atomic_write
+from gtmbench.files.disk import atomic_write, make_folder
 from gtmbench.study.benchmark.definition import Definition, Flight
 from gtmbench.study.benchmark.entry import ALARMS, ENTRY
 from gtmbench.values.channels import GYROS
@@ -71,7 +71,7 @@ def write_yardsticks(folder: Path, definition: Definition, split: str, limits_s:
     written = []
     for name, yardstick in YARDSTICKS.items():
         own = folder / name
-        own.mkdir(parents=True, exist_ok=True)
+        make_folder(own)
         lines = ["flight,time_s,sensor"]
         for flight in flights:
             limit_s = limits_s.get(flight.twin or flight.id, np.inf)

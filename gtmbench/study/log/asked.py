@@ -13,6 +13,7 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.detectors.registry import prepared
 from gtmbench.errors import InputError
 from gtmbench.study.log.origin import check_attitude
+from gtmbench.values.channels import COMMANDS
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
 
@@ -63,6 +64,11 @@ class Asked:
         """
         sensors = asked_sensors(self.judge, there, usual, held)
         return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
+
+    @property
+    def asks_surfaces(self) -> bool:
+        """Whether it is asked whether a surface failed."""
+        return self.judge is not None and bool({"surfaces", *COMMANDS} & {name.strip() for name in self.judge})
 
     @property
     def says_healthy(self) -> bool:

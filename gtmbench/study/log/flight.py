@@ -66,11 +66,11 @@ def _felt(records: Sequence[Record]) -> dict[str, Samples]:
 
 
 def others_of_log(
-    read: ReadLog, mapping: Sequence[str], sensors: Sequence[SensorReadings]
+    read: ReadLog, mapping: Sequence[str], sensors: Sequence[SensorReadings], *, commands: bool = False
 ) -> tuple[dict[str, Samples], list[OutOfRange]]:
     """Return what the other sensors of a log read, channel by channel; of several of a kind, the first; and vanes.
 
-    Where a log holds commands, they and the gyros that answer them are among it. And what no sensor reads, which isn't.
+    Where surfaces are asked, commands and the gyros that answer them are among it. What no sensor reads stands apart.
     """
     found: dict[str, Samples] = {}
     beyond = [out for each in sensors for out in each.out_of_range]
@@ -79,10 +79,11 @@ def others_of_log(
             own = log_samples(read, [name], mapping)[name]
             found[name] = Samples(own.time_s, own.values)
             beyond += [] if own.out_of_range is None else [own.out_of_range]
-    with contextlib.suppress(InputError):
-        answered = log_samples(read, (*GYROS, *COMMANDS), mapping)
-        found |= {name: Samples(each.time_s, each.values) for name, each in answered.items()}
-    for each in sensors:
+    if commands:
+        with contextlib.suppress(InputError):
+            answered = log_samples(read, (*GYROS, *COMMANDS), mapping)
+            found |= {name: Samples(each.time_s, each.values) for name, each in answered.items()}
+    for each in (each for each in sensors if each.is_read):
         for name, values in zip(each.channels, each.values.T, strict=True):
             found.setdefault(name, Samples(each.time_s, values))
     return found, beyond

@@ -20,6 +20,7 @@ from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.judged import Judged, judged
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
+from gtmbench.intake.airframe import airframe_of, temperature_c
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.estimator_words import EstimatorWord, estimator_words_of
 from gtmbench.intake.flight_log import FlightLog
@@ -109,6 +110,10 @@ class Opened:
         What the engine says of that flight, before anything is learnt; None where nothing has to be.
     beyond : tuple of OutOfRange
         The readings of the log that no sensor reads, but for those of the channels that it was opened with.
+    airframe, hardware : str
+        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
+    temperature_c : float
+        Its IMU's; NaN where it isn't logged.
     """
 
     asked: Asked
@@ -128,6 +133,9 @@ class Opened:
     flight: Flight | None = field(default=None, repr=False)
     judged: Judged | None = field(default=None, repr=False)
     beyond: tuple[OutOfRange, ...] = field(default=(), repr=False)
+    airframe: str = ""
+    hardware: str = ""
+    temperature_c: float = float("nan")
 
     @property
     def is_driven(self) -> bool:
@@ -178,10 +186,13 @@ def opened(asked: Asked) -> Opened:
     own = _with_motion(read, log, watcher, asked)
     has_heading = own.motion is not None and f"psi={NONE}" not in asked.mapping
     beside = [(other, open_for(other, watcher, mapping=asked.mapping, rate_hz=rate_hz)) for other in others]
-    sensors = other_sensors_of(read, asked.mapping) if has_heading else ()
+    logged = other_sensors_of(read, asked.mapping) if has_heading else ()
+    sensors = tuple(each for each in logged if each.is_read)
     imus, of_imus = imu_samples(read, log, asked.mapping) if own.motion is not None else ({}, [])
     watched = watched_imu(log)
-    readings, of_others = others_of_log(read, asked.mapping, sensors) if sensors else ({}, [])
+    readings, of_others = (
+        others_of_log(read, asked.mapping, logged, commands=asked.asks_surfaces) if logged else ({}, [])
+    )
     flight = None
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
@@ -204,6 +215,9 @@ def opened(asked: Asked) -> Opened:
         flight=flight,
         judged=None if flight is None or is_ready(watcher) else judged(flight),
         beyond=(*of_others, *of_imus),
+        airframe=airframe_of(read),
+        hardware=read.raw.hardware,
+        temperature_c=temperature_c(read),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
@@ -35,6 +36,9 @@ from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
+
+if TYPE_CHECKING:
+    from gtmbench.history.standing import Standing
 
 _LASTS_S = 10.0  # of what the whole log shows of a gyro
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole
@@ -83,6 +87,8 @@ class Evidence:
         What limits the verdict, where nothing could have alarmed.
     out_of_range : tuple of OutOfRange
         Of all that was read.
+    beside : Standing or None
+        What the flight is beside those of its airframe before.
     """
 
     log: FlightLog
@@ -102,6 +108,7 @@ class Evidence:
     watched_imu: str
     reasons: tuple[str, ...] = ()
     out_of_range: tuple[OutOfRange, ...] = ()
+    beside: Standing | None = field(default=None, repr=False)
 
 
 def timeline_of(evidence: Evidence) -> Timeline:
@@ -124,6 +131,8 @@ def timeline_of(evidence: Evidence) -> Timeline:
         claims += of_imus.claims
         told += of_imus.lines
     claims += _left_open(evidence, claims)
+    if evidence.beside is not None and not evidence.check.stops:
+        claims += evidence.beside.claims(span_s)
     by_sensor: dict[str, list[SensorSpan]] = {sensor: [] for sensor in evidence.sensors}
     for sensor, span in [*of_unread(unread, evidence.sensors), *claims]:
         by_sensor.setdefault(sensor, []).append(span)

@@ -71,6 +71,8 @@ def watch_log(
     judge: str | Sequence[str] | None = None,
     limits: Sequence[str] = (),
     judged: float = JUDGED,
+    history: str | Path | None = None,
+    aircraft_id: str = "",
     progress: Progress = silent,
 ) -> WatchedLog:
     """Open a recorded flight and watch it.
@@ -109,6 +111,11 @@ def watch_log(
         as ``factor=0.7``, only where it is named.
     judged : float
         The least share of the time in motion for which each of these sensors has to be judged.
+    history : str or Path, optional
+        The flights of its airframe before, as ``gtmbench monitor --history`` wrote them: an error that is there from
+        the first sample on is told beside them. Nothing is entered.
+    aircraft_id : str
+        Whose flight it is; by default by the hardware's identifier in the log, else by its folder.
     progress : callable
         Called with the step, the number done and the total.
 
@@ -144,7 +151,12 @@ def watch_log(
         judged=judged,
     )
     monitor, swap = crossed(learnt(chosen(opened(question)), progress), progress)
-    return concluded(doubted(listened(monitor, progress), progress), swap)
+    watched = concluded(doubted(listened(monitor, progress), progress), swap)
+    if history is None:
+        return watched
+    from gtmbench.study.log.history import beside_history
+
+    return beside_history(watched, Path(history), aircraft_id)
 
 
 def taught_by(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
@@ -37,6 +38,10 @@ from gtmbench.values.record import Record, Span
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import Timeline
 from gtmbench.verdict.verdict import LogVerdict, Outcome, verdict_of
+
+if TYPE_CHECKING:
+    from gtmbench.history.next_motion import NextMotion
+    from gtmbench.history.standing import Standing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,6 +103,12 @@ class WatchedLog:
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
         What the verdict is asked.
+    airframe, hardware : str
+        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
+    temperature_c : float
+        Its IMU's; NaN where it isn't logged.
+    beside : Standing or None
+        What it is beside the flights of its airframe before; None where no history was given.
 
     Examples
     --------
@@ -140,6 +151,10 @@ class WatchedLog:
     later: tuple[Alarm, ...] = ()
     swap: Swap | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
+    airframe: str = ""
+    hardware: str = ""
+    temperature_c: float = float("nan")
+    beside: Standing | None = field(default=None, repr=False)
 
     def _repr_html_(self) -> str:
         facts = {
@@ -224,6 +239,15 @@ class WatchedLog:
         """The verdict: what the timeline comes to for the sensors that are asked."""
         return verdict_of(timeline_of(self.evidence), self.scope)
 
+    @cached_property
+    def next_motions(self) -> tuple[NextMotion, ...]:
+        """What to fly next, so that the sensors are judged which this log leaves open; some tenths of a second."""
+        if self.judged is None or self.check.stops or not self.verdict.unjudged:
+            return ()
+        from gtmbench.history.next_motion import next_motions
+
+        return next_motions(self.judged.flight, self.verdict)
+
     @property
     def outcome(self) -> Outcome:
         """The verdict's outcome; its value is the exit code."""
@@ -265,6 +289,7 @@ class WatchedLog:
             watched_imu=self.watched_imu,
             reasons=self.reasons,
             out_of_range=self.out_of_range,
+            beside=self.beside,
         )
 
     @cached_property
@@ -318,6 +343,9 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
         out_of_range=opened.out_of_range,
         swap=swap,
         scope=opened.asked.scope(there_of(said), usual_of(said), held_of(said)),
+        airframe=opened.airframe,
+        hardware=opened.hardware,
+        temperature_c=opened.temperature_c,
     )
 
 

@@ -118,13 +118,16 @@ def test_the_ground_isn_t_judged() -> None:
 
 
 def test_a_log_is_told_by_its_first_line(tmp_path: Path) -> None:
-    """Nobody asked for the surface, and it makes the exit code 1."""
+    """Surfaces are judged where they are asked, and nowhere else."""
     stuck = gb.Jam(channel="aileron", onset_s=100.0)
     flight = gb.fly("gtm", "doublets+turbulence", 170.0, 1_010_001, faults=stuck)
     gb.write_log(gb.measure(flight, noise="t2", seed=1, commands=True), tmp_path / "flight.csv")
-    watched = gb.watch_log(tmp_path / "flight.csv", "auto")
+    watched = gb.watch_log(tmp_path / "flight.csv", "auto", judge="surfaces")
     (failed,) = watched.timeline.of("aileron", State.FAILED)
     assert failed.start_s == pytest.approx(100.0, abs=8.0)
     assert [alarm.sensor for alarm in watched.of_others] == ["aileron"]
     assert watched.outcome.name == "FAILED"
-    assert "aileron" not in watched.scope.sensors
+    assert watched.scope.sensors == ("aileron", "elevator", "rudder", "throttle")
+    unasked = gb.watch_log(tmp_path / "flight.csv", "auto")
+    assert (unasked.course.commands, unasked.of_others) == (None, ())
+    assert "aileron" not in unasked.timeline.sensors

@@ -1,0 +1,66 @@
+"""The report of the campaign `rivals`, and what README and docs say of it.
+
+Run ``gtmbench campaign rivals`` first (half an hour of two cores), then ``python experiments/rivals.py FOLDER``: it
+scores what stands in the folder, as ``gtmbench campaign FOLDER --report md`` and ``--report table`` do, into
+`reports/rivals`. `make figures` takes the table of `docs/explanation/who_sees_what.md` from there. An unfinished
+campaign is refused.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import click
+
+from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files.disk import atomic_write
+from gtmbench.files.plain import dumps
+from gtmbench.jobs.parts import read_parts
+from gtmbench.report.page.sections import contents_of
+from gtmbench.report.page.write import FORMATS
+from studies.tables import tables_in
+
+OUT = Path(__file__).parent / "reports/rivals"
+
+
+def written(folder: Path, out: Path) -> list[str]:
+    """Write the report and the results of a finished campaign; return what was found, in sentences."""
+    contents = contents_of(read_parts(folder), target_per_hour=None)
+    if contents.done < contents.tasks:
+        missing = contents.tasks - contents.done
+        raise InputError(f"{folder} lacks {missing} of {contents.tasks} flights; finish it with --resume")
+    short = FORMATS["table"](contents)
+    (table,) = tables_in(short)
+    results = {
+        "script": "rivals.py",
+        "command": "gtmbench campaign rivals",
+        "code": contents.facts["versions"],
+        "summary": contents.summary,
+        "table": table,
+        "notes": short.strip().split("\n\n")[1:],
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    for name, text in (("report.md", FORMATS["md"](contents)), ("results.json", dumps(results, indent=1) + "\n")):
+        with atomic_write(out / name) as path:
+            path.write_text(text, encoding="utf-8")
+    return list(contents.verdict)
+
+
+def main() -> int:
+    """Write the report of a campaign's folder."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, help="of the finished campaign")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the report")
+    given = parser.parse_args()
+    try:
+        for line in written(given.folder, given.out):
+            click.echo(line)
+    except (GtmbenchError, OSError) as error:
+        parser.error(str(error))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,103 @@
+"""A constant of a sensor over a flight, and what constants of a kind differ by in health."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+OFFSET, AT_REST, FACTOR, NOISE, LAG = "offset", "offset at rest", "factor", "noise", "lag"
+MISALIGNMENT = "misalignment"  # towards another axis, whose name stands behind it
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What holds for the constants of one kind.
+
+    Attributes
+    ----------
+    unit : str
+    spread : float
+        By how much a healthy sensor's differs from flight to flight at least: no smaller spread is believed.
+    population : float
+        By how much those of two installations differ.
+    failure : float
+        By how much it is off of a sensor that failed.
+    per_k : float
+        By how much it changes with each kelvin: a standard deviation over sensors.
+    tells : bool
+        Whether a change of it alone is a sensor's failure; others only tell of an installation.
+    """
+
+    unit: str
+    spread: float
+    population: float
+    failure: float
+    per_k: float = 0.0
+    tells: bool = False
+
+
+# Spreads are the floors of the engine's relations: what a constant may change by from one part of a log to another; of
+# a factor what sheets say that it changes by over a sensor's life. Failures are the relations' priors. Populations, and
+# what a kelvin changes, are by the sheets of the IMUs that autopilots have (BMI055, BMI088, ICM-20602, ICM-20689,
+# MPU-6000): biases of 1 deg/s, 0.01 to 0.2 deg/s a kelvin; scales of 1 to 3 %, 0.01 to 0.05 % a kelvin; axes 1 to 2 %
+# askew; noises that differ by a third.
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        OFFSET: Kind(unit="deg/s", spread=0.1, population=1.0, failure=3.0, per_k=0.05, tells=True),
+        AT_REST: Kind(unit="deg/s", spread=0.1, population=1.0, failure=3.0, per_k=0.05, tells=True),
+        FACTOR: Kind(unit="", spread=0.005, population=0.02, failure=0.1, per_k=5e-4, tells=True),
+        NOISE: Kind(unit="", spread=0.1, population=0.3, failure=1.0, tells=True),
+        MISALIGNMENT: Kind(unit="deg", spread=0.5, population=1.0, failure=5.0),
+        LAG: Kind(unit="s", spread=0.01, population=0.02, failure=0.1),
+    }
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constant:
+    """A constant of a sensor, as a flight tells it.
+
+    Attributes
+    ----------
+    sensor : str
+        ``q``, ``q of IMU2``.
+    name : str
+        ``offset``, ``factor``, ``misalignment p``, ``noise``, ...
+    value : float
+        In its kind's unit; of a noise the natural logarithm of its standard deviation in the sensor's unit.
+    deviation : float
+        The standard deviation of what the flight tells it by.
+
+    Examples
+    --------
+    >>> read = Constant(sensor="q", name="misalignment p", value=0.4, deviation=0.1)
+    >>> read.kind.unit, read.interval
+    ('deg', (0.2, 0.6))
+    """
+
+    sensor: str
+    name: str
+    value: float
+    deviation: float
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Which constant it is, in every flight."""
+        return self.sensor, self.name
+
+    @property
+    def kind(self) -> Kind:
+        """What holds for all of its kind."""
+        return kind_of(self.name)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Between which it lies with 95 %."""
+        off = 1.96 * self.deviation
+        return round(self.value - off, 2), round(self.value + off, 2)
+
+
+def kind_of(name: str) -> Kind:
+    """Return what holds for a constant's kind: ``misalignment p`` is a misalignment."""
+    return KINDS[MISALIGNMENT if name.startswith(MISALIGNMENT) else name]

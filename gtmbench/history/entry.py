@@ -1,0 +1,132 @@
+"""What a history keeps of a flight: the constants that its judging learnt, their deviations, and whose they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.engine.equation import Equation, rows_per_chunk
+from gtmbench.engine.imus.imu import gyro_and_imu
+from gtmbench.engine.judged import Judged
+from gtmbench.engine.relation import BETWEEN
+from gtmbench.engine.sums import Sums
+from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant
+from gtmbench.values.channels import GYROS
+from gtmbench.values.record import FloatArray
+
+_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
+_FEWEST = 5  # chunks whose means tell how well a noise is known
+_MEDIAN = np.sqrt(0.5 * np.pi)  # the deviation of a median over that of a mean, of normal values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A flight in a history.
+
+    Attributes
+    ----------
+    digest : str
+        Of the log's file: a log is entered once.
+    log : str
+        The file's name.
+    airframe : str
+    hardware : str
+        The autopilot's identifier; "" where the log states none.
+    temperature_c : float
+        The IMU's over the flight; NaN where it isn't logged.
+    constants : tuple of Constant
+    apart : frozenset of (sensor, name)
+        Those that weren't as in the flights before: they are no part of what later ones are held against.
+    begins : bool
+        Whether an installation begins with it: no earlier flight tells of later ones.
+    """
+
+    digest: str
+    log: str
+    airframe: str
+    hardware: str = ""
+    temperature_c: float = float("nan")
+    constants: tuple[Constant, ...] = field(default=(), repr=False)
+    apart: frozenset[tuple[str, str]] = frozenset()
+    begins: bool = False
+
+    def is_on(self, other: Entry) -> bool | None:
+        """Tell whether another flight was flown with the same autopilot; None where one of them doesn't say."""
+        return self.hardware == other.hardware if self.hardware and other.hardware else None
+
+    @cached_property
+    def by_key(self) -> Mapping[tuple[str, str], Constant]:
+        """Its constants, by which they are."""
+        return {each.key: each for each in self.constants}
+
+
+def constants_of(judged: Judged) -> tuple[Constant, ...]:
+    """Return the constants that a judged flight tells of its gyros, without what was found to have failed."""
+    found: dict[tuple[str, str], Constant] = {}
+    turned = {imu.name for imu in judged.flight.imus if imu.mounting.turned_deg}  # whose gyros a log calls otherwise
+    for sums in judged.model.sums:
+        for each in _of_equation(judged, sums):
+            if gyro_and_imu(each.sensor)[1] not in turned:
+                found.setdefault(each.key, each)
+    return tuple(found.values())
+
+
+def _of_equation(judged: Judged, sums: Sums) -> Iterator[Constant]:
+    equation = sums.products.equation
+    name, sensor = equation.relation.name, equation.relation.channels[equation.channel]
+    if name == "roughness":
+        yield from _noise(judged, equation, sensor)
+    elif name == "rest":
+        value, deviation = equation.constants, _deviations(sums)
+        yield Constant(sensor=sensor, name=AT_REST, value=float(value[0]), deviation=float(deviation[0]))
+    elif name == "attitude" or (name.startswith(BETWEEN) and "roughness" not in name):
+        own = _of_gyro(equation, sensor, _deviations(sums))
+        follows = name == "attitude" and judged.flight.is_driven and not judged.flight.is_assumed
+        yield from (each for each in own if each.name == OFFSET or not follows)  # it turns as its gyros say
+
+
+def _of_gyro(equation: Equation, sensor: str, deviations: FloatArray) -> Iterator[Constant]:
+    """Give what y = offset + gains * gyros + lag * slope tells; one that reads k of a turn has a gain of 1 - 1 / k."""
+    axis = GYROS.index(gyro_and_imu(sensor)[0])
+    is_between = equation.relation.name.startswith(BETWEEN)
+    theta = equation.constants
+    yield Constant(sensor=sensor, name=OFFSET, value=float(theta[0]), deviation=float(deviations[0]))
+    for place, gyro in enumerate(GYROS, 1):
+        gain, deviation = float(theta[place]), float(deviations[place])
+        if place == 1 + axis:
+            factor = 1.0 + gain if is_between else 1.0 / max(1.0 - gain, 1e-3)
+            slope = 1.0 if is_between else factor**2
+            yield Constant(sensor=sensor, name=FACTOR, value=factor, deviation=slope * deviation)
+        else:
+            askew = f"{MISALIGNMENT} {gyro}"
+            yield Constant(
+                sensor=sensor, name=askew, value=np.degrees(gain).item(), deviation=np.degrees(deviation).item()
+            )
+    yield Constant(sensor=sensor, name=LAG, value=float(theta[4]), deviation=float(deviations[4]))
+
+
+def _deviations(sums: Sums) -> FloatArray:
+    """Return the standard deviations of an equation's constants: the whole log's information, and their priors."""
+    equation = sums.products.equation
+    first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)
+    known = 1 + len(equation.constants)
+    squares = sums.known(first, last)[0, 1:known, 1:known]
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(squares + np.diag(equation.relation.prior**-2.0)))))
+
+
+def _noise(judged: Judged, equation: Equation, sensor: str) -> Iterator[Constant]:
+    """Give how noisy a gyro is in motion, by its roughness; by how much means of chunks scatter, it is known."""
+    values = equation.relation.values[:, equation.channel]
+    values = np.where(equation.relation.asked & np.isfinite(values), values, np.nan)
+    rows = rows_per_chunk(judged.flight)
+    chunks = values[: len(values) // rows * rows].reshape(-1, rows)
+    means = chunks[np.isfinite(chunks).mean(axis=1) > 0.5]
+    if len(means) < _FEWEST:
+        return
+    logs = 0.5 * (np.nanmean(means, axis=1) - np.log(_OF_WHITE))
+    middle = float(np.median(logs))
+    scatter = 1.4826 * float(np.median(np.abs(logs - middle)))
+    yield Constant(sensor=sensor, name=NOISE, value=middle, deviation=_MEDIAN * scatter / float(np.sqrt(len(logs))))

@@ -1,0 +1,208 @@
+"""A flight beside those before it: whose constants are others from the first sample on, and what explains that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from gtmbench.checks import listed
+from gtmbench.detectors.alarm import Judgement
+from gtmbench.history.constant import NOISE, Constant, kind_of
+from gtmbench.history.entry import Entry
+from gtmbench.history.explanations import Weighed, weighed
+from gtmbench.history.spread import FEWEST, Key, Prediction, predicted
+from gtmbench.history.words import reads_text, would_show_text
+from gtmbench.values.record import Span
+from gtmbench.verdict.timeline import Claim, SensorSpan, State, unjudged
+
+CHANCE = 1e-3  # that a healthy flight has any constant which is called another: one flight in a thousand
+_SURE = 0.99  # of an accusation, as of every other
+_SUSPECTS = 3  # more are none
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Standing:
+    """A flight beside those before it.
+
+    Attributes
+    ----------
+    entry : Entry
+    flights : int
+        How many of its airframe and its installation were before.
+    predictions : mapping of (sensor, name) to Prediction
+        What these say of its constants; none of those that fewer than five tell.
+    is_same : bool
+        Whether the logs say that it was flown with the same autopilot.
+    """
+
+    entry: Entry
+    flights: int
+    predictions: Mapping[Key, Prediction] = field(default_factory=dict, repr=False)
+    is_same: bool = False
+
+    @cached_property
+    def level(self) -> float:
+        """How unlikely a constant has to be: so that of all that tell of failures hardly ever one is by chance."""
+        return CHANCE / max(sum(kind_of(name).tells for _, name in self.predictions), 1)
+
+    @cached_property
+    def apart(self) -> tuple[Key, ...]:
+        """The constants that aren't as before, the unlikeliest first."""
+        chances = {key: each.chance(self._value(key)) for key, each in self.predictions.items()}
+        return tuple(key for key in sorted(chances, key=chances.__getitem__) if chances[key] < self.level)
+
+    @property
+    def telling(self) -> tuple[Key, ...]:
+        """Those of them that tell of a failure; that a gyro is quieter doesn't."""
+        return tuple(key for key in self.apart if kind_of(key[1]).tells and not self._is_quieter(key))
+
+    @cached_property
+    def explained(self) -> tuple[Weighed, ...]:
+        """What explains it, the likeliest first; nothing where all is as before."""
+        return weighed(self.entry.by_key, self.predictions, is_same=self.is_same) if self.apart else ()
+
+    @property
+    def begins(self) -> bool:
+        """Whether an installation begins with this flight."""
+        return bool(self.explained) and self.explained[0].explanation.is_new and self.explained[0].probability > _SURE
+
+    def claims(self, span_s: Span) -> list[Claim]:
+        """Return what is claimed of sensors, from the first sample to the last."""
+        return list(self._claims(span_s))
+
+    def entered(self, failed: Sequence[str]) -> Entry:
+        """Return the flight as it is entered, beside the sensors that failed in it."""
+        apart = {*self.apart} if not self.begins else set()
+        apart |= {key for key in self.entry.by_key if key[0] in failed}
+        return replace(self.entry, apart=frozenset(apart), begins=self.begins)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What is told of the whole flight."""
+        if self.flights < FEWEST:
+            were = "were" if self.flights != 1 else "was"
+            return (
+                f"{self.entry.airframe}: {self.flights} of its flights {were} judged before, and it takes {FEWEST} to "
+                "tell an error that is there from the first sample on.",
+            )
+        if not self.predictions:
+            return (f"{self.entry.airframe}: this flight tells none of the constants of the {self.flights} before.",)
+        if not self.explained:
+            return (f"{self.entry.airframe}: {would_show_text(self.predictions, self.level)}.",)
+        if self.claims((0.0, 1.0)):
+            return ()
+        first, is_sure = self.explained[0].explanation, self.explained[0].probability > _SURE
+        names = listed([f"the {name} of {sensor}" for sensor, name in self.apart[:_SUSPECTS]])
+        are = "is another" if len(self.apart) == 1 else "are others"
+        why = first.kind if is_sure and not first.suspects else "what explains that is open"
+        return (f"{self.entry.airframe}: {names} {are} than before; {why}.",)
+
+    def _value(self, key: Key) -> float:
+        return self.entry.by_key[key].value
+
+    def _is_quieter(self, key: Key) -> bool:
+        return key[1] == NOISE and self._value(key) < self.predictions[key].value
+
+    def _claims(self, span_s: Span) -> Iterator[Claim]:
+        if not self.telling:
+            return
+        likely = self._likely
+        first = likely[0].explanation
+        suspects = tuple(dict.fromkeys(name for each in likely for name in each.explanation.suspects))
+        healthy = [each.explanation.kind for each in likely if not each.explanation.suspects]
+        if not suspects:
+            return
+        lead = next(each for each in likely if each.explanation.suspects).explanation
+        led = lead.lead or self.telling[0]
+        reason = reads_text(self.entry.by_key[led], self.predictions[led])
+        if healthy or self._unexplained or len(suspects) > _SUSPECTS:
+            why = f"{reason}; {'; or '.join(healthy) or 'and nothing explains all of it'}"
+            for sensor in suspects:
+                yield sensor, unjudged(span_s, why)
+            return
+        is_one = len(suspects) == 1
+        judgement = self._judgement(likely, suspects, span_s)
+        for sensor in suspects:
+            yield (
+                sensor,
+                SensorSpan(
+                    start_s=span_s[0],
+                    end_s=span_s[1],
+                    state=State.FAILED if is_one else State.SUSPECTED,
+                    suspects=() if is_one else suspects,
+                    reason=reason,
+                    judgement=replace(judgement, kind=first.kind),
+                ),
+            )
+
+    @cached_property
+    def _likely(self) -> tuple[Weighed, ...]:
+        """The explanations that are left: together as likely as an accusation has to be."""
+        sums = np.cumsum([each.probability for each in self.explained])
+        return self.explained[: int(np.searchsorted(sums, _SURE)) + 1]
+
+    @property
+    def _unexplained(self) -> tuple[Key, ...]:
+        """Those that tell of a failure, or follow one, and that the likeliest explanation doesn't account for."""
+        first, own = self.explained[0].explanation, self.entry.by_key
+        held = dict.fromkeys([*self.telling, *first.follow])
+        return tuple(key for key in held if first.left(key, own, self.predictions) < self.level)
+
+    def _judgement(self, likely: Sequence[Weighed], suspects: tuple[str, ...], span_s: Span) -> Judgement:
+        first = likely[0].explanation
+        lead = first.lead or self.telling[0]
+        name, size, interval = _size(self.entry.by_key[lead], self.predictions[lead])
+        sensor = suspects[0] if len(suspects) == 1 else None
+        gyro, _, imu = (sensor or "").partition(" of ")
+        return Judgement(
+            time_s=span_s[1],
+            sensor=gyro or None,
+            imu=imu,
+            candidates=suspects,
+            kind=first.kind,
+            parameters={name: size, "onset_s": span_s[0]},
+            intervals={name: interval},
+            probability=min(sum(each.probability for each in likely), 0.999),
+            reason="" if sensor else f"{' or '.join(suspects)} explains it",
+        )
+
+
+def _size(constant: Constant, before: Prediction) -> tuple[str, float, tuple[float, float]]:
+    """Return the fault's parameter that a constant tells, its size and between which it lies with 95 %."""
+    off, reach = constant.value - before.value, before.reach(0.05)
+    low, high = off - reach, off + reach
+    if constant.name == NOISE:  # what is added to the noise that was there: a root of squares
+        usual = np.exp(before.value)
+        sizes = [float(usual * np.sqrt(max(np.expm1(2.0 * each), 0.0))) for each in (off, low, high)]
+        return "deviation", sizes[0], (sizes[1], sizes[2])
+    if constant.kind.unit:
+        return "size", off, (low, high)
+    middle = before.value
+    return "factor", constant.value / middle, ((constant.value - reach) / middle, (constant.value + reach) / middle)
+
+
+def stood(earlier: Sequence[Entry], entry: Entry) -> Standing:
+    """Return a flight beside the earlier ones of its airframe, since its installation began.
+
+    Parameters
+    ----------
+    earlier : sequence of Entry
+        In the order in which they were flown; those of other airframes, and the flight itself, are passed over.
+    entry : Entry
+    """
+    own = installed(earlier, entry)
+    is_same = bool(own) and bool(entry.is_on(own[-1]))
+    return Standing(entry=entry, flights=len(own), predictions=predicted(own, entry), is_same=is_same)
+
+
+def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
+    """Return the flights of an entry's airframe since its installation began, but for the entry itself."""
+    own = [each for each in earlier if each.airframe == entry.airframe]
+    digests = [each.digest for each in own]
+    own = own[: digests.index(entry.digest)] if entry.digest in digests else own
+    begun = [place for place, each in enumerate(own) if each.begins]
+    begun += [place + 1 for place, each in enumerate(own) if each.is_on(entry) is False]  # with another autopilot
+    return own[max(begun, default=0) :]
