@@ -127,7 +127,7 @@ def test_a_log_is_told_by_its_first_line(tmp_path: Path) -> None:
     assert failed.start_s == pytest.approx(100.0, abs=8.0)
     assert [alarm.sensor for alarm in watched.of_others] == ["aileron"]
     assert watched.outcome.name == "FAILED"
-    assert watched.scope.sensors == ("aileron", "elevator", "rudder", "throttle")
+    assert {*watched.scope.sensors} == {"aileron", "elevator", "rudder"}
     unasked = gb.watch_log(tmp_path / "flight.csv", "auto")
     assert (unasked.course.commands, unasked.of_others) == (None, ())
     assert "aileron" not in unasked.timeline.sensors
