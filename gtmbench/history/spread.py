@@ -178,8 +178,9 @@ def told_of(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, 
     """
     nothing = Constant(sensor="", name="", value=np.nan, deviation=np.nan)
     told = [[nothing if key in each.apart else each.by_key.get(key, nothing) for each in earlier] for key in keys]
-    values = np.array([[each.value for each in row] for row in told]).reshape(len(keys), -1)
-    return values, np.array([[each.deviation for each in row] for row in told]).reshape(len(keys), -1)
+    shape = len(keys), len(earlier)
+    values = np.array([[each.value for each in row] for row in told], dtype=np.float64).reshape(shape)
+    return values, np.array([[each.deviation for each in row] for row in told], dtype=np.float64).reshape(shape)
 
 
 def warmth(flights: Sequence[Entry]) -> FloatArray | None:

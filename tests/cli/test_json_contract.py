@@ -66,7 +66,7 @@ CASES = {
     "monitor, listed": ("monitor-list", 0, "monitor healthy.csv --list"),
     "monitor, a history": (
         "monitor-history",
-        0,
+        UNKNOWN,
         "monitor healthy.csv turned.csv --detector ready.json --history h.parquet",
     ),
     "monitor, a fleet": ("monitor-fleet", FAILED, "monitor logs --detector ready.json --out o --resume"),

@@ -1,8 +1,11 @@
 """A flight beside those before it: who is named, who isn't, and why."""
 
+from dataclasses import replace
+
 import pytest
 
 from gtmbench.history.constant import FACTOR, MISALIGNMENT, NOISE, OFFSET
+from gtmbench.history.overview import overviews_of
 from gtmbench.history.standing import stood
 from gtmbench.verdict.timeline import State
 from tests.history.flights import AT_REST, flight, flights, usual
@@ -112,3 +115,14 @@ def test_other_airframes_and_later_flights_have_no_say():
     own = flight(random, 12, means)
     later = [flight(random, number, usual(random)) for number in range(13, 25)]
     assert stood([*others, *earlier, own, *later], own).predictions == stood(earlier, own).predictions
+
+
+def test_a_flight_that_tells_no_constant_is_said_and_hides_nothing():
+    """Its log isn't what it is taken for, so nothing was learnt of it."""
+    _, _, earlier = flights(1, 8)
+    empty = replace(earlier[0], digest="empty", constants=())
+    assert not stood(earlier, empty).claims(SPAN_S)
+    assert "tells none of the constants" in stood(earlier, empty).lines[0]
+    assert stood([], empty).flights == 0
+    assert [each.sensor for each in overviews_of([*earlier, empty])]
+    assert overviews_of([empty]) == ()
