@@ -137,9 +137,12 @@ def monitor_history(
         _write(airframes, record, reports)
     own = {row["outcome"] for row in rows}
     code = next((_CODES[name] for name in _ORDER if name in own), 0)
+    results = airframe_results(rows, airframes, code)
     if as_json:
-        print_json(airframe_results(rows, airframes, code))
+        print_json(results)
     elif not quiet:
+        if rows:
+            echo(results["verdict"])
         _print(rows, airframes, record, reports)
     return code
 

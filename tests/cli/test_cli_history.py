@@ -55,7 +55,7 @@ def flown_on(path, count=6):
 def test_an_error_from_power_on_is_named_beside_the_flights_before(cli, flights):
     code, out, err = cli("monitor", "T2", *KEPT)
     assert (code, err) == (0, "")
-    assert out.startswith("0.csv: No fault found")
+    assert out.startswith("2 logs: 2 no fault found.\n0.csv: No fault found")
     assert "T2: 2 flights, no constant is another than before; it takes 5 before one to tell more." in out
     flown_on(flights / "a.parquet")
     code, out, err = cli("monitor", "broken.csv", *KEPT, "--json")

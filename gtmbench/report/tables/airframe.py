@@ -10,6 +10,7 @@ from gtmbench.history.entry import Entry
 from gtmbench.history.overview import Overview, overviews_of
 from gtmbench.history.standing import Standing
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.fleet import counts_text
 from gtmbench.report.words.units import counted
 
 _MOST = 6  # explanations: the others are hardly likely
@@ -19,8 +20,8 @@ def airframe_results(
     rows: Sequence[Mapping[str, Any]], airframes: Mapping[str, Sequence[Entry]], code: int
 ) -> dict[str, Any]:
     """Return judged flights, and the constants of each airframe over all of its flights."""
-    failed = sum(row["outcome"] == "failed" for row in rows)
-    verdict = f"{counted(len(rows), 'flight')} judged beside the history: {failed} failed."
+    flown = counted(sum(map(len, airframes.values())), "flight")
+    verdict = f"{counts_text(row['outcome'] for row in rows)}." if rows else f"{flown} in the history."
     findings = [
         {"text": row["verdict"], "log": row["log"], "outcome": row["outcome"]}
         for row in rows
