@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from gtmbench.detectors.alarm import NOISE_CHANGED, Judgement
+from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case
 from gtmbench.detectors.isolation.diagnosis import (
@@ -29,6 +29,7 @@ from gtmbench.faults.shape import SHOWN
 
 _SURE_S = 5.0  # after an alarm: whether the noise has changed, or what is decisive has lasted
 _LONG_S = 20.0  # after an alarm: what looks have said until then, twice, the next one says, too
+_CHANGED = "earlier looks named another sensor"
 _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has passed
 
 
@@ -102,6 +103,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
         return Outcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
+    judged = _unless_named_otherwise(judged, fault.alarm)
     if _is_worse(case, judged, fault.alarm.last):
         return Outcome()
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
@@ -131,6 +133,18 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
             names = tuple(dict.fromkeys([judged.sensor, *alarm.candidates]))
             return replace(judged, sensor=None, partner=None, candidates=names, reason=SEVERAL)
     return judged
+
+
+def _unless_named_otherwise(judged: Judgement, alarm: Alarm) -> Judgement:
+    """Return a judgement without its name, where an earlier look named another sensor: one of both was wrong.
+
+    What explains a minute by a walk, or by two sensors at once, may be a model that errs as slowly.
+    """
+    before = [each.sensor for each in alarm.judgements if each.sensor is not None and not each.doubt]
+    if not judged.failed or {*before} <= {*judged.failed}:
+        return judged
+    names = tuple(dict.fromkeys([*judged.candidates, *before]))
+    return replace(judged, sensor=None, partner=None, together=(), candidates=names, reason=_CHANGED)
 
 
 def _is_decided(fault: OpenFault, ranking: Sequence[FittedHypothesis], judged: Judgement, row: int) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
@@ -16,6 +15,7 @@ from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
+from gtmbench.history.standing import Standing
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import without
 from gtmbench.study.log.certificate import Certificate
@@ -36,9 +36,6 @@ from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
 from gtmbench.values.ranges import OutOfRange
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, Timeline, laid_out, unjudged
-
-if TYPE_CHECKING:
-    from gtmbench.history.standing import Standing
 
 _LASTS_S = 10.0  # of what the whole log shows of a gyro
 _BLOCKS = 3  # of the engine, within which a log ends behind the last that is whole

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 from gtmbench.detectors.alarm import SAID, Alarm, said_of
 from gtmbench.detectors.basis import basis_of
@@ -18,6 +17,8 @@ from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.engine.imus.imu import Imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
+from gtmbench.history.next_motion import NextMotion, next_motions
+from gtmbench.history.standing import Standing
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.mapping import NONE
@@ -38,10 +39,6 @@ from gtmbench.values.record import Record, Span
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import Timeline
 from gtmbench.verdict.verdict import LogVerdict, Outcome, verdict_of
-
-if TYPE_CHECKING:
-    from gtmbench.history.next_motion import NextMotion
-    from gtmbench.history.standing import Standing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -244,8 +241,6 @@ class WatchedLog:
         """What to fly next, so that the sensors are judged which this log leaves open; some tenths of a second."""
         if self.judged is None or self.check.stops or not self.verdict.unjudged:
             return ()
-        from gtmbench.history.next_motion import next_motions
-
         return next_motions(self.judged.flight, self.verdict)
 
     @property
