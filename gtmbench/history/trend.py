@@ -63,7 +63,7 @@ def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = Non
     ...     return Entry(digest=str(number), log="", airframe="a", constants=(read,))
     >>> (trend,) = trends_of([flight(number) for number in range(10)])
     >>> round(trend.slope, 1), round(trend.crossing), trend.between[0] < 25.0 < trend.between[1]
-    (0.2, 26, True)
+    (0.2, 25, True)
     """
     own = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: _FACTOR} | dict(limits or {})
     keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in own))
