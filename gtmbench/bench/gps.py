@@ -12,6 +12,7 @@ from gtmbench.checks import number, whole
 from gtmbench.errors import InputError
 from gtmbench.values.channels import GPS_VELOCITY, M_PER_FT
 from gtmbench.values.record import FloatArray, Record
+from gtmbench.values.recursive_filter import filtered
 
 _LONGEST_DELAY_S = 2.0
 
@@ -104,11 +105,9 @@ def with_gps(readings: Record, truth: Record, gps: Gps, *, seed: int = 1) -> Rec
 
 def _noise(gps: Gps, rows: int, period_s: float, seed: int) -> FloatArray:
     """Return white noise and noise that wanders, shape (rows, 3)."""
-    from scipy.signal import lfilter  # takes longer to import than all of ours
-
     drawn = stream(seed, "gps velocity")
     white, driving = drawn.standard_normal((2, rows, 3))
     kept = np.exp(-period_s / gps.wander_time_s)
     driving[1:] *= np.sqrt(1.0 - kept**2)  # so that it wanders as far at its beginning as later
-    wandering = lfilter([1.0], [1.0, -kept], driving, axis=0)
+    wandering = filtered([1.0], [1.0, -kept], driving)
     return np.asarray(gps.noise_m_s * white + gps.wander_m_s * wandering)

@@ -10,7 +10,7 @@ from click import UsageError
 
 from gtmbench.cli.output import echo, print_json, print_table, screen_width
 from gtmbench.errors import InputError
-from gtmbench.files.disk import is_file
+from gtmbench.files.disk import is_file, is_pattern
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -27,13 +27,11 @@ def is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
     if others or out is not None:
         return True
     if isinstance(first, str):  # of an object the name tells
-        return not Path(first).suffix or any(letter in first for letter in "*?[")
+        return not Path(first).suffix or is_pattern(first)
     from gtmbench.intake.one_flight import is_log_folder
 
     try:
-        return (first.is_dir() and not is_log_folder(first)) or (
-            not first.exists() and any(letter in str(first) for letter in "*?[")
-        )
+        return (first.is_dir() and not is_log_folder(first)) or (not first.exists() and is_pattern(str(first)))
     except (OSError, ValueError):
         return False
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.disk import is_file, is_folder
 from gtmbench.files.folders import SUMS, read_sums, settle
+from gtmbench.files.seals import file_digest
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
@@ -146,8 +146,7 @@ def _summed(folder: Path, name: str, digest: str) -> _Told:
     if path.exists() and not path.is_file():
         return _Told(path, "it isn't a file any more")
     try:
-        with path.open("rb") as file:
-            is_same = hashlib.file_digest(file, "sha256").hexdigest() == digest
+        is_same = file_digest(path) == digest
     except OSError as error:
         return _Told(path, error.strerror or str(error))
     return _Told(path, "" if is_same else f"it isn't what was written, by {SUMS}: altered or damaged")

@@ -34,6 +34,15 @@ _A_MOMENT_S = 1.0
 HIDDEN, _LOCK, _NEW, READY = ".gtmbench-", "lock", "new", "ready"
 
 
+def is_pattern(source: str) -> bool:
+    """Tell whether a text is a pattern of names.
+
+    >>> is_pattern("logs/*.ulg"), is_pattern("logs/1.ulg")
+    (True, False)
+    """
+    return any(letter in source for letter in "*?[")
+
+
 def is_file(path: Path) -> bool:
     """Whether a file stands there; not a folder, and no pipe or device, which could be read for ever."""
     try:

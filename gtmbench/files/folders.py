@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import shutil
 import signal
@@ -14,6 +13,7 @@ from pathlib import Path
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.disk import HIDDEN, READY, clear_left_behind, folder_beside, is_file, resolved, to_disk, told
 from gtmbench.files.locks import FOR_EVER_S, alone, lock_beside
+from gtmbench.files.seals import file_digest
 
 SUMS = "SHA256SUMS"  # in a folder of results: a digest of every file
 _SUM = re.compile(r"([0-9a-f]{64})  (.+)")
@@ -138,8 +138,7 @@ def _sums(folder: Path, former: Path) -> str:
     sums = read_sums(former) if is_file(former) else {}
     for path in sorted(folder.rglob("*")):
         if path.is_file():
-            with path.open("rb") as file:
-                sums[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
+            sums[path.relative_to(folder).as_posix()] = file_digest(path)
     return "".join(f"{digest}  {name}\n" for name, digest in sorted(sums.items()))
 
 

@@ -10,6 +10,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from gtmbench.errors import InputError
@@ -27,6 +28,12 @@ def digest_of(values: Any) -> str:
     """
     told = json.dumps(values, sort_keys=True, separators=(",", ":"), default=str)
     return hashlib.sha256(told.encode()).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """Return a digest of every byte of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def seal(document: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,11 +11,11 @@ from typing import Any, TypeGuard, TypeVar
 
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError, InputError
+from gtmbench.files.disk import is_pattern
 from gtmbench.files.logs import LARGEST_LOG_BYTES
 from gtmbench.imports import load_extra
 
 _ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+)://.+")  # a letter alone is a disk
-_WILD = re.compile(r"[*?\[]")
 Found = TypeVar("Found")
 
 
@@ -39,7 +39,7 @@ def objects_in(address: str) -> list[str]:
     system, path = _opened(address)
 
     def found() -> list[str]:
-        if _WILD.search(path):
+        if is_pattern(path):
             return [each for each in system.glob(path) if not system.isdir(each)]
         return system.find(path) if system.isdir(path) else [path] if system.exists(path) else []
 

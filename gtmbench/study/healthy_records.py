@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,6 +24,7 @@ from gtmbench.checks import meant, naming, number, whole
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import EnvelopeError, InputError
+from gtmbench.files.seals import file_digest
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -208,8 +208,7 @@ def logged_records(
                     f"{records[0].sample_period_s:g} s; a monitor has one sample period, so give the slowest log first"
                 )
             log = open_for(path, detector, mapping=mapping, rate_hz=1.0 / records[0].sample_period_s)
-        with path.open("rb") as file:
-            digest = hashlib.file_digest(file, "sha256").hexdigest()
+        digest = file_digest(path)
         twin = next((before["name"] for before in logs if before["sha256"] == digest), None)
         if twin is not None:
             raise InputError(f"{path} holds the same as {twin}; give every flight once")

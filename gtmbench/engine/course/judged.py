@@ -209,7 +209,7 @@ def sensors_of(finding: Finding) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names_of(name)[-1] for name in (*own, *finding.others)))
 
 
-def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudged:
+def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence[str] = ()) -> CourseJudged:
     """Return which of a flight's other sensors failed.
 
     Parameters
@@ -217,6 +217,8 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     flight : Flight
     sensors : mapping of channel to Samples
         As `course_of` takes them.
+    bent : sequence of str
+        Why the attitude may be bent, by which every relation turns what sensors read.
     """
     sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
     held = standing(sensors, flight.flown_s)
@@ -233,7 +235,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples]) -> CourseJudge
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped, asked=asked)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = tuple(_doubted(course, findings.found))
+    doubted = tuple(_doubted(course, findings.found, bent))
     return CourseJudged(
         found=tuple(_in_units(course, each) for each in doubted),
         course=course,
@@ -259,20 +261,13 @@ def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged
         for sensor, span in whole.accused
         if sensor in JUDGED and {*span.suspects} <= {*JUDGED}  # where another IMU may be it, the attitude isn't bent
     ]
-    beside = course_judged(whole.flight.without(broken), sensors)
-    bent = [each.text for each in whole.cleared.changes if each.of == _BENDS]
-    if bent:  # a gyro that nobody names may drive the attitude, by which every relation turns what sensors read
-        beside = replace(beside, found=tuple(_doubted_by(beside.course, each, bent[0]) for each in beside.found))
+    bent = [each.text for each in whole.cleared.changes if each.of == _BENDS]  # by a gyro that nobody names
+    beside = course_judged(whole.flight.without(broken), sensors, bent)
     if not {*COMMANDS} <= sensors.keys():
         return beside
     claims = [(sensor, span) for sensor, spans in whole.claims.items() for span in spans]
     found = [*whole.found, *beside.found]
     return replace(beside, commands=commands_judged(beside.course.flight, sensors, [*claims, *beside.claims], found))
-
-
-def _doubted_by(course: Course, finding: Finding, why: str) -> Finding:
-    """Return a finding that a bent attitude may be behind, with that doubt."""
-    return finding if _is_its_own(course, finding) else replace(finding, doubt=finding.doubt or why)
 
 
 def _in_units(course: Course, finding: Finding) -> Finding:
@@ -297,14 +292,15 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(course: Course, found: Sequence[Finding]) -> Iterator[Finding]:
+def _doubted(course: Course, found: Sequence[Finding], bent: Sequence[str]) -> Iterator[Finding]:
     flight = course.flight
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))
         rest = [other for other in found if other is not each]
-        own = [] if _is_its_own(course, told) else [*_few(told, rest), *_field(told)]
+        is_own = _is_its_own(course, told)
+        own = [] if is_own else [*_few(told, rest), *_field(told)]
         reasons = [*own, *_short(flight, told), *_livelier(flight, told), *_beside(told, rest)]
-        yield replace(told, doubt="; ".join(reasons))
+        yield replace(told, doubt="; ".join(reasons or ([] if is_own else bent[:1])))
 
 
 def _shown_by(finding: Finding) -> set[str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from hashlib import file_digest
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
+from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.axes import time_title
 from gtmbench.report.log_findings import (
@@ -248,9 +248,8 @@ def _digest_text(path: Path) -> str:
     whole, part = split_part(path)
     if not whole.is_file():
         return path.name
-    with whole.open("rb") as file:
-        digest = file_digest(file, "sha256").hexdigest()
-    return f"{path.name}{f' of {whole.name}' * bool(part)}, {whole.stat().st_size} bytes, SHA-256 {digest}"
+    size = whole.stat().st_size
+    return f"{path.name}{f' of {whole.name}' * bool(part)}, {size} bytes, SHA-256 {file_digest(whole)}"
 
 
 def _version_facts() -> list[tuple[str, str]]:

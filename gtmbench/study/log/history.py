@@ -9,6 +9,7 @@ from pathlib import Path
 
 from gtmbench.errors import InputError
 from gtmbench.files.disk import is_folder
+from gtmbench.files.seals import file_digest
 from gtmbench.history.entry import Entry, constants_of
 from gtmbench.history.file import enter, history_file, read_history
 from gtmbench.history.standing import stood
@@ -70,5 +71,4 @@ def digest_of(path: Path) -> str:
     """Return the digest of a log's file; of a folder of tables, that of its name."""
     if is_folder(path):
         return hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:16]
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+    return file_digest(path)[:16]

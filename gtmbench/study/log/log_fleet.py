@@ -6,13 +6,12 @@ One process writes. A log that can't be read, takes too long or kills its proces
 from __future__ import annotations
 
 import glob
-import hashlib
 import os
 import pickle
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -23,7 +22,8 @@ from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.arrow_table import Column, Row, table_of
-from gtmbench.files.disk import is_file
+from gtmbench.files.disk import is_file, is_pattern
+from gtmbench.files.seals import file_digest
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES
@@ -45,7 +45,6 @@ WHAT, SCHEMA = "fleet", 2  # 2: rows hold the verdict on the asked sensors
 LIMIT_S = 900.0
 MOST_LOGS = 20_000
 _LIBRARIES = ("numpy", "scipy", "pandas")  # whose versions rows hang on
-_WILD = re.compile(r"[*?\[]")
 _DIGITS = re.compile(r"(\d+)")
 Source: TypeAlias = Path | str  # a file, or an object's address
 
@@ -87,6 +86,11 @@ class Watching:
     judge: str | None = None
     limits: tuple[str, ...] = ()
     limit_s: float = LIMIT_S
+
+    @property
+    def how(self) -> dict[str, Any]:
+        """All of it but the limit of time, as `watch_log` takes it."""
+        return {each.name: getattr(self, each.name) for each in fields(self) if each.name != "limit_s"}
 
     def check(self) -> None:
         """Refuse what would be refused of every log.
@@ -190,7 +194,7 @@ def _meant(source: str) -> list[Path]:
             if not logs:
                 raise InputError(f"{path} is a folder that holds no log; give one that does, or a log")
             return logs
-        if not path.exists() and _WILD.search(source):
+        if not path.exists() and is_pattern(source):
             matches = map(Path, glob.iglob(source, recursive=True))  # noqa: PTH207  absolute ones, too
             logs = sorted((match for match in matches if is_file(match)), key=_in_order)
             if not logs:
@@ -336,19 +340,7 @@ def _kept_of(log: Source, *, watching: Watching, row: Callable[[WatchedLog], Kep
     """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
     try:
         with fetched(log) if isinstance(log, str) else nullcontext(log) as path:
-            return row(
-                watch_log(
-                    path,
-                    watching.detector,
-                    healthy=watching.healthy,
-                    mapping=watching.mapping,
-                    rate_hz=watching.rate_hz,
-                    false_alarms_per_hour=watching.false_alarms_per_hour,
-                    attitude=watching.attitude,
-                    judge=watching.judge,
-                    limits=watching.limits,
-                )
-            )
+            return row(watch_log(path, **watching.how))
     except GtmbenchError as error:
         return _failed(str(error))
     except MemoryError:
@@ -376,8 +368,7 @@ def _digest(path: Path) -> str | None:
     try:
         if not is_file(path) or path.stat().st_size > LARGEST_FILE_BYTES:
             return None
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()[:16]
+        return file_digest(path)[:16]
     except (OSError, ValueError):
         return None
 
