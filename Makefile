@@ -10,18 +10,19 @@ run: .venv/ready ## the main job: fly, break, watch, report, into out/
 check: .venv/ready ## the main job's figures against their baseline; fails where one is worse
 	$(BIN)/gtmbench check
 
-test: .venv/ready ## every test; those that need a viewer skip by name where there is none; bytecode is kept, for its many processes
+test: .venv/ready ## every test but those of the night; those that need a viewer skip by name where there is none; bytecode is kept, for its many processes
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 verdicts: .venv/ready ## every log of the corpus of verdicts, and every draw of its oracles, with whole certificates
 	PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal -m "" tests/verdicts
 
 MINUTES ?= 60
-nightly: .venv/ready ## looks for more than tests do, with other seeds every day: fuzzing, ordeals, damaged logs, oracles of verdicts; all run, whatever fails
+nightly: .venv/ready ## looks for more than tests do, with other seeds every day: fuzzing, ordeals, every test, mutants of a room, damaged logs, oracles of verdicts; all run, whatever fails
 	-$(BIN)/python -m pip install --quiet --disable-pip-version-check atheris
 	seed=$$(( $$(date +%s) / 86400 )); failed=; for each in \
 	  "tests.fuzz --minutes $(MINUTES) --seed $$seed" "tests.ordeals writes --tries 600 --seed $$seed" \
-	  "tests.ordeals kills --tries 60 --seed $$seed" "tests.ordeals flips --tries 60 --seed $$seed" "tests.ordeals writers --tries 30 --seed $$seed"; \
+	  "tests.ordeals kills --tries 60 --seed $$seed" "tests.ordeals flips --tries 60 --seed $$seed" "tests.ordeals writers --tries 30 --seed $$seed" \
+	  "tests.mutation --reach" "tests.mutation --seed $$seed"; \
 	do echo "== $$each"; OPENBLAS_NUM_THREADS=1 $(BIN)/python -m $$each || failed="$$failed; $$each"; done; \
 	GTMBENCH_DAMAGED=200 GTMBENCH_SEED=$$seed GTMBENCH_ORACLES=$$seed OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest \
 	  -q -m "" tests/intake/test_every_log_hostile.py tests/intake/test_intake_hostile.py tests/verdicts/test_metamorphic.py || failed="$$failed; pytest"; \

@@ -26,6 +26,25 @@ settings.register_profile("gtmbench", derandomize=True, deadline=None)
 settings.load_profile("gtmbench")
 
 
+LONG_EXAMPLES = {  # of docstrings, which take two seconds and more
+    "gtmbench.detectors.surfaces.in_loop.WatchSurfaces",
+    "gtmbench.detectors.surfaces.surfaces.SurfaceDetector",
+    "gtmbench.detectors.surfaces.surfaces.SurfaceMonitor",
+    "gtmbench.detectors.surfaces.surfaces.SurfaceMonitor.sizes",
+    "gtmbench.engine.course.detector.CrossCheck",
+    "gtmbench.link.live.live",
+    "gtmbench.report.fleet_report.watch_fleet",
+}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Leave to the night what can't carry a mark."""
+    for item in items:
+        if item.name in LONG_EXAMPLES:
+            item.add_marker(pytest.mark.nightly)
+
+
 def pytest_collection_finish():
     """What is loaded by now stays: going through it for garbage again and again takes a twentieth of the suite."""
     gc.collect()

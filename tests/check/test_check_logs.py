@@ -93,6 +93,7 @@ def test_what_cannot_be_meant_is_one_line(cli, given, said):
     assert not Path("new.toml").exists()
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("folder")
 def test_a_log_is_held_by_its_path_and_as_a_flight_log():
     for log in ("logs/flight.csv", Path("logs/flight.csv"), gb.open_log("logs/flight.csv")):
@@ -128,6 +129,7 @@ def test_what_an_assertion_lacks_is_told():
         assert_quiet(lambda _: [], judge="gyros")
 
 
+@pytest.mark.nightly
 def test_the_workflow_of_the_page_runs_and_fails_where_a_flight_is_judged_worse(folder):
     assert len(PAGE.read_text().splitlines()) <= 30
     assert [line.split()[:3] for line in commands(PAGE)] == [["gtmbench", "check", "logs.toml"]] * 2

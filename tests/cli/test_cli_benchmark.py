@@ -67,6 +67,7 @@ def test_flights_go_out_scores_come_back_and_a_table_is_made(cli, tmp_path):
     assert (tmp_path / "table/curves.png").stat().st_size > 10_000
 
 
+@pytest.mark.nightly
 def test_exported_flights_are_the_benchmarks_and_an_export_goes_on(cli, tmp_path, definition):
     assert cli("benchmark", "--export", "flights", "--jobs", "1")[0] == 0
     flight = next(iter(definition.flights(TEST)))
@@ -90,6 +91,7 @@ def test_a_detector_of_a_dozen_lines_enters(cli, tmp_path):
     assert "holds another run" in err
 
 
+@pytest.mark.nightly
 def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
     (tmp_path / "mine.py").write_text(SQUARED)
     code, _, err = cli(

@@ -52,6 +52,7 @@ def flown_on(path, count=6):
         enter(path, replace(first, digest=str(number), log=f"{number}.bin", constants=tuple(own)))
 
 
+@pytest.mark.nightly
 def test_an_error_from_power_on_is_named_beside_the_flights_before(cli, flights):
     code, out, err = cli("monitor", "T2", *KEPT)
     assert (code, err) == (0, "")
@@ -72,6 +73,7 @@ def test_an_error_from_power_on_is_named_beside_the_flights_before(cli, flights)
         assert_quiet("broken.csv", history="a.parquet", aircraft_id="T2")
 
 
+@pytest.mark.nightly
 def test_without_a_log_the_history_is_shown(cli, flights):
     cli("monitor", "T2", *KEPT, "--quiet")
     flown_on(flights / "a.parquet")

@@ -113,6 +113,7 @@ def test_quiet_prints_nothing_and_json_one_whole_object(cli):
     assert (error[0], json.loads(error[1])["exit_code"], error[2]) == (2, 2, "")
 
 
+@pytest.mark.nightly
 def test_recording_page_and_figure_are_written_and_kept_unless_forced(cli, tmp_path, watched_anew):
     wanted = ("--record", "l.rrd", "--report", "l.png", "--report", "l.html")
     code, out, err = cli("monitor", "broken.csv", "--detector", "C", *HALF, *wanted)
@@ -138,6 +139,7 @@ def test_what_goes_wrong_leaves_nothing_behind(cli, tmp_path):
     assert names(tmp_path) == ["bad.csv"]
 
 
+@pytest.mark.nightly
 def test_a_monitor_that_was_learnt_on_a_part_watches_other_logs(cli):
     assert cli("calibrate", "healthy.csv", "--detector", "C", *HALF, "--out", "C.json", "-q")[0] == 0
     code, out, _ = cli("monitor", "broken.csv", "--detector", "C.json", "--json")
@@ -151,6 +153,7 @@ def test_a_monitor_that_was_learnt_on_a_part_watches_other_logs(cli):
     assert "a rate of 50 Hz is given, and the monitor has its own, 25 Hz" in err
 
 
+@pytest.mark.nightly
 def test_another_log_teaches(cli):
     code, out, _ = cli("monitor", "broken.csv", "--detector", "C", "--healthy", "healthy.csv")
     assert code == 1

@@ -33,6 +33,7 @@ def own(tmp_path, monkeypatch):
     return path
 
 
+@pytest.mark.nightly
 def test_it_is_injected_and_named_with_its_figure(cli, own, tmp_path):
     healthy = gb.measure(gb.fly("gtm", "multisine+turbulence", 240.0, seed=1), noise="t2", seed=1)
     gb.write_log(healthy, tmp_path / "flight.csv")

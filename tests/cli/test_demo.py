@@ -3,11 +3,13 @@
 import json
 from importlib.resources import files
 
+import pytest
 from jsonschema import Draft202012Validator
 
 from gtmbench.cli import demo
 
 
+@pytest.mark.nightly
 def test_a_flight_is_watched_while_another_process_sends_it(cli, tmp_path, monkeypatch):
     shorter = demo.LIVE_FLIGHT.replace("--duration 90", "--duration 60").replace("--onset 60", "--onset 45")
     monkeypatch.setattr(demo, "LIVE_FLIGHT", shorter.replace("--speed 4", "--speed 8"))

@@ -415,6 +415,7 @@ def test_what_the_motion_shows_is_a_verdict(type_it, name, why, typed):
     assert typed in out
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["nan.csv", "words.csv"])
 def test_a_gyro_that_cannot_be_used_is_named_with_why(type_it, name):
     _, out, _ = type_it(f"monitor {name} --healthy 0:30 --details")

@@ -41,6 +41,7 @@ def test_help_begins_with_a_plain_line_and_an_example(name, cli):
     assert not re.search(r"\b(pseudo|residual|operator|transmissibility|noncausal|axes)\b", first)
 
 
+@pytest.mark.nightly
 def test_the_examples_run(tmp_path, monkeypatch, capsys):
     assert {*CHAIN} | ELSEWHERE | LONG == {*app.commands}
     settings = [(0.0, "SIM_GYR1_BIAS_Y", 0.0), (90.0, "SIM_GYR1_BIAS_Y", 0.08)]

@@ -80,6 +80,7 @@ def same(one, other):
 # ---- with a bank ----
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("gyro", ["q", "r"])
 def test_an_aircraft_that_would_depart_stays_in_the_air(gyro):
     flip = gb.SignFlip(channel=gyro, onset_s=ONSET_S)

@@ -201,6 +201,7 @@ def test_an_autopilots_attitude_comes_from_its_gyros_and_a_tables_may_not(tmp_pa
     assert not bank_for_logs([table], (), told)[0].bank.attitude_from_gyros
 
 
+@pytest.mark.nightly
 def test_a_saved_monitor_is_read_and_shown(tmp_path, cli):
     write(tmp_path, channels=NO_HEADING)
     code, out, err = cli("monitor", "flight.csv", "--healthy", "0:40", "--details")

@@ -15,6 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.values.record import Record
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
 STATISTICS = {
@@ -165,12 +166,14 @@ def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
 
 @pytest.mark.parametrize(
     ("flight", "size"),
-    [
-        *((flight, 100) for flight in FLIGHTS if flight != "gaps, short"),
-        *((flight, 1) for flight in ("two at once", "ended, then another")),
-        ("gaps", 7),
-        ("two at once", 4000),
-    ],
+    by_day(
+        [
+            *((flight, 100) for flight in FLIGHTS if flight != "gaps, short"),
+            *((flight, 1) for flight in ("two at once", "ended, then another")),
+            ("gaps", 7),
+            ("two at once", 4000),
+        ]
+    ),
 )
 def test_chunks_of_any_size_say_the_same(flight, size):
     check_stream(monitor("C"), flight, size)

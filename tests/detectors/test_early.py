@@ -163,6 +163,7 @@ def test_what_cannot_be_diagnosed_or_predicts_itself_is_refused(blocks, said):
         bank_of("mine", {"residuals": blocks})
 
 
+@pytest.mark.nightly
 def test_a_log_is_watched_told_drawn_and_recorded(cli, tmp_path):
     flight = record(4000, seed=21)
     gb.write_log(gb.inject(flight, gb.Bias(channel="q", onset_s=60.0, size=5.0)), tmp_path / "flight.csv")

@@ -310,6 +310,7 @@ def logs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.nightly
 def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli, logs, tmp_path):
     watch = ("monitor", str(logs / "dropout.csv"), "--detector", str(logs / "C.json"))
     code, out, err = cli(*watch, "--details", "--record", str(tmp_path / "l.rrd"), "--report", str(tmp_path / "l.png"))

@@ -8,6 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.trials import WatchedTrials, stretches, trials_on
 from tests.helpers.monitors import monitor, record, truth
+from tests.helpers.night import by_day
 
 SENSORS = ("p", "q", "r", "phi", "theta", "psi")
 
@@ -46,7 +47,7 @@ def check(own, watched, fault):
     return said, wanted
 
 
-@pytest.mark.parametrize("sensor", SENSORS)
+@pytest.mark.parametrize("sensor", by_day(SENSORS))
 def test_a_bank_alarms_when_watching_does(sensor):
     healthy = record(4000, seed=31)
     own, watched = trials_on(monitor(), healthy), WatchedTrials(monitor(), healthy)

@@ -28,6 +28,7 @@ from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
 from studies.conduct import Findings, conducted
 from studies.tables import share_text
+from tests.helpers.night import by_day
 from tests.helpers.scripts import EXPERIMENTS
 from tests.helpers.scripts import script as defined_in
 
@@ -158,7 +159,7 @@ def test_every_script_is_run_by_make_experiments_or_has_a_report_of_its_own():
     }
 
 
-@pytest.mark.parametrize("script", PARTS)
+@pytest.mark.parametrize("script", by_day(PARTS))
 def test_a_part_comes_out_as_committed(script, tmp_path, run):
     done = run(script, "--quick", "--json", "--out", tmp_path / "deep" / script)
     assert done.code == 0, done.out + done.err
@@ -180,6 +181,7 @@ def test_a_part_comes_out_as_committed(script, tmp_path, run):
         assert np.std(pixels[..., :3]) > 0.02, "something is drawn"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("script", BEYOND)
 def test_a_study_beyond_the_dissertation_runs(script, tmp_path, run):
     done = run(script, "--quick")
@@ -227,12 +229,14 @@ def test_what_isnt_a_folder_of_logs_is_said_in_a_line(given, why, run):
     assert done.err.splitlines()[-1] == f"real_logs.py: error: {why}; give folders of logs, --synthetic, or both"
 
 
+@pytest.mark.nightly
 def test_of_several_imus_none_is_named_wrong(run):
     done = run("several_imus", "--quick")
     assert done.code == 0, done.out + done.err
     assert re.search(r"\| synthetic \| driven by the broken IMU \| 2 +\| 6 +\| 6 +\| 0 +\| 0 ", done.out)
 
 
+@pytest.mark.nightly
 def test_no_airframe_is_accused_and_no_healthy_gyro_named(run):
     done = run("airframes", "--quick")
     assert done.code == 0, done.out + done.err
@@ -240,6 +244,7 @@ def test_no_airframe_is_accused_and_no_healthy_gyro_named(run):
     assert re.search(r"\| a healthy gyro named +\| 0 ", done.out)
 
 
+@pytest.mark.nightly
 def test_a_magnetometer_never_accuses_a_healthy_gyro(tmp_path, run):
     done = run("heading_witness", "--seeds", "1:2", "--out", "there")
     assert done.code == 0, done.out + done.err
@@ -303,6 +308,7 @@ def test_the_table_names_every_part_and_links_its_figures():
     assert all((PAGE.parent / name).is_file() for name in linked)
 
 
+@pytest.mark.nightly
 def test_make_experiments_runs_parts_and_keeps_nothing_of_quick_ones():
     before = PAGE.read_bytes()
     done = subprocess.run(

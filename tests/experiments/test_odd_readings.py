@@ -42,6 +42,7 @@ def test_a_reading_changes_the_channels_that_it_names(name, path):
     assert changed <= touched(name)
 
 
+@pytest.mark.nightly
 def test_no_wrong_reading_ends_with_an_all_clear_or_accuses(rows):
     assert set(rows["rate"]) == {"as logged", "slowed"}
     wrong = rows[rows["kind"] == study.WRONG]

@@ -1,10 +1,12 @@
 """The study of other sensors in recorded logs: its rows of one simulated flight, as it is and broken."""
 
 import pandas as pd
+import pytest
 
 import other_sensors_in_logs as study
 
 
+@pytest.mark.nightly
 def test_a_simulated_log_is_watched_broken_and_summed_up(tmp_path, monkeypatch):
     monkeypatch.setattr(study, "FLOWN_S", 150.0)
     monkeypatch.setattr(study, "SIZES", {name: study.SIZES[name] for name in ("tas", "nz", "mag_x")})

@@ -29,6 +29,7 @@ def test_nothing_of_gtmbench_is_imported():
     assert told.stdout.strip() == "[]"
 
 
+@pytest.mark.nightly
 def test_3_55_has_determinant_1_and_singular_values_that_no_record_tells_from_0():
     least = recomputed.moments_of_3_55()
     np.testing.assert_allclose(

@@ -22,6 +22,7 @@ def fleet(tmp_path, monkeypatch):
     return folder
 
 
+@pytest.mark.nightly
 def test_what_flies_is_broken_and_what_does_not_says_why(fleet):
     size = STUDY["Size"]((1, 2), (101,), 60.0, 40.0)
     models = STUDY["models_in"]([fleet])

@@ -134,6 +134,7 @@ def test_a_samples_noise_has_the_ratio_asked_for():
     np.testing.assert_allclose(record.values.std(axis=0) / noise.std(axis=0), 20, rtol=0.1)
 
 
+@pytest.mark.nightly
 def test_one_sensor_of_the_plate_gives_another_exactly_whatever_the_state():
     system, start = unforced(PLATE, WAVES, sample_period_s=0.001)
     expected = simulate(PLATE, WAVES, sample_period_s=0.001).values

@@ -112,6 +112,7 @@ def alter(document, each, place, value):
     places[place % len(places)]()
 
 
+@pytest.mark.nightly
 def test_hostile_files_are_refused_or_harmless(tmp_path):
     """Names that would end a comment or a string, numbers that no float holds, sizes beyond bounds: 200 files."""
     gb.save_monitor(monitor(), tmp_path / "ready.json")

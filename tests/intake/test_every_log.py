@@ -36,6 +36,7 @@ def test_it_is_listed(tmp_path, cli, name):
     assert all(f" {channel} " in out for channel in CHANNELS)
 
 
+@pytest.mark.nightly
 def test_a_bare_table_is_read_by_its_motion_and_says_so(tmp_path, cli):
     table = makers.flight(60.0)
     bare = {"t": 1000 * table.time_s, "gyro_x": makers.RAD * table.p, "gyro_y": makers.RAD * table.q}

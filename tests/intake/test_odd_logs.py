@@ -71,7 +71,7 @@ def flown():
     return [table.assign(time_s=table.time_s - table.time_s[0]) for table in tables]
 
 
-@pytest.mark.verdicts
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", [case for case in ALL if case not in ASKED])
 def test_an_odd_log_gets_a_verdict_and_nobody_healthy_is_accused(tmp_path, flown, case):
     """Gyros alone tell no fault from a new motion: they end with 3, and with the size that would show."""

@@ -12,6 +12,7 @@ from gtmbench.link.closing import FLYING, closed, verdict_so_far
 from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import links, monitors
+from tests.helpers.night import by_day
 
 BIAS = gb.Bias(channel="q", onset_s=45.0, size=4.0)
 SENSORS = ("p", "q", "theta")
@@ -72,8 +73,8 @@ def sent():
     }
 
 
-@pytest.mark.parametrize("is_given", [True, False])
-@pytest.mark.parametrize("is_broken", [True, False])
+@pytest.mark.parametrize("is_given", by_day([True, False]))
+@pytest.mark.parametrize("is_broken", by_day([True, False]))
 def test_the_verdict_and_its_exit_code_are_those_of_monitor_on_the_saved_file(is_given, is_broken, sent, tmp_path, cli):
     """Whether a monitor is given or learnt on the way, on a link that loses, doubles and delays."""
     came, kept, monitor = tmp_path / "came.tlog", tmp_path / "kept.tlog", tmp_path / "monitor.json"
@@ -100,6 +101,7 @@ def no_space(_arrived_s, _packet):
     raise OSError(errno.ENOSPC, "No space left on device")
 
 
+@pytest.mark.nightly
 def test_what_could_not_be_kept_is_no_verdict_and_its_alarms_stand(sent, tmp_path, monkeypatch):
     """A full disk: silence says nothing, an alarm does."""
     outcomes = []

@@ -24,6 +24,7 @@ from gtmbench.link.telemetry import Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import links, monitors
+from tests.helpers.night import by_day
 
 BIAS = gb.Bias(channel="q", onset_s=45.0, size=4.0)
 
@@ -89,7 +90,7 @@ def test_a_healthy_link_is_quiet():
 
 
 @pytest.mark.parametrize(
-    ("seed", "loss", "doubled", "jitter_s", "many"), [(1, 0.0, 0.0, 0.0, 400), (2, 0.03, 0.02, 0.03, 1)]
+    ("seed", "loss", "doubled", "jitter_s", "many"), by_day([(1, 0.0, 0.0, 0.0, 400), (2, 0.03, 0.02, 0.03, 1)])
 )
 def test_a_saved_link_gives_the_same_alarms(seed, loss, doubled, jitter_s, many):
     """Rows and packets one by one, or together: alarms, times and names are the same, bit for bit."""
@@ -104,6 +105,7 @@ def test_a_saved_link_gives_the_same_alarms(seed, loss, doubled, jitter_s, many)
     assert (link.verdict, link.counts) == (other.verdict, other.counts)
 
 
+@pytest.mark.nightly
 def test_what_arrives_by_udp_and_what_is_saved_of_it_are_watched_alike(tmp_path):
     source = UdpSource("127.0.0.1", 0)
     path = tmp_path / "saved.tlog"
@@ -297,6 +299,7 @@ def test_lines_of_csv_give_the_alarms_of_the_record():
     assert other.counts.broken == 4 + 1
 
 
+@pytest.mark.nightly
 def test_lines_of_a_file_that_grows_give_the_same_alarms(tmp_path):
     """Nobody tells when a file grows, and half a line is none yet; a file that is begun anew ends the watch."""
     content = "\n".join(lines(gb.inject(monitors.record(3200, seed=21), BIAS))).encode() + b"\n"
@@ -328,6 +331,7 @@ def test_lines_of_a_file_that_grows_give_the_same_alarms(tmp_path):
     assert "has become shorter" in events[-1].text
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a pseudo terminal")
 def test_a_serial_line_gives_the_same_alarms():
     pytest.importorskip("serial")
@@ -500,6 +504,7 @@ def test_without_the_library_nobody_waits(monkeypatch):
         gb.live("udp:127.0.0.1:0")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("fault", "attitude"),
     [
@@ -581,6 +586,7 @@ def rounded(events):
     return [(*rest, re.sub(r" ± [0-9.]+", "", text), verdict) for *rest, text, verdict in links.told(events)]
 
 
+@pytest.mark.nightly
 def test_a_clock_since_1970_beside_one_since_boot(tmp_path):
     """An IMU may be stamped by either; SYSTEM_TIME tells how they go together, and without it that is said."""
     (events, _), arrived = plain(), sent()

@@ -35,6 +35,7 @@ def test_nothing_is_told_of_a_healthy_flight_or_of_rows_without_an_attitude(flow
     assert said(flown.replace("psi", np.full(len(flown), np.nan))) == []
 
 
+@pytest.mark.nightly
 def test_the_same_is_told_however_rows_are_cut(flown):
     broken = gb.inject(flown, SLOW)
     one, other = (said(broken, piece=piece) for piece in (50, 250))

@@ -50,6 +50,7 @@ def test_a_recording_holds_what_the_watch_judged(flight, tmp_path):
     assert table[table["entity"] == "/verdict"]["text"].tolist() == ["failed"]
 
 
+@pytest.mark.nightly
 def test_a_link_is_recorded_with_what_was_said_and_each_clock_has_a_file(tmp_path):
     """An autopilot that reboots begins its clock anew: lines would run backwards."""
     record = gb.inject(monitors.record(3000, seed=21), gb.Bias(channel="q", onset_s=45.0, size=4.0))

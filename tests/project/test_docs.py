@@ -29,6 +29,7 @@ TUTORIAL = ROOT / "docs/tutorial/in_python.md"
 SCRIPTS = [page for page in PAGES if blocks(page, "python") and page != TUTORIAL]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", SCRIPTS, ids=lambda page: page.stem)
 def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
     """As a module of its own, in this process, which has imported what takes long and finds `experiments/`."""
@@ -49,6 +50,7 @@ def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
         assert re.search(r"^0 \d+\.\d+ q alarm$", out, flags=re.MULTILINE)
 
 
+@pytest.mark.nightly
 def test_the_tutorials_python_runs_in_a_new_interpreter(tmp_path):
     script = "\n".join(blocks(TUTORIAL, "python"))
     run = subprocess.run(
@@ -72,6 +74,7 @@ CHEAP = {  # what is added to a command; `test_wheel` runs the whole study
 }
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "names", [("tutorial/first_flight", "how_to/my_log"), ("reference/cli",)], ids=lambda names: names[0]
 )
@@ -99,6 +102,7 @@ def test_the_commands_run_as_one_chain(names, tmp_path, monkeypatch, capsys):
         assert " ".join(line.partition("...")[0].split()) in printed
 
 
+@pytest.mark.nightly
 def test_the_scenarios_of_the_page_are_files_that_its_commands_run(cli, tmp_path, monkeypatch):
     """One chain: every command ends as its remark says, with what those before it wrote."""
     monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 3)

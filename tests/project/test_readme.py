@@ -46,6 +46,7 @@ CHEAP = {  # what is added to a command
 }
 
 
+@pytest.mark.nightly
 def test_the_commands_run_as_one_chain(tmp_path, monkeypatch, capsys):
     """In one folder, each with what those before it wrote; a shorter `demo` is run by test_json_contract."""
     chain = [line for line in commands(PAGE) if line.startswith("gtmbench") and line != "gtmbench demo"]

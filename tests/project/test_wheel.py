@@ -68,6 +68,7 @@ def own_environment():
     return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
+@pytest.mark.nightly
 def test_the_wheel_runs_the_main_job_in_an_empty_directory(installed, tmp_path):
     run = [installed / "gtmbench", "run", "--json"]
     done = subprocess.run(
@@ -135,6 +136,7 @@ def test_jam():
 """
 
 
+@pytest.mark.nightly
 def test_the_pytest_plugin_works_in_a_project_of_its_own(installed, tmp_path):
     """Nothing but pytest beside it; one test fails, on purpose."""
     (site,) = installed.parent.glob("lib/python*/site-packages")
@@ -161,6 +163,7 @@ def pins(text):
     return {canonicalize_name(name.strip()): version.split()[0] for name, version in lines}
 
 
+@pytest.mark.nightly
 def test_the_pinned_versions_resolve():
     """Of wheels only, for all Pythons that the README names at once; uv, as pip takes ten times as long for it."""
     since = "3.11.5"  # what the documentation needs isn't for 3.11.4

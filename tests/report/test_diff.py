@@ -248,6 +248,7 @@ def test_what_others_recordings_call_things_is_no_markdown():
     assert not {*re.findall(r"\]\(|<|`", page)}
 
 
+@pytest.mark.nightly
 @pytest.mark.viewer
 @pytest.mark.skipif(not VULKAN, reason="the viewer needs a Vulkan driver (Debian: mesa-vulkan-drivers libvulkan1)")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # of the viewer's own process handling

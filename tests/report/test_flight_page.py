@@ -131,6 +131,7 @@ def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
     assert (code, "--report is of one log" in err) == (2, True)
 
 
+@pytest.mark.nightly
 def test_a_fleets_report_links_to_the_pages_of_what_failed(cli, tmp_path):
     for name, bias in (("broken.csv", 4.0), ("well.csv", 0.0)):
         gb.write_log(record_with(bias, 110.0), tmp_path / name)
@@ -171,6 +172,7 @@ def test_no_word_is_cut_off_on_a_phone_or_on_paper(opened, width, printed):
     assert clipped(opened(width), printed=printed) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_beyond_an_hour_times_are_hours_with_the_log_s_stamps_beside(opened, folder, tmp_path):
     table = pd.read_csv(folder / "flight.csv")
@@ -233,6 +235,7 @@ def test_buttons_keys_and_the_mouse_zoom_and_read(opened, watched):
     assert tab.complaints == []
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_it_prints_on_two_sheets(opened):
     printed = opened(1280).pdf(format="A4", margin=dict.fromkeys(("top", "bottom", "left", "right"), "12mm"))

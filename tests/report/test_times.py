@@ -89,6 +89,7 @@ def test_a_clock_since_boot_has_no_date(frame, tmp_path):
     assert "When" not in dict(labelled(found))
 
 
+@pytest.mark.nightly
 def test_beyond_an_hour_hours_stand_beside_seconds_and_json_has_the_date(tmp_path, cli, monkeypatch):
     monkeypatch.chdir(tmp_path)
     broken = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=60, seed=3), noise="t2", seed=3)

@@ -23,10 +23,12 @@ pytestmark = [
 COLOURS = {"p": (31, 119, 180), "q": (224, 130, 20), "r": (42, 157, 74), "threshold": (214, 39, 40)}
 
 
+@pytest.mark.nightly
 def test_the_viewer_shows_lines_in_the_colours_of_the_trials(recording_of):
     assert not missing(COLOURS, recording_of(drift), 400.0)
 
 
+@pytest.mark.nightly
 def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(recording_of):
     assert not missing({**COLOURS, "virtual sensor": (214, 64, 159)}, recording_of(study), 70.0)
 
@@ -83,6 +85,7 @@ def pixels(viewer):
     return (imread(BytesIO(viewer.take_screenshot()), format="png")[:, :, :3] * 255).astype(int)
 
 
+@pytest.mark.nightly
 def test_the_viewer_draws_no_line_over_a_gap(tmp_path):
     """Bank, pitch and heading in a log of three minutes whose second is missing: that third of a plot is empty."""
     flight = record(9000, seed=5)

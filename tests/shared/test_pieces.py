@@ -19,6 +19,7 @@ from gtmbench.values import pieces as by_piece
 from gtmbench.values.channels import ACCELEROMETERS, header_of
 from gtmbench.values.pieces import deviation, pieces, rms
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 AWKWARD = (997, 2048, 5999)  # rows: what stands on a minute before goes over many joints, or begins at one
@@ -90,7 +91,7 @@ def _alike(one, other):
         assert one == other
 
 
-@pytest.mark.parametrize("rows", AWKWARD[::2])
+@pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
 def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
     path, whole, _ = log
     in_pieces(rows)
@@ -223,8 +224,8 @@ def _told(pieces_of_alarms):
     return {(alarm.number, alarm.time_s): alarm for piece in pieces_of_alarms for alarm in piece}
 
 
-@pytest.mark.parametrize("rows", AWKWARD)
-@pytest.mark.parametrize("make", [_healthy, _faulty])
+@pytest.mark.parametrize("rows", by_day(AWKWARD))
+@pytest.mark.parametrize("make", by_day([_healthy, _faulty]))
 def test_a_log_that_comes_in_row_by_row_raises_the_alarms_of_the_whole(make, rows, tmp_path, in_pieces):
     path = tmp_path / "log.parquet"
     frame = make()

@@ -177,6 +177,7 @@ class Flood(Source):
         yield from (Delivery(1e9 + 0.001 * number, self._data, ("127.0.0.1", 1)) for number in range(5000))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("data", "is_table"), [(b"x" * 4000, True), (b"\xfd\xff" * 2000, False), (bytes(range(256)) * 16, False)]
 )

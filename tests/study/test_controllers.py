@@ -117,6 +117,7 @@ def test_the_command_line_imports_it(cli, folder):
     assert json.loads((folder / "out" / "results.json").read_text())["setup"]["controller"] == "pilot.py:Pilot"
 
 
+@pytest.mark.nightly
 def test_a_campaign_flies_it_in_its_processes_and_a_failing_one_is_a_row(folder):
     (folder / "asleep.toml").write_text(SCENARIO.format(flown='controller = "pilot.py:asleep"'))
     load_module(folder / "pilot.py")

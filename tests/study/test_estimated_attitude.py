@@ -233,6 +233,7 @@ def bank_of(folder, attitude):
     return bank
 
 
+@pytest.mark.nightly
 def test_detectors_are_calibrated_once_for_each_attitude(campaign):
     folder, rows = campaign
     assert rows["error"].isna().all()

@@ -59,6 +59,7 @@ def monitor(folder):
     return recipe.calibrate(flights.records(recipe))
 
 
+@pytest.mark.nightly
 def test_it_is_rescued(folder, monitor):
     flip = gb.SignFlip(channel="r", onset_s=12.0)
     rescue = fly_rescue([flip], Accommodate(monitor), aircraft=folder, duration_s=12.9)

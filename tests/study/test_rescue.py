@@ -35,6 +35,7 @@ def test_moments_are_told_from_the_onset_on(rescue):
     assert told["rescued"][0][1].startswith("alarm: r is suspected, 0.")
 
 
+@pytest.mark.nightly
 def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
     """The q gyro's flip leaves the envelope within half a second: that flight is much shorter than the rescued one."""
     rescue = fly_rescue(
@@ -45,6 +46,7 @@ def test_a_flight_that_ends_early_is_shown_as_far_as_it_was_flown():
     assert shown_flight(rescue, "unaided").start_s == shown_flight(rescue, "rescued").start_s == 10.0
 
 
+@pytest.mark.nightly
 def test_one_command_writes_the_recording_and_the_picture(cli, tmp_path):
     gb.save_monitor(early_monitor(), tmp_path / "monitor.json")
     given = ("fly", "--rescue", "--detector", "monitor.json", "--figure", "rescue.png", "--json")

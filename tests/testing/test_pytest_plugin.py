@@ -105,6 +105,7 @@ def test_a_failure_names_figure_bound_and_recording_and_the_recording_is_whole(p
     assert len(read_back(loud, "/residuals/r")[0]) == 900
 
 
+@pytest.mark.nightly
 def test_an_outsiders_detector_goes_through(pytester, project):
     """The whole of a project's test file, with the example of the documentation: by its class, and by its name."""
     shutil.copy(EXAMPLE, pytester.path / "limits.py")
@@ -136,6 +137,7 @@ def test_an_outsiders_detector_goes_through(pytester, project):
     assert len(read_back(kept, "/levels/p")[0]) > 1000
 
 
+@pytest.mark.nightly
 def test_the_artefacts_folder_is_an_option_and_what_passes_leaves_nothing(pytester, project):
     pytester.makepyfile(test_mine=FAILING)
     project("-k", "well").assert_outcomes(passed=1, deselected=4)
@@ -145,6 +147,7 @@ def test_the_artefacts_folder_is_an_option_and_what_passes_leaves_nothing(pytest
     assert not recordings(pytester)
 
 
+@pytest.mark.nightly
 def test_an_assertion_in_a_fixture_or_caught_is_kept_too(pytester, project):
     pytester.makepyfile(
         test_mine="""
@@ -193,6 +196,7 @@ def test_slow_flights_wait_until_they_are_wanted(pytester, project):
     project("--gtmbench-slow", "-m", "not slow_flight").assert_outcomes(passed=1, deselected=2)
 
 
+@pytest.mark.nightly
 def test_a_flight_is_flown_once_a_session_however_many_processes(pytester, project):
     """With ``--dist each``, every process runs every test, at the same time."""
     log = pytester.path / "flown.log"

@@ -16,6 +16,7 @@ import gtmbench as gb
 from gtmbench.study.log import certificate
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, Timeline
+from tests.helpers.night import by_day
 from tests.verdicts.entries import Entry, Watching, entry
 from tests.verdicts.log_files import MIRRORED
 from tests.verdicts.recipes import made
@@ -131,14 +132,14 @@ def test_a_fault_moved_through_a_log_is_never_in_a_span_called_clear_for_its_siz
     check_move(move, tmp_path)
 
 
-@pytest.mark.verdicts
+@pytest.mark.nightly
 @pytest.mark.usefixtures("whole_certificates")
 @pytest.mark.parametrize("move", list(moves(24, seed=2, steps=5)), ids=str)
 def test_faults_moved_in_steps(move, tmp_path):
     check_move(move, tmp_path)
 
 
-@pytest.mark.verdicts
+@pytest.mark.nightly
 @pytest.mark.usefixtures("whole_certificates")
 @pytest.mark.parametrize("name", ["healthy", "healthy-C", "healthy-identified"])
 def test_at_its_stated_size_a_fault_is_missed_from_few_onsets(name, tmp_path):
@@ -214,7 +215,7 @@ def test_less_information_never_clears_a_fault(loss, tmp_path):
     check_loss(loss, tmp_path)
 
 
-@pytest.mark.verdicts
+@pytest.mark.nightly
 @pytest.mark.usefixtures("whole_certificates")
 @pytest.mark.parametrize("loss", list(losses(48, seed=5)), ids=str)
 def test_whatever_is_lost(loss, tmp_path):
@@ -267,12 +268,12 @@ def check_rewritten(name, how, folder):
     assert list(differences(one, other, changed.clock_s)) == []
 
 
-@pytest.mark.parametrize("how", ["mirrored", "two-tables"])
+@pytest.mark.parametrize("how", by_day(["mirrored", "two-tables"]))
 def test_the_same_log_in_other_words_has_the_same_timeline(how, tmp_path):
     check_rewritten("learning-identify-bias", how, tmp_path)
 
 
-@pytest.mark.verdicts
+@pytest.mark.nightly
 @pytest.mark.usefixtures("whole_certificates")
 @pytest.mark.parametrize("how", REWRITTEN)
 @pytest.mark.parametrize("name", RETOLD)

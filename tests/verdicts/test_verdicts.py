@@ -17,7 +17,7 @@ QUICK, QUICK_S = (
 
 def _marks(entry):
     if not entry.quick:
-        yield pytest.mark.verdicts
+        yield pytest.mark.nightly
     if entry.xfail:
         yield pytest.mark.xfail(reason=f"issue {entry.xfail}", strict=True, raises=AssertionError)
 

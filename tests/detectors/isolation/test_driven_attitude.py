@@ -178,6 +178,7 @@ def test_an_angle_of_another_gain_or_sign_has_no_gyro_named(channel, factor, cou
         assert alarm.sensor not in GYROS
 
 
+@pytest.mark.nightly
 def test_most_of_them_are_named_none_wrongly_and_their_kinds_are_right():
     named = right = 0
     for kind, channel in ((kind, channel) for kind in FAULTS for channel in GYROS):

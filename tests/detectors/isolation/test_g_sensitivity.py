@@ -6,6 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.isolation.case import WITNESSES
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 ONSET_S, COEFFICIENT = 60.0, 3.0
 
@@ -85,12 +86,13 @@ def test_a_bias_stays_a_bias(monitor, healthy):
     assert (judged.sensor, judged.kind) == ("p", "bias")
 
 
-@pytest.mark.parametrize("size", [1, 7, 100])
+@pytest.mark.parametrize("size", by_day([1, 7, 100]))
 def test_a_stream_says_what_watch_says(monitor, healthy, size):
     broken = leaking(healthy)
     assert pushed(monitor, chunks(broken, size)) == repr(monitor.watch(broken).alarms)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", [1, 100])
 def test_a_stream_that_loses_its_accelerometers_goes_on(monitor, healthy, size):
     broken = leaking(healthy)

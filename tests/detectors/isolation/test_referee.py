@@ -10,6 +10,7 @@ from gtmbench.detectors.isolation.case import WITNESSES
 from gtmbench.detectors.isolation.referee import referees_of
 from gtmbench.method.pseudo_inputs import derive
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 ONSET_S = 60.0
 G, KT = 9.80665, 1852.0 / 3600.0
@@ -168,7 +169,7 @@ def test_a_gust_that_comes_with_the_fault_changes_no_verdict(monitor, channel):
     assert refereed == replace(alone, intervals=refereed.intervals, parameters=refereed.parameters)
 
 
-@pytest.mark.parametrize("size", [1, 7, 100])
+@pytest.mark.parametrize("size", by_day([1, 7, 100]))
 def test_a_stream_says_what_watch_says(monitor, healthy, size):
     broken = gb.inject(healthy, gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0))
     stream = monitor.stream()

@@ -172,6 +172,7 @@ def test_sensors_ten_times_as_noisy_are_healthy(name):
     assert 5.0 < min(watch.noise_levels.values()) < 20.0
 
 
+@pytest.mark.nightly
 def test_a_stream_of_single_samples_says_of_heavy_tails_what_is_said_of_the_record():
     healthy = record()
     draw = np.random.default_rng(2)

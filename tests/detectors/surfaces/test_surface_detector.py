@@ -13,6 +13,7 @@ from gtmbench.study.log.certificate import certificate_of
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
+from tests.helpers.night import by_day
 
 ONSET_S = 60.0
 
@@ -42,13 +43,15 @@ def said(record):
 
 @pytest.mark.parametrize(
     ("loop", "channel", "kind"),
-    [
-        (True, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
-        (False, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
-        (True, "aileron", lambda **at: gb.Bias(**at, size=-3.0)),  # open loop it rolls the aircraft over
-        (True, "rudder", lambda **at: gb.Bias(**at, size=-1.5)),
-        (False, "rudder", lambda **at: gb.Float(**at, flow="beta", ratio=0.5)),
-    ],
+    by_day(
+        [
+            (True, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
+            (False, "elevator", lambda **at: gb.ScaleFactor(**at, factor=0.4)),
+            (True, "aileron", lambda **at: gb.Bias(**at, size=-3.0)),  # open loop it rolls the aircraft over
+            (True, "rudder", lambda **at: gb.Bias(**at, size=-1.5)),
+            (False, "rudder", lambda **at: gb.Float(**at, flow="beta", ratio=0.5)),
+        ]
+    ),
     ids=["weak elevator", "weak elevator, open loop", "bent aileron", "bent rudder", "floating rudder, open loop"],
 )
 def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):

@@ -11,17 +11,20 @@ from gtmbench.detectors.surfaces.thrust import Engine
 from gtmbench.study.log.certificate import certificate_of
 from gtmbench.values.channels import ACCELEROMETERS
 from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed
+from tests.helpers.night import by_day
 
 BLOCK_S = 0.1
 
 
 @pytest.mark.parametrize(
     ("loop", "kind"),
-    [
-        (True, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
-        (True, lambda **at: gb.ScaleFactor(**at, factor=0.5)),
-        (False, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
-    ],
+    by_day(
+        [
+            (True, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
+            (True, lambda **at: gb.ScaleFactor(**at, factor=0.5)),
+            (False, lambda **at: gb.ScaleFactor(**at, factor=0.0)),
+        ]
+    ),
     ids=["engine out", "half", "engine out, open loop"],
 )
 def test_a_throttle_that_fails_is_named_and_nobody_else(loop, kind):

@@ -1,10 +1,13 @@
 """A gyro that nobody is named for may bend the attitude: then no other sensor is named by it."""
 
+import pytest
+
 import gtmbench as gb
 from gtmbench.values.attitude import ESTIMATORS
 from gtmbench.verdict.timeline import State
 
 
+@pytest.mark.nightly
 def test_no_accelerometer_is_named_by_an_attitude_that_a_gyro_bends(tmp_path):
     """Two gyros fail, the first of which isn't named; through a filter of 20 s it leans the attitude by tens of deg."""
     healthy = gb.measure(gb.fly(excitation="multisine+turbulence", duration_s=150.0, seed=730105), snr=50, seed=730105)

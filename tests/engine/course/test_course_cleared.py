@@ -8,6 +8,7 @@ from gtmbench.engine.course.misread import misread
 from gtmbench.values.channels import ACCELEROMETERS, names_of
 from gtmbench.verdict.timeline import State, laid_out
 from tests.engine.course.test_course_contract import END_S, SIZES, course_from, flight_from, flown, others_of, said_of
+from tests.helpers.night import by_day
 
 HELD = ("accelerometers", "alpha", "beta", "altitude")  # by two relations; the wind leaves the others open
 
@@ -31,8 +32,10 @@ def test_a_sensor_that_one_relation_holds_is_not_clear():
     assert clear_of(course_judged(flight_from(record), others)) == {}
 
 
-@pytest.mark.parametrize("share", [0.05, 0.2, 0.5, 0.8])
-@pytest.mark.parametrize("channel", ["nx", "ny", "nz", "alpha", "beta", "tas", "altitude", "gps_north", "gps_down"])
+@pytest.mark.parametrize("share", by_day([0.05, 0.2, 0.5, 0.8]))
+@pytest.mark.parametrize(
+    "channel", by_day(["nx", "ny", "nz", "alpha", "beta", "tas", "altitude", "gps_north", "gps_down"])
+)
 def test_no_error_is_beside_a_clear_span_that_states_a_smaller_one(channel, share):
     """Whether it begins before the span or in it, is found or not; beside a second cause, too."""
     gust = gb.Bias(channel="tas", onset_s=0.4 * END_S, size=4.0)

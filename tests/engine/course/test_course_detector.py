@@ -11,6 +11,7 @@ from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS
 from gtmbench.verdict.timeline import State
+from tests.helpers.night import by_day
 
 ONSET_S = 80.0
 
@@ -44,12 +45,14 @@ def names(alarms):
 
 @pytest.mark.parametrize(
     ("sensor", "fault"),
-    [
-        ("accelerometers", gb.Bias(channel="nz", onset_s=ONSET_S, size=0.4)),
-        ("tas", gb.Jam(channel="tas", onset_s=ONSET_S)),
-        ("altitude", gb.Jam(channel="altitude", onset_s=ONSET_S)),
-        ("gps", gb.Jam(channel="gps_down", onset_s=ONSET_S)),
-    ],
+    by_day(
+        [
+            ("accelerometers", gb.Bias(channel="nz", onset_s=ONSET_S, size=0.4)),
+            ("tas", gb.Jam(channel="tas", onset_s=ONSET_S)),
+            ("altitude", gb.Jam(channel="altitude", onset_s=ONSET_S)),
+            ("gps", gb.Jam(channel="gps_down", onset_s=ONSET_S)),
+        ]
+    ),
     ids=str,
 )
 def test_a_broken_sensor_is_named_when_it_could_be_known(flight, monitor, sensor, fault):
@@ -64,12 +67,13 @@ def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
 
 
-@pytest.mark.parametrize("channel", GYROS)
+@pytest.mark.parametrize("channel", by_day(GYROS))
 def test_a_gyro_that_drives_the_attitude_is_laid_on_nobody(truth, monitor, channel):
     fault = gb.Bias(channel=channel, onset_s=ONSET_S, size=4.0)
     assert names(monitor.watch(sensed(truth, fault)).alarms) <= {None}
 
 
+@pytest.mark.nightly
 def test_it_keeps_the_contract_of_detectors(truth):
     """All of it but one: its suspects are sensors of three axes, not channels."""
     records = [gb.decimate(sensed(truth, seed=seed), 4) for seed in (1, 2, 3)]
@@ -79,6 +83,7 @@ def test_it_keeps_the_contract_of_detectors(truth):
             check_property(case, name)
 
 
+@pytest.mark.nightly
 def test_a_saved_monitor_says_the_same(flight, monitor, tmp_path):
     gb.save_monitor(monitor, tmp_path / "monitor.json")
     loaded = gb.load_monitor(tmp_path / "monitor.json")
@@ -128,7 +133,7 @@ def logs(flight, tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("name", ["nz", "tas"])
+@pytest.mark.parametrize("name", by_day(["nz", "tas"]))
 def test_of_a_log_it_looks_at_these_alone_and_says_what_auto_says(logs, name):
     alone = gb.watch_log(logs / f"{name}.csv", "cross-check")
     beside = gb.watch_log(logs / f"{name}.csv", "auto")
@@ -138,6 +143,7 @@ def test_of_a_log_it_looks_at_these_alone_and_says_what_auto_says(logs, name):
     assert {span.state for gyro in GYROS for span in alone.timeline.sensors[gyro]} == {State.NOT_JUDGED}
 
 
+@pytest.mark.nightly
 def test_of_a_healthy_log_it_cannot_tell_and_a_saved_one_says_the_same(logs, monitor, tmp_path):
     gb.save_monitor(monitor, tmp_path / "monitor.json")
     for detector in ("cross-check", tmp_path / "monitor.json"):
@@ -166,6 +172,7 @@ def test_judge_all_asks_for_every_sensor_that_anything_compares(logs):
     assert whole.verdict.sizes_of("nz").error < 0.2
 
 
+@pytest.mark.nightly
 def test_findings_of_other_sensors_stand_in_details_page_and_json(logs, cli, tmp_path):
     code, out, _ = cli("monitor", str(logs / "nz.csv"), "--json", "--report", str(tmp_path / "page.html"))
     found = json.loads(out)

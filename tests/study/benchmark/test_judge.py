@@ -166,6 +166,7 @@ def test_places_overlap_where_spreads_do(row_of):
     assert list(places([quick, slow]).values()) == [(1, 1), (2, 2)] or quick.name == slow.name
 
 
+@pytest.mark.nightly
 def test_our_own_detectors_go_through_the_same_files(tmp_path, definition):
     rows = run_benchmark(definition, TEST, tmp_path / "run", detectors={"limits": RIVALS["limits"]})
     found = {row.name: row for row in rows}

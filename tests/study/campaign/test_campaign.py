@@ -382,6 +382,7 @@ def test_work_of_another_version_is_refused_where_it_is_done(tmp_path, monkeypat
         done(crew._replace(versions={**crew.versions, "gtmbench": "0.2"}), packed)
 
 
+@pytest.mark.nightly
 def test_parts_of_several_flights_hold_the_same_rows(tmp_path, monkeypatch):
     alone = conduct(loaded(tmp_path), tmp_path / "alone").read()
     monkeypatch.setattr("gtmbench.study.campaign.conduct._MOST_PARTS", 3)
@@ -393,6 +394,7 @@ def test_parts_of_several_flights_hold_the_same_rows(tmp_path, monkeypatch):
     assert several.read().equals(alone)
 
 
+@pytest.mark.nightly
 def test_a_detector_of_ones_own_watches_in_every_process(cli, tmp_path):
     path = written(tmp_path, TINY.replace('"1:8"', '"1:3"') + "[calibration]\nflights = 2\nduration_s = 20\n")
     code, _, err = cli("campaign", path, "--detector", f"{EXAMPLE}:LimitCheck", "--jobs", 2, "--out", "out")

@@ -31,6 +31,7 @@ def cluster(tmp_path):
     cluster.end()
 
 
+@pytest.mark.nightly
 def test_a_worker_that_is_killed_midway_changes_no_byte(cluster, tmp_path):
     campaign = loaded(tmp_path, MORE)
     finished = []
@@ -48,6 +49,7 @@ def test_a_worker_that_is_killed_midway_changes_no_byte(cluster, tmp_path):
     assert results(tmp_path / "out") == results(tmp_path / "alone")
 
 
+@pytest.mark.nightly
 def test_a_scheduler_that_dies_costs_what_wasnt_finished_and_no_more(cluster, tmp_path):
     campaign = loaded(tmp_path, MORE)
 
@@ -153,6 +155,7 @@ def certificates(tmp_path):
     return make
 
 
+@pytest.mark.nightly
 def test_by_tls_only_who_has_the_authority_s_certificate_is_let_in(certificates, tmp_path):
     """In processes of their own, which end in any case."""
     own, other = certificates("own"), certificates("other")

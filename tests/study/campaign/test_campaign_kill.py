@@ -109,6 +109,7 @@ def kill(times, seed, folder, said=lambda _line: None):
     return kills, found
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="forks")
 def test_killed_at_a_dozen_random_moments_a_campaign_ends_with_the_same_bytes(tmp_path):
     kills, found = kill(12, 1, tmp_path)

@@ -105,6 +105,7 @@ def said(alarms, sensor):
     return {"said": told, "names": " ".join(sorted(names)), "delay_s": delay_s, "before": len(alarms) - len(after)}
 
 
+@pytest.mark.nightly
 def test_rows_are_what_public_functions_say(rows, monitor):
     faults = {("jam", channel): gb.Jam(channel=channel, onset_s=ONSET_S) for channel in SENSORS_OF} | {
         ("bias", channel): gb.Bias(channel=channel, onset_s=ONSET_S, size=12.0) for channel in ("mag_x", "gps_down")
@@ -149,6 +150,7 @@ def test_a_campaign_without_them_states_nothing_of_them(tmp_path):
     assert told["calibration"]["magnetometer"]["iron_seed"] == 1
 
 
+@pytest.mark.nightly
 def test_in_the_loop_they_read_the_flight_that_the_autopilot_flies(tmp_path):
     text = CAMPAIGN.replace("[alarm]", "[autopilot]\n[alarm]").replace('attitude = "filter 20 s"\n', "")
     path = written(tmp_path, text.replace("size = 3", "size = 0.3"), "loop")
@@ -242,6 +244,7 @@ def test_a_fault_of_python_wants_the_sensor_too():
         replace(scenario, faults=(replace(scenario.faults[0], fault=gb.Jam(channel="mag_x", onset_s=300.0)),))
 
 
+@pytest.mark.nightly
 def test_the_campaign_that_ships_runs_at_a_small_size():
     """One flight, two trials of which one is a gyro's; at full size it takes minutes."""
     from gtmbench.study.campaign.task import rows_of

@@ -20,6 +20,7 @@ from gtmbench.verdict.timeline import State, laid_out
 from gtmbench.verdict.verdict import verdict_of
 from tests.helpers.logged import jammed, never_armed, normed, short, silent, unwatched
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 KIND = {kind.fault.kind: kind for kind in kinds()}
 
@@ -73,7 +74,7 @@ def test_a_fault_alarms_by_superposition_where_it_does_when_it_is_put_on_the_rec
     assert 0 < sum(said) < len(said)
 
 
-@pytest.mark.parametrize("kind", KIND)
+@pytest.mark.parametrize("kind", by_day(KIND))
 def test_a_size_is_seen_in_nine_tenths_of_the_time_three_times_as_much_always_and_half_of_it_rarely(kind):
     def share(times, count):
         several = trials(kind, "q", times * certificate().of("q", kind).size, count, seed=5)
@@ -110,6 +111,7 @@ def test_silence_proves_nothing_where_the_smallest_bias_is_above_the_limit(senso
     assert sensor not in {name for name, _ in of_certificate(unsized, [watch])}
 
 
+@pytest.mark.nightly
 def test_another_start_changes_nothing():
     part = flight().record.between(0.0, 80.0)
     later = gb.Record(part.values, channels=part.channels, sample_period_s=part.sample_period_s, start_s=1000.0)
@@ -172,6 +174,7 @@ def test_of_a_gyro_that_reads_nothing_no_scale_and_no_deadzone_is_seen_but_a_bia
         assert (still.alarm_row(fault, 10.0) is not None) == is_seen
 
 
+@pytest.mark.nightly
 def test_what_is_named_is_named_when_it_is_watched(monkeypatch):
     monkeypatch.setattr("gtmbench.study.log.certificate.kinds", lambda: (KIND["bias"], KIND["deadzone"]))
     watch = monitor().watch(record(4000, seed=62).between(0.0, 79.0))

@@ -107,6 +107,7 @@ def test_the_page_and_the_figure_stand_beside(flown):
     assert "data:image/png;base64,iVBOR" in text
 
 
+@pytest.mark.nightly
 def test_what_is_lost_is_done_anew_to_the_same_bytes(fleet, capsys):
     table = (fleet / "out/fleet.parquet").read_bytes()
     (fleet / "out/part-000001.parquet").unlink()
@@ -218,6 +219,7 @@ def forget(_log, _page):
     """Keep no page."""
 
 
+@pytest.mark.nightly
 @pytest.mark.skipif(os.name != "posix", reason="sends a signal")
 def test_a_log_that_kills_its_process_does_not_stop_the_others(tmp_path):
     logs = small_logs(tmp_path, ["a.csv", "dies.csv", "raises.csv", "z.csv"])
@@ -242,6 +244,7 @@ def no_page(_log, _page):
     raise unwritten(Path("page.html"), OSError(errno.ENOSPC, "full"))
 
 
+@pytest.mark.nightly
 def test_a_full_disk_is_no_logs_fault_and_ends_the_fleet(tmp_path):
     logs, out = small_logs(tmp_path, ["log.csv"]), tmp_path / "out"
     with pytest.raises(gb.GtmbenchError, match=r"can't write page.html: No space left on device"):

@@ -88,6 +88,7 @@ def forget(_log, _page):
     """Keep no page."""
 
 
+@pytest.mark.nightly
 def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
     logs, killer, pages = written(tmp_path, ["a.csv", "b.csv", "c.csv"]), tmp_path / "killer", []
     killer.touch()
@@ -108,6 +109,7 @@ def test_a_worker_that_is_killed_changes_no_row(cluster, tmp_path):
     assert sorted(pages[:3]) == [(name, "page") for name in ("a.csv", "b.csv", "c.csv")]
 
 
+@pytest.mark.nightly
 def test_a_log_that_ends_its_process_is_a_row(cluster, tmp_path):
     logs = written(tmp_path, ["dies.csv", "lasts.csv", "well.csv"])
     how = {"row": row_or_worse, "keep": forget, "columns": COLUMNS, "scheduler": cluster.address}
@@ -117,6 +119,7 @@ def test_a_log_that_ends_its_process_is_a_row(cluster, tmp_path):
     assert "it took longer than 8 s" in rows[1]["error"]
 
 
+@pytest.mark.nightly
 def test_logs_in_a_store_are_rows_as_files_are(stored, cluster, tmp_path):
     how = {"out": tmp_path / "out", "healthy": [(0.0, 30.0)]}
     rows = gb.watch_fleet([stored], bank_between(["p"], ["q"]), scheduler=cluster.address, **how)

@@ -72,6 +72,7 @@ def test_a_message_that_pauses_while_another_lives_is_a_dropout_of_its_channels(
     assert len(log.log.segments) == 1
 
 
+@pytest.mark.nightly
 def test_the_command_tells_it_in_words(cli, tmp_path):
     path, _ = written("log.bin", without(messages(), "gyro", PAUSE), tmp_path)
     gb.save_monitor(monitor(), tmp_path / "C.json")
