@@ -118,6 +118,7 @@ def test_a_trim_is_searched_once_for_engines_that_settle():
     assert abs(calm["altitude"][-1] - calm["altitude"][0]) < 5.0
 
 
+@pytest.mark.nightly
 def test_an_engine_without_a_known_power_is_no_traceback():
     """The C-130's turboprops have no property power-hp, and their trim fails at first."""
     assert gb.trim("C130").throttle_percent > 0.0

@@ -114,6 +114,7 @@ def test_a_folder_without_facts_is_surveyed(copied):
     assert time.monotonic() - began < 0.1  # once
 
 
+@pytest.mark.nightly
 def test_an_aircraft_that_has_no_trim_says_why_and_takes_another_condition(cli):
     code, _, err = cli("aircraft", "weather-balloon")
     assert code == 2

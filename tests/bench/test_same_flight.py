@@ -16,6 +16,7 @@ from gtmbench.bench.equilibrium import TOLERANCE, trimmed_engine
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.bench.sensors import measure
+from tests.helpers.night import by_day
 
 KERNELS = ["Prescott", "Nehalem", "Sandybridge", "Haswell", "Zen", "SkylakeX"]
 NEEDS = {"Sandybridge": "avx", "Haswell": "fma", "Zen": "fma", "SkylakeX": "avx512f"}
@@ -49,7 +50,7 @@ def here():
     return np.hstack([flight.values, measure(flight, snr=50.0, seed=4).values])
 
 
-@pytest.mark.parametrize("kernel", KERNELS)
+@pytest.mark.parametrize("kernel", by_day(KERNELS))
 def test_every_kernel_of_openblas_flies_the_same_bits(here, kernel):
     if kernel in NEEDS and not has(NEEDS[kernel]):
         pytest.skip(f"this CPU can't run {kernel}'s kernels")

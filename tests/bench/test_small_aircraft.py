@@ -91,6 +91,7 @@ def test_it_is_stepped_as_it_is_flown(small):
     assert flight.truth.values.tobytes() == gb.fly(small, "multisine", 3.0, 2).values.tobytes()
 
 
+@pytest.mark.nightly
 def test_a_drift_and_a_jam_of_each_gyro_are_named(small):
     flights = [gb.measure(gb.fly(small, "multisine+turbulence", 200.0, seed), noise="t2") for seed in (7, 8)]
     monitor = gb.calibrate(flights, bank=gb.load_bank("C"))
@@ -112,6 +113,7 @@ def test_facts_of_it_are_written_and_read(small, cli):
     assert f"steps_a_sample = {small.steps_a_sample}" in text
 
 
+@pytest.mark.nightly
 def test_a_trim_that_fails_says_what_is_wrong(tmp_path):
     heavy = write_uav(tmp_path, mass_kg=40.0)
     with pytest.raises(gb.TrimError, match=r"no trim for 'smallish'"):

@@ -58,6 +58,7 @@ def test_of_octaves_the_best_of_the_worst_neighbours_is_taken(monkeypatch):
     assert tuning._best(gb.load_aircraft("gtm"), own, "yaw").r_to_rudder_s == 0.5
 
 
+@pytest.mark.nightly
 def test_a_light_aircraft_is_held(monkeypatch):
     """The whole way, with short flights."""
     monkeypatch.setattr(tuning, "_TRIED_S", 20.0)

@@ -94,6 +94,7 @@ def spiked(of, row, size):
     return with_score(with_residual(of, values), values=windowed_norm(errors, window=monitor.window).values)
 
 
+@pytest.mark.nightly
 def test_nothing_is_worse_than_itself():
     for watched in (study(), watching.study()):
         compared = compare(recorded(figures_of(watched)), figures_of(watched), {})

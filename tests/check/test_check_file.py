@@ -149,6 +149,7 @@ def groups(draw):
     return Group(kind=kind, name=of, values=values, labels=labels)
 
 
+@pytest.mark.nightly
 @settings(max_examples=30)
 @given(st.lists(groups(), max_size=3, unique_by=lambda group: (group.kind, group.name)))
 def test_any_figures_of_any_scenario_read_back(several):

@@ -45,6 +45,7 @@ def folder(recorded, tmp_path, monkeypatch, cli):
     return tmp_path
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("folder")
 def test_the_same_logs_pass_and_every_sensor_is_held(cli):
     code, out, err = cli("check", "logs.toml", "--json")

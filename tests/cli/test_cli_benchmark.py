@@ -49,6 +49,7 @@ def awk_like(folder, out):
                 to.write(f"{row['time_s']},{float(rate) ** 2 if rate else 0.0}\n")
 
 
+@pytest.mark.nightly
 def test_flights_go_out_scores_come_back_and_a_table_is_made(cli, tmp_path):
     code, said, _ = cli("benchmark", "--export", "flights", "--csv", "--jobs", "1")
     assert (code, said) == (0, "Wrote 27 flights of tiny, split test: flights.\n")

@@ -75,6 +75,7 @@ def test_without_logs_it_flies_and_writes_what_python_calibrates(cli, tmp_path):
     assert (tmp_path / "by_hand.json").read_bytes() == (tmp_path / "monitor.json").read_bytes()
 
 
+@pytest.mark.nightly
 def test_processes_side_by_side_fly_the_same():
     flights = CalibrationFlights(flights=3, duration_s=2.0, seed=7)
     told = []
@@ -112,6 +113,7 @@ def test_with_logs_it_reads_them_and_keeps_their_names_and_digests(cli, logs, tm
     assert str(tmp_path) not in (tmp_path / "p.json").read_text()
 
 
+@pytest.mark.nightly
 def test_the_same_call_gives_the_same_bytes(cli, logs, tmp_path):
     tolerated = ("--tolerate", "wander=0.01,quantum=0.05")
     assert cli("calibrate", *logs, *tolerated, "--out", "one.json")[0] == 0

@@ -62,6 +62,7 @@ def test_a_broken_gyro_is_named_and_the_exit_code_says_so(cli):
     assert "q failed; drift 0.5" in details
 
 
+@pytest.mark.nightly
 def test_a_healthy_flight_is_0_and_says_how_little_that_shows(cli):
     code, out, err = cli("monitor", "healthy.csv", "--detector", "C", *HALF)
     assert (code, err) == (0, "")
@@ -73,6 +74,7 @@ def test_a_healthy_flight_is_0_and_says_how_little_that_shows(cli):
     assert "How sure     No false alarm in 2" in details
 
 
+@pytest.mark.nightly
 def test_a_gyro_that_nobody_watches_is_told_and_never_clear(cli, tmp_path):
     log = gb.read_log(tmp_path / "healthy.csv")
     gb.write_log(log.replace("p", np.full(len(log), np.nan)), tmp_path / "deaf.csv")

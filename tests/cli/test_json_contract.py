@@ -24,6 +24,7 @@ from tests.cli.test_cli import SHORT
 from tests.helpers import monitors
 from tests.helpers.autopilot_logs import ardupilot, broken
 from tests.helpers.campaigns import TINY
+from tests.helpers.night import by_day
 from tests.helpers.rescuing import early_monitor
 from tests.helpers.sealed import rerecorded
 from tests.helpers.small_benchmark import finds, tiny, write_scores
@@ -229,7 +230,11 @@ def _of_pieces(text):
     return " ".join(text.split())
 
 
-@pytest.mark.parametrize("name", CASES)
+LONG = {"aircraft, its gains", "demo", "fly, rescued", "live, an event", "live, failed", "live, healthy"}
+LONG |= {"benchmark", "benchmark, written", "monitor, a fleet", "monitor, by itself"}
+
+
+@pytest.mark.parametrize("name", by_day(sorted(CASES, key=LONG.__contains__), len(CASES) - len(LONG)))
 def test_what_is_printed_keeps_its_schema_and_says_what_people_read(name, printed):
     command, code, line = CASES[name]
     ended, said, told = printed(line)

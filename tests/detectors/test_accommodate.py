@@ -12,6 +12,7 @@ from gtmbench.detectors.stand_in import VirtualRates
 from gtmbench.values.channels import ATTITUDE, SENSORS
 from tests.helpers.monitors import monitor as made_up
 from tests.helpers.monitors import truth
+from tests.helpers.night import by_day
 from tests.helpers.rescuing import early_monitor
 
 GYROS = ("p", "q", "r")
@@ -96,17 +97,20 @@ def test_an_aircraft_that_would_depart_stays_in_the_air(gyro):
         assert np.std(first.truth[name][late]) < 2.5 * np.std(healthy.truth[name][late])
 
 
+@pytest.mark.nightly
 def test_it_begins_anew_with_each_flight():
     flip, rescue = gb.SignFlip(channel="r", onset_s=15.0), Accommodate(early_monitor())
     assert same(*(fly(flip, rescue, duration_s=17.0) for _ in range(2)))
 
 
+@pytest.mark.nightly
 def test_on_a_healthy_flight_it_does_nothing():
     flown, alone = fly(accommodate=Accommodate(early_monitor()), duration_s=40.0, seed=3), fly(duration_s=40.0, seed=3)
     assert flown.events == ()
     assert same(flown, alone)
 
 
+@pytest.mark.nightly
 def test_what_is_wrong_from_the_first_sample_on_is_not_told():
     """Nothing was armed, so nothing can be said; the loop holds what it read last."""
     gone = [gb.Dropout(channel=name, onset_s=0.0) for name in SENSORS]
@@ -171,7 +175,7 @@ def test_without_any_verdict_it_is_rescued_too(gyro):
     assert (SUSPECTED, gyro) in told(flight)
 
 
-@pytest.mark.parametrize("sensor", [*GYROS, *ATTITUDE])
+@pytest.mark.parametrize("sensor", by_day([*GYROS, *ATTITUDE], 2))
 def test_a_healthy_sensor_that_is_named_is_never_replaced(sensor):
     """The path contradicts nobody, so a wrong name costs damping and no more."""
     script = Scripted(naming(GYROS[0]).script, suspects=(*GYROS, *ATTITUDE))
@@ -185,7 +189,7 @@ def test_a_healthy_sensor_that_is_named_is_never_replaced(sensor):
         assert np.std(flown.truth[name][late]) < 1.8 * np.std(alone.truth[name][late])
 
 
-@pytest.mark.parametrize(("angle", "gyro"), [("phi", "p"), ("theta", "q"), ("psi", "r")])
+@pytest.mark.parametrize(("angle", "gyro"), by_day([("phi", "p"), ("theta", "q"), ("psi", "r")]))
 def test_a_gyro_that_is_named_for_an_angle_throws_nothing(angle, gyro):
     """The wrong verdict: the virtual rate comes from the angle that has failed."""
     script = replace(naming(gyro), suspects=(*GYROS, *ATTITUDE))

@@ -160,6 +160,7 @@ def test_it_is_found_by_its_name_and_keeps_the_contract():
     check_detector("auto", [*records, late], fault=gb.Drift(channel="p", onset_s=46.0, slope=30.0, duration_s=3.0))
 
 
+@pytest.mark.nightly
 def test_a_log_is_watched_as_by_the_bank_that_it_allows(tmp_path):
     path = write(tmp_path, healthy=False)
     auto, c = (gb.watch_log(path, name, healthy=[(0.0, 40.0)]) for name in ("auto", "C"))

@@ -159,7 +159,7 @@ def known(score, given):
     return np.flatnonzero(score.exists & (score.known_s <= given.end_s + 1e-9))[-1]
 
 
-@pytest.mark.parametrize("name", shipped_banks())
+@pytest.mark.parametrize("name", by_day(shipped_banks(), 3))
 def test_every_shipped_bank_says_in_chunks_what_it_says_of_the_whole(name):
     check_stream(monitor(name), "gaps, short", 100)
 
@@ -179,7 +179,7 @@ def test_chunks_of_any_size_say_the_same(flight, size):
     check_stream(monitor("C"), flight, size)
 
 
-@pytest.mark.parametrize("statistic", STATISTICS)
+@pytest.mark.parametrize("statistic", by_day(STATISTICS))
 def test_every_statistic_streams(statistic):
     assert check_stream(by(statistic), "ended, then another", 50).alarms
 
@@ -279,7 +279,7 @@ def test_nothing_is_said_of_rows_that_are_known_after_the_end():
             assert not score.exists[score.known_s > healthy().end_s + 1e-9].any()
 
 
-@pytest.mark.parametrize("name", ["C", "B", "C-early"])
+@pytest.mark.parametrize("name", by_day(["C", "B", "C-early"]))
 def test_levels_of_single_samples_are_those_of_the_batch(name):
     used = monitor(name)
     whole = residual_scores(used, gappy(healthy()), bank_residuals(used, gappy(healthy())))

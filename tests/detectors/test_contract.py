@@ -18,6 +18,7 @@ from gtmbench.files.shipped import shipped_banks
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_detector, check_property
 from tests.helpers.monitors import record
+from tests.helpers.night import by_day
 
 EXAMPLE = Path(__file__).parents[2] / "docs/how_to/examples/limit_check.py"
 
@@ -49,7 +50,9 @@ def called(part):
 
 @pytest.mark.parametrize(
     ("detector", "name"),
-    [(detector, name) for detector in SHIPPED for name in (OF_SLOW if detector in SLOW else CONTRACT)],
+    by_day(
+        [(detector, name) for detector in SHIPPED for name in (OF_SLOW if detector in SLOW else CONTRACT)], 30, seed=78
+    ),
     ids=called,
 )
 def test_every_detector_keeps_the_contract(detector, name):

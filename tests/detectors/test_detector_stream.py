@@ -95,6 +95,7 @@ def test_a_simple_detectors_stream_says_what_the_whole_says(values, cuts):
     assert stream.armed == {name: bool(score.armed.any()) for name, score in watched.scores.items()}
 
 
+@pytest.mark.nightly
 @given(values=levels)
 def test_an_alarm_over_a_gap_longer_than_the_memory_is_an_alarm(values):
     """Whether a score is armed is carried on, not buffered."""

@@ -12,6 +12,7 @@ from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.errors import InputError
 from tests.helpers.monitors import monitor, record, truth
+from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
 ANGLES = ("phi", "theta", "psi")
@@ -68,6 +69,7 @@ def test_an_early_residual_stands_on_nothing_after_its_look_ahead_of_one_sample(
         assert before[output][row] != after[output][row]
 
 
+@pytest.mark.nightly
 def test_a_derivative_and_the_gyros_look_ahead_are_waited_for_at_once():
     table = bank_table(load_bank("C-early"))
     for block in table["residuals"]:
@@ -103,7 +105,7 @@ def test_the_first_alarm_comes_no_later_and_the_diagnosis_says_the_same(fault):
     assert len(early.faults) == len(plain.faults)
 
 
-@pytest.mark.parametrize("rows", [0, 3])
+@pytest.mark.parametrize("rows", by_day([0, 3]))
 def test_healthy_records_raise_no_alarm_however_late_the_attitude(rows):
     for seed in range(20, 30):
         assert not bank_alarms(monitor_of_late(rows), late(record(seed=seed), rows))

@@ -5,6 +5,7 @@ import pytest
 
 import gtmbench as gb
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 
 def above_fifty(record):
@@ -129,7 +130,9 @@ def flown():
     return [sensed(seed) for seed in range(1, 5)]
 
 
-@pytest.mark.parametrize("name", ["dissertation", "limits", "kalman", "ksfd", "surfaces-no-vanes", "cross-check"])
+@pytest.mark.parametrize(
+    "name", by_day(["dissertation", "limits", "kalman", "ksfd", "surfaces-no-vanes", "cross-check"], 2)
+)
 def test_monitors_of_every_sort_pass_the_gate(name, flown):
     *healthy, last = flown
     monitor, random = gb.find_detector(name).calibrate(healthy), np.random.default_rng(68)

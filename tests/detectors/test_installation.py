@@ -157,6 +157,7 @@ def test_a_healthy_log_that_is_installed_otherwise_is_healthy_and_says_how(monit
     np.testing.assert_allclose(watched.installation.gyros, TURNED, atol=0.004)
 
 
+@pytest.mark.nightly
 def test_a_fault_of_such_a_log_is_found_live_and_as_a_whole(monitor, tmp_path):
     record = flown(150.0, seed=21, gyros=TURNED, late_s=0.04, drift=1e-4)
     broken = gb.inject(record, gb.Bias(channel="q", onset_s=90.0, size=3.0))

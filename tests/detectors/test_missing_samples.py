@@ -21,6 +21,7 @@ from gtmbench.testing.contract.watching import WATCH
 from gtmbench.values.record import Record
 from tests.helpers import watching
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
 TOLERATED = 25  # samples: half a second
@@ -180,7 +181,9 @@ def by_the_rule(values, tolerated, window):
 
 @pytest.mark.parametrize(
     ("bank", "missing", "failed"),
-    [("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")],
+    by_day(
+        [("C", "p", "q"), ("C", "q", "r"), ("C", "r", "p"), ("B", "beta", "p"), ("B", "tas", "q"), ("B", "p", "q")], 2
+    ),
 )
 def test_a_fault_of_a_sensor_that_doesnt_need_the_missing_one_is_found_as_ever(bank, missing, failed):
     drift = gb.Drift(channel=failed, onset_s=ONSET_S + 5.0, slope=1.0)
@@ -237,7 +240,7 @@ def said(alarms):
     ]
 
 
-@pytest.mark.parametrize("size", [1, 7, 100, 3333])
+@pytest.mark.parametrize("size", by_day([1, 7, 100, 3333]))
 def test_a_stream_says_what_the_batch_says_when_it_is_known(size):
     watched = monitor("C").watch(wild())
     assert {alarm.sensor for alarm in dropouts(watched)} == {"p", "r", "phi"}
@@ -293,7 +296,7 @@ def case_of(channel):
 
 
 @pytest.mark.parametrize("channel", ["p", "psi"])
-@pytest.mark.parametrize("name", [*WATCH, *STREAM])
+@pytest.mark.parametrize("name", by_day([*WATCH, *STREAM], 3))
 def test_a_bank_keeps_the_contract_on_a_record_with_a_dropout(channel, name):
     check_property(case_of(channel), name)
 
@@ -332,7 +335,7 @@ def test_a_log_with_a_dropout_failed_and_everything_that_is_written_tells_it(cli
     assert (finding["alarm_s"], finding["began_s"], finding["ended_s"]) == (60.5, 60.0, 70.0)
 
 
-@pytest.mark.parametrize(("log", "kind"), [("common.csv", "missing"), ("gap.csv", "gap")])
+@pytest.mark.parametrize(("log", "kind"), by_day([("common.csv", "missing"), ("gap.csv", "gap")]))
 def test_a_common_gap_of_a_log_is_a_remark(cli, logs, log, kind):
     code, out, err = cli("monitor", str(logs / log), "--detector", str(logs / "C.json"), "--json")
     printed = json.loads(out)

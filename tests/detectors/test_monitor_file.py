@@ -20,6 +20,7 @@ from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.windowed_norm import DissertationOperator
 from gtmbench.files.shipped import shipped_banks
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 from tests.helpers.sealed import resealed
 
 ROOT = Path(__file__).parents[2]
@@ -42,7 +43,7 @@ def said(monitor_, of):
     return [hashlib.sha256(array.tobytes()).hexdigest() for array in arrays], alarms
 
 
-@pytest.mark.parametrize("bank", BANKS)
+@pytest.mark.parametrize("bank", by_day(BANKS, 3))
 def test_a_loaded_monitor_judges_bit_for_bit_alike(bank, tmp_path):
     gb.save_monitor(monitor(bank), tmp_path / "m.json")
     loaded = gb.load_monitor(tmp_path / "m.json")
@@ -312,6 +313,7 @@ def loaded_or_refused(path):
     return None
 
 
+@pytest.mark.nightly
 @settings(max_examples=150)
 @given(data=st.data())
 def test_only_input_errors_come_out_of_a_mutated_file(document, data):

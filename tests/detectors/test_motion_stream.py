@@ -13,6 +13,7 @@ from gtmbench.study.log.live_watch import watch_live
 from gtmbench.study.log.watch import watch_log
 from gtmbench.values.channels import header_of
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 PERIOD_S, ROWS = 0.02, 6000
 CHUNKS = (1, 37, 1000)
@@ -73,8 +74,8 @@ def in_chunks(flown, rows):
     return [flown.part(range(first, min(first + rows, len(flown)))) for first in range(0, len(flown), rows)]
 
 
-@pytest.mark.parametrize("rows", CHUNKS)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("rows", by_day(CHUNKS, 2))
+@pytest.mark.parametrize("seed", by_day(range(6), 2))
 def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
     flown, known = flight(seed, rows=3000), RegimeStream(regime(), PERIOD_S)
     for number, chunk in enumerate(in_chunks(flown, rows)):
@@ -89,7 +90,7 @@ def test_stretches_beyond_are_those_of_the_rows_so_far(seed, rows):
 CASES = [*((seed, (37, 1000)[seed % 2], "C") for seed in range(8)), (3, 61, "C-early")]
 
 
-@pytest.mark.parametrize(("seed", "rows", "bank"), CASES)
+@pytest.mark.parametrize(("seed", "rows", "bank"), by_day(CASES))
 def test_a_stream_ends_with_the_alarms_of_the_watch(seed, rows, bank):
     flown = flight(seed)
     whole = minding(bank).watch(flown, outside=regime().stretches(flown))
@@ -101,6 +102,7 @@ def test_a_stream_ends_with_the_alarms_of_the_watch(seed, rows, bank):
     assert said(last) == said(alarm for alarm in whole.alarms if not alarm.has_passed)
 
 
+@pytest.mark.nightly
 def test_samples_one_by_one_end_with_the_same_alarms():
     flown = next(each for each in map(flight, range(20)) if regime().stretches(each)).between(0.0, 60.0)
     flown = gb.inject(flown, gb.Bias(channel="q", onset_s=45.0, size=4.0))
@@ -135,7 +137,7 @@ def test_what_was_said_before_a_row_turned_out_to_be_beyond_is_taken_back():
     assert all(alarm.sensor is None for alarm in stream.alarms)
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", by_day(range(2)))
 def test_a_log_that_comes_in_live_is_told_as_the_log(seed, tmp_path):
     frame = flight(seed, rows=6000).frame().reset_index()
     frame = frame.drop(index=range(3500, 3650))  # a gap of three seconds
@@ -153,7 +155,7 @@ def test_a_log_that_comes_in_live_is_told_as_the_log(seed, tmp_path):
     assert said(live) == said(alarm for watch in whole.watches for alarm in watch.alarms if not alarm.has_passed)
 
 
-@pytest.mark.parametrize("detector", ["auto", "C"])
+@pytest.mark.parametrize("detector", by_day(["auto", "C"]))
 def test_a_log_is_read_once_whatever_is_wanted_of_it(detector, tmp_path, monkeypatch):
     read, parse = [], registry.read_csv
     monkeypatch.setattr(registry, "CSV", replace(registry.CSV, read=lambda path: read.append(path.name) or parse(path)))

@@ -9,6 +9,7 @@ import gtmbench as gb
 from gtmbench.detectors.excursion import MOTION
 from gtmbench.detectors.turning import Turning
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
 SENSORS = ("p", "q", "r", "phi", "theta", "psi")
@@ -102,7 +103,7 @@ def test_nobody_is_named_for_an_error_of_the_operators_in_a_roll():
     assert all(alarm.doubt or not alarm.last.candidates for alarm in told)
 
 
-@pytest.mark.parametrize("channel", ["p", "q", "r"])
+@pytest.mark.parametrize("channel", by_day(["p", "q", "r"]))
 def test_what_broke_before_a_roll_and_what_breaks_after_it_are_named(channel):
     for onset_s in (50.0, 85.0):
         broken = gb.inject(rolled(), gb.Bias(channel=channel, onset_s=onset_s, size=6.0))
@@ -110,6 +111,7 @@ def test_what_broke_before_a_roll_and_what_breaks_after_it_are_named(channel):
         assert named[0] == channel
 
 
+@pytest.mark.nightly
 def test_a_stream_says_the_same_of_a_roll():
     monitor, record = monitors.monitor("C"), rolled().replace("p", 1.04 * rolled()["p"])
     for size in (1, 37):

@@ -13,6 +13,7 @@ from gtmbench.engine.judged import judged
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.timeline import State, laid_out
 from tests.engine.engine_flights import flight_from
+from tests.helpers.night import by_day
 
 DURATION_S, SIZE = 120.0, 2.0
 ESTIMATOR = gb.AttitudeEstimator(time_constant_s=5.0)
@@ -124,7 +125,7 @@ def assert_named(found, gyro, onset_s, kind):
     return own
 
 
-@pytest.mark.parametrize(("seed", "gyro", "onset_s"), ALONE)
+@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(ALONE, 2))
 def test_a_bias_of_a_gyro_alone_is_named_dated_and_sized(seed, gyro, onset_s):
     found = said(seed, bias(gyro, onset_s))
     own = assert_named(found, gyro, onset_s, "bias")

@@ -12,6 +12,7 @@ from gtmbench.engine.named import WHOLE
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, laid_out
 from tests.engine.engine_flights import flight_from
+from tests.helpers.night import by_day
 from tests.helpers.turning import from_on, motion, with_error
 
 
@@ -159,7 +160,7 @@ def test_what_is_left_out_of_a_flight_is_asked_nothing():
 # gyros that part and that nobody explains ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("is_driven", [True, False])
+@pytest.mark.parametrize("is_driven", by_day([True, False]))
 def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimator(is_driven, monkeypatch):
     from gtmbench.engine import judged as subject
 

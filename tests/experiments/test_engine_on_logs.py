@@ -38,6 +38,7 @@ def put(kind, **given):
     return study.Put(kind, **(usual | given))
 
 
+@pytest.mark.nightly
 def test_a_quick_run_prints_its_tables_and_misses_nothing(quick):
     code, out = quick
     assert code == 0

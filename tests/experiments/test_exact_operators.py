@@ -81,6 +81,7 @@ def test_the_operator_is_go_gi_inverse_and_its_longer_forms_are_too(model):
         np.testing.assert_allclose(np.array(above) / below, expected, rtol=0, atol=scale)
 
 
+@pytest.mark.nightly
 @settings(max_examples=15)
 @given(models(most_inputs=3))
 def test_the_system_equation_divides_by_the_determinant_of_the_system_matrix(model):

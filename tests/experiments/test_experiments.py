@@ -191,6 +191,7 @@ def test_a_study_beyond_the_dissertation_runs(script, tmp_path, run):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.nightly
 def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path, run):
     (tmp_path / "logs").mkdir()
     # with noise: without any, a residual is the operator's error, as unsteady as motion, and hardly watched
@@ -209,6 +210,7 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path, run):
     assert (list(readings["exit"]), readings["is_right"].all()) == ([3] * 4, True)
 
 
+@pytest.mark.nightly
 def test_logs_samples_become_a_row_a_flight_beside_those_of_before(tmp_path, run):
     (tmp_path / "logs").mkdir()
     gb.write_log(MECHANISMS["held samples"](0).record, tmp_path / "logs/held.csv")
@@ -281,6 +283,7 @@ def test_every_kind_is_studied_and_every_family_of_hypotheses_left_out():
     assert {kind.family for kind in kinds.values()} - {""} == set(families())
 
 
+@pytest.mark.nightly
 def test_the_gallery_has_a_panel_for_every_kind_and_is_in_the_docs(tmp_path, run):
     script = runpy.run_path(str(EXPERIMENTS / "fault_gallery.py"))
     assert {fault.kind for fault in script["faults"]().values()} == set(FAULTS)

@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from gtmbench.errors import InputError
+from tests.helpers.night import by_day
 from tests.helpers.plants import example_3_2
 from theory.nuclear_norm import nuclear_norm_path
 from theory.realisation import block_hankel, hankel_singular_values
@@ -135,7 +136,9 @@ def trials(shape, plants, seed=7):
 
 
 @pytest.mark.parametrize(
-    ("shape", "plants", "right", "high"), [((1, 1), 100, 0.9, 0.03), ((2, 2), 15, 0.7, 0.15)], ids=["1 x 1", "2 x 2"]
+    ("shape", "plants", "right", "high"),
+    by_day([((1, 1), 100, 0.9, 0.03), ((2, 2), 15, 0.7, 0.15)]),
+    ids=["1 x 1", "2 x 2"],
 )
 def test_the_order_is_right_where_the_least_singular_value_stands_out_and_hardly_ever_too_high(
     shape, plants, right, high

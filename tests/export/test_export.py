@@ -16,6 +16,7 @@ from gtmbench.export.board import board_of
 from gtmbench.export.write import FILES
 from gtmbench.testing.on_board import STRICT, compiler, missing_tools, run_on_m4
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 from tests.helpers.sealed import resealed
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
@@ -35,7 +36,7 @@ def folder(tmp_path_factory):
 
 
 @needs_compiler
-@pytest.mark.parametrize("compact", [False, True])
+@pytest.mark.parametrize("compact", by_day([False, True]))
 def test_its_own_test_passes_without_a_warning_under_sanitizers(tmp_path, compact):
     exported = gb.export_c(monitor(), tmp_path / "c", compact=compact)
     code, said = own_test(exported.folder, "-O1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -44,7 +45,9 @@ def test_its_own_test_passes_without_a_warning_under_sanitizers(tmp_path, compac
 
 
 @needs_compiler
-@pytest.mark.parametrize("table", ["MARKOV_0", "WHITENERS_2", "TESTS_1", "TOLERANCES", "SUSPICIONS", "OFFSETS"])
+@pytest.mark.parametrize(
+    "table", by_day(["MARKOV_0", "WHITENERS_2", "TESTS_1", "TOLERANCES", "SUSPICIONS", "OFFSETS"], 3)
+)
 def test_its_own_test_finds_a_mutated_coefficient(folder, tmp_path, table):
     broken = tmp_path / "c"
     shutil.copytree(folder, broken)

@@ -41,6 +41,7 @@ def test_a_short_log_is_told_how_long_to_fly():
     assert "let p, q, r be judged to" in told.text
 
 
+@pytest.mark.nightly
 def test_nothing_is_named_where_nothing_is_open_or_no_motion_would_do():
     flight = short()
     assert next_motions(flight, verdict(flight, sensors=())) == ()

@@ -6,6 +6,7 @@ import pytest
 from gtmbench.history.constant import OFFSET, Constant
 from gtmbench.history.entry import Entry
 from gtmbench.history.spread import FEWEST, predicted
+from tests.helpers.night import by_day
 
 KEY = ("q", OFFSET)
 
@@ -24,8 +25,8 @@ def entries(values, deviations, temperatures=None):
     ]
 
 
-@pytest.mark.parametrize("flights", [5, 8, 20])
-@pytest.mark.parametrize("spread", [0.3, 1.0])
+@pytest.mark.parametrize("flights", by_day([5, 8, 20]))
+@pytest.mark.parametrize("spread", by_day([0.3, 1.0]))
 def test_a_healthy_flight_is_called_unlikely_as_often_as_it_is(flights, spread):
     random = np.random.default_rng([flights, round(10 * spread)])
     level, count, trials = 0.05, 0, 250

@@ -5,6 +5,7 @@ import resource
 import pytest
 
 from tests.helpers.doors import DamagedFile, Door, damaged_files, described, tried
+from tests.helpers.night import by_day
 from tests.intake.test_intake_hostile import damaged
 
 
@@ -21,7 +22,7 @@ def test_what_was_found_once_is_found_no_more(each, tmp_path):
     assert peak_mb() - before_mb < 300.0
 
 
-@pytest.mark.parametrize("name", ["log.csv", "log.parquet", "monitor.json"])
+@pytest.mark.parametrize("name", by_day(["log.csv", "log.parquet", "monitor.json"]))
 def test_a_find_is_described_so_that_it_can_be_made_again(name, tmp_path):
     import tomllib
 

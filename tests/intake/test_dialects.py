@@ -9,6 +9,7 @@ from gtmbench.intake.read import read_log
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from tests.helpers.dialect_samples import SAMPLES
 from tests.helpers.log_makers import flight
+from tests.helpers.night import by_day
 
 OF = {"gyroflow": GYROS, "phyphox_tables": (*GYROS, *ACCELEROMETERS), "emlid": ("altitude",)}
 
@@ -44,6 +45,7 @@ def check(log, truth, channels=(*GYROS, *ATTITUDE)):
         assert abs(np.nanmean(read - expected)) < 0.1 * np.std(expected) + 0.05, name
 
 
+@pytest.mark.nightly
 def test_every_source_that_is_known_has_a_sample(tmp_path, truth):
     told = set()
     for name, sample in SAMPLES.items():
@@ -52,7 +54,7 @@ def test_every_source_that_is_known_has_a_sample(tmp_path, truth):
     assert {note.partition("axes: ")[2] for note in told} == {dialect.name for dialect in dialects()}
 
 
-@pytest.mark.parametrize("name", SAMPLES)
+@pytest.mark.parametrize("name", by_day(SAMPLES, 17))
 def test_a_known_source_is_read_as_it_is_documented(tmp_path, truth, name):
     channels = OF.get(name, (*GYROS, *ATTITUDE))
     check(gb.open_log(written(SAMPLES[name](truth), tmp_path)), truth, channels)

@@ -15,6 +15,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.formats.registry import read_raw
 from tests.helpers import log_makers as makers
+from tests.helpers.night import by_day
 from tests.intake.test_intake_hostile import SEED, damaged
 
 INPUTS = int(os.environ.get("GTMBENCH_DAMAGED", "25"))  # a format: 200 by GTMBENCH_DAMAGED=200
@@ -47,7 +48,7 @@ def put(folder, name, seed):
     return path
 
 
-@pytest.mark.parametrize("name", makers.MAKERS)
+@pytest.mark.parametrize("name", by_day(makers.MAKERS))
 def test_a_damaged_log_is_read_or_one_line(tmp_path, capfd, record_property, name):
     read = refused = 0
     slowest_s = 0.0
@@ -83,6 +84,7 @@ def refused(path):
     return str(error.value)
 
 
+@pytest.mark.nightly
 def test_packed_files_that_unpack_without_end_are_refused(tmp_path):
     with gzip.open(tmp_path / "bomb.csv.gz", "wb") as file:
         for _ in range(64):

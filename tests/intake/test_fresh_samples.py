@@ -15,6 +15,7 @@ from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
 from tests.helpers import intake_files as files
 from tests.helpers.clocked_logs import ATTITUDE, FORMATS, GYRO, Message, messages, quaternions, write
+from tests.helpers.night import by_day
 
 MOTION = (*GYRO, *ATTITUDE)
 RATES = ("p_att", "q_att", "r_att")
@@ -294,7 +295,7 @@ def test_every_format_tells_of_repeats(tmp_path):
         assert log.sample_period_s == pytest.approx(0.1), name
 
 
-@pytest.mark.parametrize("name", ["held samples", "hardly fresh"])
+@pytest.mark.parametrize("name", by_day(["held samples", "hardly fresh"]))
 def test_a_gyro_that_fails_beside_a_slow_attitude_is_named_and_a_healthy_one_isnt(tmp_path, name):
     """The fault is in the log's own samples, before anything is integrated."""
     made = MECHANISMS[name](1).record

@@ -25,6 +25,7 @@ from gtmbench.intake.fresh import fresh_rows
 from gtmbench.intake.stamps import single
 from gtmbench.report.words.listing import listing_lines
 from tests.helpers import intake_files as files
+from tests.helpers.night import by_day
 
 SAMPLES = 400
 
@@ -95,7 +96,7 @@ def damaged(content, seed):
     return bytes(broken)
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", by_day(FORMATS))
 def test_a_damaged_log_is_a_record_or_one_line(tmp_path, capfd, record_property, name):
     path = tmp_path / name
     read = refused = 0
@@ -358,16 +359,19 @@ def nested_ulog(kinds):
 
 @pytest.mark.parametrize(
     "kinds",
-    [
-        ["a:b[65535] x;", "b:c[65535] x;", "c:uint64_t[65535] x;"],
-        ["a:a x;uint64_t timestamp;"],
+    by_day(
         [
-            f"{letter}:{after}[2] x;{after}[2] y;"
-            for letter, after in zip("abcdefghijklmno", "bcdefghijklmnop", strict=True)
-        ]
-        + ["p:uint8_t[9] x;"],
-        ["a:uint64_t[65535] timestamp;"],
-    ],
+            ["a:b[65535] x;", "b:c[65535] x;", "c:uint64_t[65535] x;"],
+            ["a:a x;uint64_t timestamp;"],
+            [
+                f"{letter}:{after}[2] x;{after}[2] y;"
+                for letter, after in zip("abcdefghijklmno", "bcdefghijklmnop", strict=True)
+            ]
+            + ["p:uint8_t[9] x;"],
+            ["a:uint64_t[65535] timestamp;"],
+        ],
+        2,
+    ),
 )
 def test_messages_in_messages_dont_grow_without_end(tmp_path, kinds):
     (tmp_path / "log.ulg").write_bytes(nested_ulog(kinds))

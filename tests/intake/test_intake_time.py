@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from tests.helpers import intake_files as files
+from tests.helpers.night import by_day
 
 
 def signal(time_s, highest_hz, seed=0):
@@ -154,7 +155,7 @@ def test_a_lost_sample_is_told_by_its_neighbours_where_they_tell_it(tmp_path, in
     assert np.isnan(record["q"][lost]).all()
 
 
-@pytest.mark.parametrize("rate_hz", [10, 25, 50, 100, 125, 200, 250, 400, 1000])
+@pytest.mark.parametrize("rate_hz", by_day([10, 25, 50, 100, 125, 200, 250, 400, 1000], 4))
 @pytest.mark.parametrize(("jitter", "loss"), [(0.0, 0.0), (0.1, 0.0), (0.0, 0.02), (0.1, 0.02)])
 def test_two_sensors_that_lose_samples_are_known_nearly_throughout(tmp_path, rate_hz, jitter, loss):
     """At most 5 % of the rows lack anything, and those that are given are wrong by no more than noise.
@@ -210,6 +211,7 @@ def stretches(draw):
     return kept
 
 
+@pytest.mark.nightly
 @given(st.data(), st.booleans())
 def test_no_gap_is_bridged(tmp_path_factory, data, jitter):
     """No sample of any segment lies inside a hole of three samples or more; all holes are remarked with their times."""
@@ -301,6 +303,7 @@ def test_clocks_that_were_set_back_differently_are_refused(tmp_path):
         gb.open_log(path, mapping=mapping, needs=["p", "q"])
 
 
+@pytest.mark.nightly
 @given(st.lists(st.integers(10, 980), min_size=1, max_size=8, unique=True), st.integers(2, 6))
 def test_rows_that_came_late_are_sorted_in(tmp_path_factory, places, late):
     """However rows are shuffled over a few places, the record is that of the rows in order."""

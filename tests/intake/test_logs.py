@@ -11,6 +11,7 @@ from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.logs import read_log, write_log
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import Record
+from tests.helpers.night import by_day
 
 ENDINGS = (".csv", ".parquet")
 PERIODS = (0.01, 0.02, 0.03, 0.04, 1 / 30, 1 / 60, 1 / 128, 0.001)
@@ -31,7 +32,7 @@ def bits(values):
     return np.where(np.isnan(values), np.nan, values).view(np.int64)
 
 
-@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("ending", by_day(ENDINGS))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(record=records())
 def test_a_log_comes_back_bit_for_bit(ending, record, tmp_path):

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 import gtmbench as gb
+from tests.helpers.night import by_day
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 PERIOD_S = 0.02
@@ -85,7 +86,7 @@ def random_stamps(rng, length_s, period_s):
     return time_s
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", by_day(range(60), 19))
 def test_segments_and_unread_spans_cover_a_log(tmp_path, seed):
     rng = np.random.default_rng(seed)
     gyro_s, attitude_s = (random_stamps(rng, 90.0, period_s) for period_s in rng.choice([0.01, 0.02, 0.04], 2))

@@ -82,6 +82,7 @@ def test_a_fault_is_named_as_on_the_record():
     assert abs(events[1].time_s - 10.0 - stream.alarms[0].time_s) < 0.2  # the sender's clock began 10 s earlier
 
 
+@pytest.mark.nightly
 def test_a_healthy_link_is_quiet():
     events, link = watch(links.troubled(sent(is_broken=False)))
     assert (kinds(events), link.outcome) == (["watching"], Outcome.HEALTHY)
@@ -129,7 +130,7 @@ def test_what_arrives_by_udp_and_what_is_saved_of_it_are_watched_alike(tmp_path)
     assert other.counts == link.counts
 
 
-@pytest.mark.parametrize("loss", [0.0, 0.02])
+@pytest.mark.parametrize("loss", by_day([0.0, 0.02]))
 def test_the_whole_log_is_watched_alike(tmp_path, loss):
     """`monitor` of the file that a link was saved to alarms when `live` does, and names the same."""
     path = links.saved(tmp_path / "saved.tlog", links.troubled(sent(), seed=9, loss=loss))
@@ -139,6 +140,7 @@ def test_the_whole_log_is_watched_alike(tmp_path, loss):
     assert [alarm.sensor for alarm in alarms] == [alarm.sensor for alarm in link.alarms] == ["q"]
 
 
+@pytest.mark.nightly
 def test_values_of_another_unit_are_never_watched_in_silence():
     """Gyros in rad/s that call themselves deg/s: healthy sensors, which a watch would accuse."""
     record = monitors.record(3200, seed=21)
@@ -165,7 +167,7 @@ def without(arrived, start, stop, topic=None):
     return kept
 
 
-@pytest.mark.parametrize("topic", ["ATTITUDE", "HIGHRES_IMU", None])
+@pytest.mark.parametrize("topic", by_day(["ATTITUDE", "HIGHRES_IMU", None]))
 def test_what_a_link_loses_is_no_sensors_fault(topic):
     arrived = without(sent(is_broken=False), 45.0, 51.0, topic)
     events, link = watch(arrived)
@@ -176,6 +178,7 @@ def test_what_a_link_loses_is_no_sensors_fault(topic):
     assert link.outcome == Outcome.HEALTHY
 
 
+@pytest.mark.nightly
 def test_after_a_long_silence_watching_begins_anew():
     late = gb.Bias(channel="q", onset_s=57.0, size=4.0)
     arrived = without(links.packets(gb.inject(monitors.record(3500, seed=21), late)), 27.0, 39.0)
@@ -184,6 +187,7 @@ def test_after_a_long_silence_watching_begins_anew():
     assert [event.alarm.sensor for event in events if event.kind == "named"][-1] == "q"
 
 
+@pytest.mark.nightly
 def test_a_reboot_is_said_and_the_clock_is_taken_anew():
     first = [each for each in sent(is_broken=False) if each[0] < 1e9 + 50.0]
     again = [(at + 51.0, packet) for at, packet in sent()]
@@ -249,6 +253,7 @@ def test_signed_packets_are_read_and_others_refused(tmp_path):
     assert link.counts.refused > 1000
 
 
+@pytest.mark.nightly
 def test_random_bytes_are_passed_over():
     random = np.random.default_rng(3)
     dirty = [part for at, packet in sent() for part in ((at, random.bytes(40)), (at, packet))]
@@ -287,6 +292,7 @@ def of_input(content, monitor, **options):
         os.close(reading)
 
 
+@pytest.mark.nightly
 def test_lines_of_csv_give_the_alarms_of_the_record():
     record = gb.inject(monitors.record(3200, seed=21), BIAS)
     content = "\n".join(lines(record)).encode()
@@ -429,7 +435,7 @@ class Answered(Given):
         self.sent.append(data)
 
 
-@pytest.mark.parametrize("say", [False, True])
+@pytest.mark.parametrize("say", by_day([False, True]))
 def test_what_is_sent_back(say):
     source = Answered(sent())
     links.said(gb.live(source, monitors.monitor(), say=say))
@@ -451,6 +457,7 @@ def test_rates_are_asked_for_only_if_wanted():
     }
 
 
+@pytest.mark.nightly
 def test_a_fault_has_at_most_twelve_lines():
     record = gb.inject(monitors.record(3200, seed=21), gb.Noise(channel="p", onset_s=45.0, deviation=3.0))
     events, _ = watch(links.packets(record))
@@ -536,6 +543,7 @@ def test_a_gyro_that_bends_the_attitude_has_no_other_accused(fault, attitude, tm
     assert believed >= names  # an attitude of its own leaves no doubt, and may leave others to name
 
 
+@pytest.mark.nightly
 def test_a_link_that_gets_better_is_watched_from_then_on():
     """As when an autopilot begins to send what it was asked for, or the computer was busy at the start."""
     (_, plain_link), arrived = plain(), sent()
@@ -547,6 +555,7 @@ def test_a_link_that_gets_better_is_watched_from_then_on():
     assert [alarm.sensor for alarm in link.alarms] == [alarm.sensor for alarm in plain_link.alarms]
 
 
+@pytest.mark.nightly
 def test_what_a_link_loses_does_not_count_as_watched():
     """A healthy flight of which three quarters are lost from half-way on: no all-clear of the lost part."""
     arrived = sent(is_broken=False)

@@ -22,6 +22,7 @@ def said(record, *, piece=500):
     return [alarm for part in parts for alarm in last.push(part)]
 
 
+@pytest.mark.nightly
 def test_a_slow_drift_is_told_once_while_it_flies(flown):
     (alarm,) = said(gb.inject(flown, SLOW))
     assert (alarm.sensor, alarm.accuses) == ("r", True)
@@ -29,6 +30,7 @@ def test_a_slow_drift_is_told_once_while_it_flies(flown):
     assert alarm.onset_s < alarm.time_s < 240.0
 
 
+@pytest.mark.nightly
 def test_nothing_is_told_of_a_healthy_flight_or_of_rows_without_an_attitude(flown):
     assert said(flown) == []
     assert said(gb.inject(flown, SLOW).select(("p", "q", "r"))) == []

@@ -21,6 +21,7 @@ def flight():
     return gb.inject(monitors.record(14_000, seed=31), BIAS)
 
 
+@pytest.mark.nightly
 def test_a_recording_holds_what_the_watch_judged(flight, tmp_path):
     """Readings bit for bit; residuals and levels as of the whole flight, up to the alarm, though drawn bit by bit."""
     showing = Showing(monitors.monitor(), tmp_path / "live.rrd", waits=True)
@@ -86,6 +87,7 @@ def test_a_watch_goes_on_where_nobody_draws(flight, tmp_path):
     assert not drawn.failure
 
 
+@pytest.mark.nightly
 def test_a_watch_goes_on_where_the_drawing_dies(tmp_path):
     record = gb.inject(monitors.record(3000, seed=21), gb.Bias(channel="q", onset_s=45.0, size=4.0))
     path = links.saved(tmp_path / "flight.tlog", links.packets(record))

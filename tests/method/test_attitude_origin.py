@@ -11,6 +11,7 @@ import gtmbench as gb
 from gtmbench.method.attitude_origin import origin_of
 from gtmbench.values.attitude import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
+from tests.helpers.night import by_day
 from tests.helpers.scripts import script
 
 RATE_HZ = 200.0
@@ -65,9 +66,9 @@ def test_an_attitude_without_the_gyros_noise_is_of_its_own_late_or_not(rows):
     assert "noise" in told.why
 
 
-@pytest.mark.parametrize("tau", [0.2, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize("tau", by_day([0.2, 1.0, 5.0, 20.0], 2))
 @pytest.mark.parametrize(
-    "change", [lambda r: r, lambda r: late(r, 7), lambda r: smooth(r, 20.0), lambda r: smooth(r, 3.0)]
+    "change", by_day([lambda r: r, lambda r: late(r, 7), lambda r: smooth(r, 20.0), lambda r: smooth(r, 3.0)], 2)
 )
 def test_an_attitude_of_the_gyros_is_never_taken_for_its_own(tau, change):
     told = origin_of([change(logged(tau=tau))])
@@ -91,6 +92,7 @@ def test_where_nothing_shows_it_is_taken_for_driven(record):
     assert (told.is_driven, told.is_assumed) == (True, True)
 
 
+@pytest.mark.nightly
 def test_a_low_passed_attitude_that_follows_each_frequency_by_another_delay_is_no_own_one():
     # its low-pass cuts just where the motion ends, so that by its gain alone it follows all but the gyros' noise
     told = script("attitude_origin")["driven_case"](34_202, "driven")

@@ -8,6 +8,7 @@ nothing anybody could see, with the reason. It ends with 1 where fewer than nine
 from __future__ import annotations
 
 import argparse
+import ast
 import os
 import random
 import re
@@ -154,22 +155,56 @@ def tried(mutant: Mutant, reach: Reach, seconds: float, night: bool) -> Tried:
 def nearest(mutant: Mutant, reach: Reach) -> set[str]:
     """Return the tests that execute a mutant's line, or lines that use what it declares."""
     if mutant.names:
-        return set().union(*(reach.of(*place) for name in mutant.names for place in _used(name)))
+        return set().union(*(_users(name, reach) for name in mutant.names))
     for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
         if found := reach.of(mutant.file, line):
             return found
     return set()
 
 
+def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
+    """Return the tests that execute a line with a name; where that declares another one, this one's."""
+    found: set[str] = set()
+    for file, line in _used(name):
+        tests = reach.of(file, line)
+        if not tests and further:
+            tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
+        found |= tests
+    return found
+
+
 @cache
 def _used(name: str) -> list[tuple[str, int]]:
     word = re.compile(rf"\b{re.escape(name)}\b")
     return [
-        (str(file), number)
-        for file in Path("gtmbench").rglob("*.py")
-        for number, line in enumerate(file.read_text().splitlines(), 1)
+        (file, number)
+        for file, lines in _package().items()
+        for number, line in enumerate(lines, 1)
         if word.search(line)
     ]
+
+
+@cache
+def _package() -> dict[str, list[str]]:
+    return {str(file): file.read_text().splitlines() for file in Path("gtmbench").rglob("*.py")}
+
+
+@cache
+def _declared(file: str) -> dict[int, tuple[str, ...]]:
+    """Return what the lines of a file declare that aren't in a function: of a class its methods' names, too."""
+    found: dict[int, tuple[str, ...]] = {}
+    for node in ast.walk(ast.parse("\n".join(_package()[file]))):
+        if isinstance(node, ast.ClassDef):
+            methods = [each.name for each in node.body if isinstance(each, ast.FunctionDef) and each.name[:2] != "__"]
+            for each in node.body:
+                if not isinstance(each, ast.FunctionDef):
+                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (node.name, *methods))
+        elif isinstance(node, ast.Module):
+            for each in node.body:
+                if isinstance(each, ast.Assign | ast.AnnAssign):
+                    target = each.targets[0] if isinstance(each, ast.Assign) else each.target
+                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (ast.unparse(target),))
+    return found
 
 
 def _within(tests: set[str], reach: Reach, seconds: float) -> Iterator[str]:

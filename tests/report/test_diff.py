@@ -49,6 +49,7 @@ def told(rows, entity="/events"):
     return pd.DataFrame(rows, columns=["series", "time_s", "value", "text"]).assign(entity=entity)
 
 
+@pytest.mark.nightly
 def test_two_runs_of_one_seed_are_equal(cli, paths, frames):
     assert paths["one"].read_bytes() != paths["again"].read_bytes()
     code, out, err = cli("verify", paths["one"], "--against", paths["again"])
@@ -220,6 +221,7 @@ def test_an_overlay_holds_both_and_their_differences(cli, paths, frames, tmp_pat
     assert {text.split(":")[0] for text in texts} == {"both", "only A", "only B"}
 
 
+@pytest.mark.nightly
 def test_an_overlay_of_equal_recordings_and_of_recordings_without_a_common_series(tmp_path, frames):
     write_overlay(frames["one"], frames["again"], compare(frames["one"], frames["again"]), tmp_path / "equal.rrd")
     equal = gb.read_recording(tmp_path / "equal.rrd")

@@ -23,6 +23,7 @@ def watched(*, is_broken=True):
         return told, flight_page(told, "gtmbench monitor flight.csv"), log_results(told)
 
 
+@pytest.mark.nightly
 def test_a_failure_stands_with_its_explanations_and_what_shows_it():
     (row,) = finding_rows(watched()[0].judged)
     said = dict(zip(COLUMNS, row, strict=True))
@@ -37,6 +38,7 @@ def test_a_failure_stands_with_its_explanations_and_what_shows_it():
     assert [line.split(":")[0].strip() for line in rest] == ["how likely", "shown by"]
 
 
+@pytest.mark.nightly
 def test_where_nothing_was_found_nothing_is_said():
     assert finding_lines(watched(is_broken=False)[0].judged) == finding_lines(None) == []
     assert "What explains gyros" not in watched(is_broken=False)[1]

@@ -48,6 +48,7 @@ def page(watched):
 # ---- what it says ----
 
 
+@pytest.mark.nightly
 def test_the_verdict_is_the_title_and_every_part_is_there(watched, page):
     text = Seen(page).text
     verdict = verdict_text(watched)
@@ -105,6 +106,7 @@ def test_it_tells_no_place_and_asks_nothing_of_a_network(folder, page):
     assert "default-src 'none'" in page
 
 
+@pytest.mark.nightly
 def test_hostile_names_stay_words(folder):
     gb.write_log(record_with(0.0, 70.0), folder / HOSTILE)
     page = flight_page(gb.watch_log(folder / HOSTILE, "auto", healthy=[(0.0, 50.0)]), f"gtmbench monitor {HOSTILE}")
@@ -116,6 +118,7 @@ def test_hostile_names_stay_words(folder):
 # ---- the command ----
 
 
+@pytest.mark.nightly
 def test_the_command_writes_it_once_and_says_so(cli, folder, tmp_path):
     (tmp_path / "flight.csv").write_bytes((folder / "flight.csv").read_bytes())
     typed = ["monitor", "flight.csv", "--healthy", "0:50", "--report", "out.html"]

@@ -37,6 +37,7 @@ from tests.helpers.logged import (
     unexplained,
     unwatched,
 )
+from tests.helpers.night import by_day
 from tests.helpers.watching import written_once
 
 cases = pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
@@ -138,6 +139,7 @@ def test_the_bound_is_that_of_the_length_watched(case):
         assert f"{seconds:.1f} s watched: at most {bound:.0f} false alarms an hour at 95 %" in text
 
 
+@pytest.mark.nightly
 def test_twenty_seconds_without_an_alarm_bound_little():
     assert 450.0 < log_results(short())["false_alarms_per_hour_at_most"] < 600.0
     asked = replace(unexplained(), scope=Scope(sensors=("p", "q", "r")))
@@ -187,7 +189,7 @@ def test_results_measure_every_residual_on_every_segment():
     assert 3600.0 * (before["watched_hours"] - missing["watched_hours"]) > 2.0  # p misses two seconds there
 
 
-@pytest.mark.parametrize("case", [passing, odd, unwatched, normed, standing, silent])
+@pytest.mark.parametrize("case", by_day([passing, odd, unwatched, normed, standing, silent]))
 def test_the_figure_has_something_on_it(case, tmp_path):
     from matplotlib.image import imread
 
@@ -197,6 +199,7 @@ def test_the_figure_has_something_on_it(case, tmp_path):
     assert np.std(picture) > 0.05  # a blank page has none
 
 
+@pytest.mark.nightly
 def test_the_figure_shows_what_a_gyro_reads_more_beside_what_is_predicted_for_its_fault(tmp_path):
     flight = MECHANISMS["plain"](3).record.select(["p", "q", "r", "phi", "theta", "psi"])
     broken = gb.inject(flight, gb.Bias(channel="p", onset_s=flight.end_s - 70.0, size=1.5))
@@ -262,7 +265,7 @@ def escaped(name):
     return rr.escape_entity_path_part(name)
 
 
-@pytest.mark.parametrize("case", [jammed, passing, odd, normed, standing])
+@pytest.mark.parametrize("case", by_day([jammed, passing, odd, normed, standing]))
 def test_signals_come_back_from_the_recording_bit_for_bit(case, read):
     frame = read(case)
     for entity, parts in lines_of(case()):

@@ -181,6 +181,7 @@ def test_folders_that_hold_no_campaign_are_one_line(cli, tmp_path):
         assert said in found[2]
 
 
+@pytest.mark.nightly
 def test_a_campaign_that_is_flown_can_be_reported_with_its_searches(cli, tmp_path):
     text = """
 title = "Of seconds"

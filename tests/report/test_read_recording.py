@@ -159,6 +159,7 @@ def test_a_monitored_study_comes_back_too(monitored):
         same_line(rows_of(monitored, f"{root}/measured", output), measured.time_s, measured[output])
 
 
+@pytest.mark.nightly
 @settings(max_examples=3)
 @given(
     values=st.lists(st.floats(), min_size=1, max_size=40),
@@ -189,6 +190,7 @@ def test_any_number_and_any_field_comes_back(values, row, tmp_path_factory):
     assert rows.value["inf"] == -np.inf
 
 
+@pytest.mark.nightly
 def test_lines_without_channels_are_called_what_the_viewer_shows_or_by_number(small, tmp_path):
     (tmp_path / "small.rrd").write_bytes(small)
     frame = gb.read_recording(tmp_path / "small.rrd")
@@ -232,6 +234,7 @@ def refused(path, capfd):
     return str(error.value)
 
 
+@pytest.mark.nightly
 def test_what_is_no_whole_recording_is_refused_in_one_line(small, tmp_path, capfd):
     starts = messages(small)
     path = tmp_path / "bad.rrd"

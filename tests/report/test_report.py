@@ -67,6 +67,7 @@ def test_no_alarm_in_t_hours_bounds_the_rate_by_three_over_t():
     assert rate_bound(0, 0.0) is None
 
 
+@pytest.mark.nightly
 def test_figures_are_pictures_with_something_on_them(study, tmp_path):
     from matplotlib.image import imread
 

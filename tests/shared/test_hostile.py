@@ -18,6 +18,7 @@ from gtmbench.check.baseline import read_reference
 from gtmbench.files import logs
 from gtmbench.files.shipped import share
 from tests.helpers.hostile import Tried, altered, damaged, refused, unchanged
+from tests.helpers.night import by_day
 
 PACKAGE = Path(gb.__file__).parent
 EXAMPLES = 60  # a reader
@@ -44,7 +45,7 @@ def _written(table, suffix):
         return json.dumps(table).encode()
 
 
-@pytest.mark.parametrize("name", READERS)
+@pytest.mark.parametrize("name", by_day(READERS))
 def test_a_file_that_was_tampered_with_is_read_or_refused(tmp_path, record_property, capfd, name):
     reader, source = READERS[name]
     content, table = source.read_bytes(), _parsed(source)
@@ -100,6 +101,7 @@ def recording(tmp_path_factory):
     return path.read_bytes()
 
 
+@pytest.mark.nightly
 def test_a_recording_that_was_tampered_with_is_read_or_refused(tmp_path, record_property, capfd, recording):
     path, tried = tmp_path / "given.rrd", Tried(longest_s=30.0)  # a process each
 
@@ -141,7 +143,7 @@ BOMBS = {
 
 
 @pytest.mark.parametrize("reader", [gb.load_scenario, gb.load_bank, read_reference, READERS["aircraft"][0]])
-@pytest.mark.parametrize("bomb", BOMBS)
+@pytest.mark.parametrize("bomb", by_day(BOMBS, 6))
 def test_a_bomb_of_toml_is_refused_in_little_time_and_memory(tmp_path, reader, bomb):
     path = tmp_path / "aircraft.toml"
     path.write_text(BOMBS[bomb])

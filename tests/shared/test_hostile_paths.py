@@ -15,6 +15,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.testing import shared_flights
 from tests.helpers.hostile import refused, unchanged
+from tests.helpers.night import by_day
 
 PACKAGE = Path(gb.__file__).parent
 GIB = 1 << 30
@@ -81,7 +82,7 @@ def log(path, samples=1500):
     gb.write_log(gb.Record(noise, channels=["p", "q", "r", "beta"], sample_period_s=0.02), path)
 
 
-@pytest.mark.parametrize("ending", READING)
+@pytest.mark.parametrize("ending", by_day(READING))
 def test_whatever_stands_in_a_files_place_is_refused(cli, tmp_path, record_property, ending):
     log("log.csv")
     tried = 0
@@ -98,8 +99,8 @@ def test_whatever_stands_in_a_files_place_is_refused(cli, tmp_path, record_prope
     print(f"{tried} inputs, all refused")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "none", "../" * 50 + "etc/passwd", "/proc/self/mem", "."])
-@pytest.mark.parametrize("ending", READING)
+@pytest.mark.parametrize("name", by_day(["x" * 300, "none", "../" * 50 + "etc/passwd", "/proc/self/mem", "."], 3))
+@pytest.mark.parametrize("ending", by_day(READING, 3))
 def test_paths_that_are_no_files_are_refused(cli, tmp_path, name, ending):
     log("log.csv")
     for command in READING[ending]:
@@ -120,7 +121,7 @@ WRITING = {
 }
 
 
-@pytest.mark.parametrize("ending", WRITING)
+@pytest.mark.parametrize("ending", by_day(WRITING, 4))
 def test_nothing_but_a_file_is_written_over(cli, tmp_path, ending):
     log("log.csv")
     device = Path("/dev/full").lstat()
@@ -285,6 +286,7 @@ def test_a_flight_that_holds_pickled_objects_is_refused(tmp_path):
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.nightly
 def test_no_module_runs_what_it_reads():
     """No pickle, no eval, no shell; and modules are imported by names of our own."""
     forbidden = {"pickle", "cPickle", "dill", "cloudpickle", "joblib", "shelve", "marshal", "yaml", "torch"}

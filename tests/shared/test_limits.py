@@ -107,6 +107,7 @@ def test_a_log_with_a_pause_of_days_is_refused_before_it_takes_all_memory(tmp_pa
         gb.watch_log(tmp_path / "log.npz", "auto")
 
 
+@pytest.mark.nightly
 def test_a_log_of_any_name_gets_its_page(tmp_path):
     record = monitors.record(2000, seed=5).select(("p", "q", "r", "phi", "theta", "psi"))
     gb.write_log(record, tmp_path / "log.csv")
@@ -137,6 +138,7 @@ def test_a_log_that_takes_too_long_is_ended_and_leaves_nothing(tmp_path, capsys,
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
+@pytest.mark.nightly
 def test_a_link_on_which_nothing_comes_ends_on_time_and_says_so(tmp_path):
     gb.save_monitor(monitors.monitor(), tmp_path / "m.json")
     began = time.monotonic()
@@ -146,6 +148,7 @@ def test_a_link_on_which_nothing_comes_ends_on_time_and_says_so(tmp_path):
     assert link.verdict == "Cannot tell: nothing came."
 
 
+@pytest.mark.nightly
 def test_nor_does_rubbish_keep_a_link_open():
     """What arrives without end, and is no message, isn't waited for."""
     command = "import os; [os.write(1, bytes(1000)) for _ in iter(int, 1)]"

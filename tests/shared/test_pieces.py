@@ -286,19 +286,22 @@ def _sent(rate_hz, skew, jitter, loss, channels=2):
 @pytest.mark.parametrize("rows", [1, 97])
 @pytest.mark.parametrize(
     ("rate_hz", "skew", "jitter", "loss"),
-    [
-        (50, 0.0, 0.0, 0.0),
-        (50, 0.0, 0.0, 0.02),
-        (50, 0.005, 0.0, 0.0),
-        (50, -0.005, 0.0, 0.02),
-        (50, 0.0, 0.1, 0.02),
-        (50, 0.005, 0.2, 0.02),
-        (30, 0.0, 0.1, 0.02),
-        (62.5, 0.0, 0.1, 0.02),
-        (100, 0.0, 0.0, 0.02),
-        (111, 0.0, 0.1, 0.02),
-        (400, 0.005, 0.1, 0.02),
-    ],
+    by_day(
+        [
+            (50, 0.0, 0.0, 0.0),
+            (50, 0.0, 0.0, 0.02),
+            (50, 0.005, 0.0, 0.0),
+            (50, -0.005, 0.0, 0.02),
+            (50, 0.0, 0.1, 0.02),
+            (50, 0.005, 0.2, 0.02),
+            (30, 0.0, 0.1, 0.02),
+            (62.5, 0.0, 0.1, 0.02),
+            (100, 0.0, 0.0, 0.02),
+            (111, 0.0, 0.1, 0.02),
+            (400, 0.005, 0.1, 0.02),
+        ],
+        3,
+    ),
 )
 def test_a_stream_lays_the_rows_of_the_log(rate_hz, skew, jitter, loss, rows, tmp_path):
     """Whatever pieces they come in; apart from the first second, in which a stream learns what its source is like."""

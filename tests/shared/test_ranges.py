@@ -12,6 +12,7 @@ from gtmbench.values.ranges import out_of_range
 from gtmbench.verdict.timeline import State
 from tests.helpers import links, monitors
 from tests.helpers.autopilot_logs import ardupilot, imus
+from tests.helpers.night import by_day
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")
 
@@ -39,7 +40,9 @@ def test_what_no_sensor_reads_is_missing_and_told_once(channel, value, tmp_path)
 
 @pytest.mark.parametrize(
     ("channel", "rows"),
-    [("q", [2000]), ("q", range(2000, 2050)), ("q", range(2000, 4500, 40)), ("theta", range(2000, 2200, 25))],
+    by_day(
+        [("q", [2000]), ("q", range(2000, 2050)), ("q", range(2000, 4500, 40)), ("theta", range(2000, 2200, 25))], 2
+    ),
     ids=["one of fifty", "a second", "every forty", "an angle"],
 )
 def test_a_sensor_whose_readings_are_absurd_is_never_clear_there(channel, rows, tmp_path):
@@ -62,7 +65,7 @@ def absurd(time_s, outside):
     return at_s
 
 
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", by_day(range(200), 107))
 def test_no_second_with_more_than_one_percent_outside_is_judged(seed):
     """Whatever the rate, also one that wanders or pauses; whichever readings, and however many."""
     random = np.random.default_rng(seed)
@@ -88,7 +91,7 @@ def all_sensors():
     return gb.with_magnetometer(readings, truth, gb.Magnetometer(), seed=3)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", by_day(range(8)))
 def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, all_sensors, tmp_path):
     """Whenever they begin, at whichever rate, of whichever of its readings."""
     random = np.random.default_rng([68, seed])
@@ -110,7 +113,7 @@ def test_absurd_readings_of_any_sensor_are_told_and_never_in_a_clear_span(seed, 
     assert f" of {channel} " in told
 
 
-@pytest.mark.parametrize("channel", ["mag_y", "gps_down", "nx", "tas"])
+@pytest.mark.parametrize("channel", by_day(["mag_y", "gps_down", "nx", "tas"]))
 def test_a_sensor_of_which_no_reading_is_one_is_told_too(channel, all_sensors, tmp_path):
     gb.write_log(all_sensors.replace(channel, np.full(len(all_sensors), 1e30)), tmp_path / "log.csv")
     timeline = gb.watch_log(tmp_path / "log.csv", "auto").timeline

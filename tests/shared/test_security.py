@@ -108,6 +108,7 @@ def test_live_sends_nothing_unless_asked():
     assert Heard.answers == []
 
 
+@pytest.mark.nightly
 def test_nothing_is_downloaded_or_sent_home(tmp_path, monkeypatch):
     """Watching and reporting a log opens no connection and asks for no name."""
 

@@ -17,6 +17,7 @@ from gtmbench.study.scenario import AlarmSetup, Setup
 from gtmbench.values.attitude import ESTIMATORS
 from tests.helpers.campaigns import loaded, table, written
 from tests.helpers.hostile import refused
+from tests.helpers.night import by_day
 
 ANGLES, GYROS = ("phi", "theta", "psi"), ("p", "q", "r")
 SETUP = Setup(
@@ -65,7 +66,7 @@ def test_own_is_what_it_was():
     assert first.sensed.values.tobytes() == second.sensed.values.tobytes()
 
 
-@pytest.mark.parametrize("name", ESTIMATORS)
+@pytest.mark.parametrize("name", by_day(ESTIMATORS))
 def test_in_the_loop_the_stream_is_the_filter_of_its_own_broken_gyros(name):
     faults = [gb.Bias(channel="p", onset_s=10.0, size=2.0), gb.SignFlip(channel="r", onset_s=12.0, duration_s=0.5)]
     faults += [gb.Dropout(channel="q", onset_s=15.0, duration_s=1.0)]
@@ -249,6 +250,7 @@ def test_a_search_breaks_what_the_estimator_bends(campaign):
     assert found["filter 1 s"] > 1.2 * found["own"]
 
 
+@pytest.mark.nightly
 def test_whether_and_when_is_what_the_broken_record_says(campaign):
     folder, rows = campaign
     rows = rows[rows["fault"].notna() & rows["mildest"].isna() & (rows["attitude"] == "filter 1 s")]

@@ -43,6 +43,7 @@ def study():
     return gb.run_study([scenario("loop", LOOP)], detectors=[fast])
 
 
+@pytest.mark.nightly
 def test_every_fault_is_flown(study):
     for trial in study.trials:
         flown = gb.fly_in_loop("gtm", "turbulence", 40.0, 1, faults=trial.injected, noise_seed=2001)
@@ -110,6 +111,7 @@ class Learner(gb.SimpleDetector):
         return {"p": np.abs(record["p"]) / 1e3}
 
 
+@pytest.mark.nightly
 def test_calibration_flies_in_the_loop(monkeypatch):
     monkeypatch.setattr("gtmbench.study.watchers.FLIGHTS", 2)
     closed = gb.run_study([scenario("loop", LOOP)], detectors=[Learner()]).baseline

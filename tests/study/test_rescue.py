@@ -18,6 +18,7 @@ def rescue():
     return fly_rescue([flip], Accommodate(early_monitor()), duration_s=19.0, sensors="ideal")
 
 
+@pytest.mark.nightly
 def test_both_flights_are_one_until_the_alarm(rescue):
     unaided, rescued = (flight.truth for flight in rescue.flights.values())
     first = min(event.time_s for event in rescue.rescued.events)

@@ -149,6 +149,7 @@ def test_a_wrong_name_is_no_isolation_and_gives_no_truth():
     assert all(estimate.true is None for estimate in verdict.parameters)
 
 
+@pytest.mark.nightly
 def test_what_a_monitor_doesnt_use_keeps_no_scenarios_apart_but_flights_do():
     other = scenario("other", JAM.replace("identify_s = [5.0, 50.0]", "identify_s = [9.0, 40.0]"))
     jam = scenario("jam", JAM)

@@ -79,6 +79,7 @@ def recordings(pytester, folder="gtmbench-artefacts"):
     return sorted((pytester.path / folder).glob("*"))
 
 
+@pytest.mark.nightly
 def test_a_failure_names_figure_bound_and_recording_and_the_recording_is_whole(pytester, project):
     """In every process."""
     pytester.makepyfile(test_mine=FAILING)

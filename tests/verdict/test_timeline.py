@@ -82,3 +82,36 @@ def test_a_time_outside_of_the_log_is_refused(time_s):
     timeline = laid_out((0.0, END_S), {"q": [span(State.CLEAR)]})
     with pytest.raises(ValueError, match="outside of the log"):
         timeline.at("q", time_s)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "meets"),
+    [
+        (0.0, 20.0, False),
+        (0.0, 20.5, True),
+        (25.0, 30.0, True),
+        (39.5, 60.0, True),
+        (40.0, 60.0, False),
+        (0.0, 99.0, True),
+    ],
+)
+def test_spans_meet_that_share_time_and_those_that_touch_do_not(start_s, end_s, meets):
+    one, other = span(State.CLEAR, 20.0, 40.0), span(State.CLEAR, start_s, end_s)
+    assert one.duration_s == 20.0
+    assert one.meets(start_s, end_s) == other.meets(20.0, 40.0) == meets
+
+
+def test_an_instant_between_two_spans_lies_in_the_later_and_the_logs_end_in_the_last():
+    own = [failed("q", 0.0, 60.0), suspected(["q"], 60.0, END_S)]
+    timeline = laid_out((0.0, END_S), {"q": own})
+    states = [timeline.at("q", time_s).state.value for time_s in (0.0, 59.9, 60.0, END_S)]
+    assert states == ["failed", "failed", "suspected", "suspected"]
+    assert own[0].covers(0.0)
+    assert not own[0].covers(60.0)
+
+
+def test_a_sensor_without_a_motion_or_a_row_is_judged_for_no_share_of_it():
+    assert laid_out((0.0, END_S), clear()).judged_share("q") == 0.0
+    moving = laid_out((0.0, END_S), clear(0.0, 45.0), motion_s=[(0.0, END_S)])
+    assert moving.judged_share("tas") == 0.0
+    assert moving.judged_share("q") == 0.25

@@ -127,7 +127,7 @@ def assert_no_false_all_clear(entry, folder):
     assert "\n".join(map(str, found)) == ""
 
 
-@pytest.mark.parametrize("move", list(moves(2, seed=1, steps=2)), ids=str)
+@pytest.mark.parametrize("move", by_day(list(moves(2, seed=1, steps=2))), ids=str)
 def test_a_fault_moved_through_a_log_is_never_in_a_span_called_clear_for_its_size(move, tmp_path):
     check_move(move, tmp_path)
 
@@ -210,7 +210,7 @@ def check_loss(loss, folder):
         return  # too little is left to watch, and that is said
 
 
-@pytest.mark.parametrize("loss", list(losses(2, seed=4)), ids=str)
+@pytest.mark.parametrize("loss", by_day(list(losses(2, seed=4))), ids=str)
 def test_less_information_never_clears_a_fault(loss, tmp_path):
     check_loss(loss, tmp_path)
 

@@ -12,6 +12,7 @@ from gtmbench.detectors.isolation import noise
 from gtmbench.detectors.monitor import review
 from gtmbench.values.attitude import AttitudeEstimator
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 ONSET_S, PERIOD_S = 60.0, 0.02
 
@@ -69,7 +70,7 @@ def test_the_end_of_a_decided_fault_is_found():
 
 @pytest.mark.parametrize(
     "fault",
-    [gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3), gb.Stuck(channel="r", onset_s=ONSET_S, value=2.0)],
+    by_day([gb.Lag(channel="q", onset_s=ONSET_S, lag_s=0.3), gb.Stuck(channel="r", onset_s=ONSET_S, value=2.0)]),
     ids=["decided", "to the end"],
 )
 def test_an_alarm_says_when_it_is_judged_again_until_it_is_decided(fault):

@@ -16,6 +16,7 @@ from gtmbench.study.log.certificate import certificate_of, kinds
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 PERIOD_S, ONSET_S, REFERENCE_DEG = 0.02, 60.0, 0.3
 SLOW = gb.AttitudeEstimator(time_constant_s=5.0)
@@ -123,6 +124,7 @@ def certificate():
     return certificate_of(monitor(), [watched()])
 
 
+@pytest.mark.nightly
 def test_a_certificate_puts_its_faults_through_the_estimator_and_tells_the_worse():
     alone = certificate_of(replace(monitor(), bank=replace(monitor().bank, attitude_from_gyros=False)), [watched()])
     assert all(row.time_constant_s in (FASTEST_S, SLOWEST_S) for row in certificate().rows)
@@ -134,7 +136,7 @@ def test_a_certificate_puts_its_faults_through_the_estimator_and_tells_the_worse
     assert "taken to follow" not in " ".join(certificate_lines(alone))
 
 
-@pytest.mark.parametrize("sensor", GYROS)
+@pytest.mark.parametrize("sensor", by_day(GYROS))
 def test_a_fault_that_the_attitude_follows_alarms_by_superposition_where_the_bent_record_does(sensor):
     draw, said, alarmed = np.random.default_rng(3), [], []
     on = watched().monitor.superposition(watched(), sensor)
@@ -156,9 +158,9 @@ def test_a_fault_that_the_attitude_follows_alarms_by_superposition_where_the_ben
     assert 0 < sum(said) < len(said)
 
 
-@pytest.mark.parametrize("estimator", [replace(SLOW, time_constant_s=1.5), LEARNING], ids=["1.5 s", "learns"])
-@pytest.mark.parametrize("kind", ["bias", "jam", "scale_factor"])
-@pytest.mark.parametrize("channel", GYROS)
+@pytest.mark.parametrize("estimator", by_day([replace(SLOW, time_constant_s=1.5), LEARNING]), ids=["1.5 s", "learns"])
+@pytest.mark.parametrize("kind", by_day(["bias", "jam", "scale_factor"]))
+@pytest.mark.parametrize("channel", by_day(GYROS))
 def test_a_gyro_that_bends_the_attitude_is_named_or_suspected_and_no_other_is(channel, kind, estimator):
     record = gb.inject(healthy(estimator), FAULTS[kind](channel), attitude=estimator)
     alarms = [alarm for alarm in monitor().watch(record).faults if not alarm.has_passed]
@@ -167,9 +169,9 @@ def test_a_gyro_that_bends_the_attitude_is_named_or_suspected_and_no_other_is(ch
     assert all(channel in alarm.candidates for alarm in alarms)
 
 
-@pytest.mark.parametrize("counts_deg", [0.0, 0.3])
-@pytest.mark.parametrize("factor", [-1.0, 0.7, 1.5])
-@pytest.mark.parametrize("channel", ATTITUDE)
+@pytest.mark.parametrize("counts_deg", by_day([0.0, 0.3]))
+@pytest.mark.parametrize("factor", by_day([-1.0, 0.7, 1.5]))
+@pytest.mark.parametrize("channel", by_day(ATTITUDE))
 def test_an_angle_of_another_gain_or_sign_has_no_gyro_named(channel, factor, counts_deg):
     record = healthy()
     read = record[channel] * np.where(record.time_s < ONSET_S, 1.0, factor)

@@ -106,6 +106,7 @@ def test_a_stream_that_loses_its_accelerometers_goes_on(monitor, healthy, size):
     assert any(judged.kind == "g_sensitivity" for judged in said.faults[0].judgements)
 
 
+@pytest.mark.nightly
 def test_an_accelerometer_that_drops_out_is_no_finding(monitor, healthy):
     gone = healthy.replace("nz", np.where(healthy.time_s > 30.0, np.nan, healthy["nz"]))
     assert monitor.watch(gone).alarms == ()

@@ -6,6 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.isolation.intervals import rows_between
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 PERIOD_S = 0.02
 RECORD = dict(samples=6000, seed=11)  # noqa: C408
@@ -34,7 +35,7 @@ READ = (gb.Jam, gb.Stale, gb.Quantisation, gb.Hysteresis)  # kinds whose first w
 ALL = (*READ, gb.Bias, gb.Drift, gb.ScaleFactor, gb.Oscillation, gb.Noise, gb.Saturation, gb.RateSaturation)
 
 
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("kind", by_day(ALL, 2))
 def test_the_interval_of_the_onset_holds_it(kind):
     held, off_s, drawing = 0, [], np.random.default_rng(3)
     for channel in ("p", "q", "r"):
@@ -60,7 +61,7 @@ def test_an_onset_comes_of_nothing_later_than_its_judgement(kind):
 
 
 @pytest.mark.parametrize("onset_s", [8.0, 12.0])
-@pytest.mark.parametrize("kind", ALL)
+@pytest.mark.parametrize("kind", by_day(ALL, 2))
 def test_an_onset_soon_after_watching_began_is_told_or_left_open(kind, onset_s):
     for channel in ("q", "phi"):
         if kind in (gb.Drift, gb.RateSaturation) and channel == "phi":

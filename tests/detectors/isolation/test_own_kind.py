@@ -77,6 +77,7 @@ def test_a_shape_that_is_linear_is_found_with_its_size(share):
     assert low <= share <= high
 
 
+@pytest.mark.nightly
 def test_a_kind_that_says_so_is_certified():
     monitor, watch = monitors.monitor(), monitors.monitor().watch(monitors.record(6000, seed=93))
     assert certificate_of(monitor, [watch]).of("r", "rectified") is None

@@ -127,14 +127,17 @@ def test_there_are_none_without_air_data_nor_of_banks_that_stand_on_them(healthy
 
 @pytest.mark.parametrize(
     "fault",
-    [
-        gb.Bias(channel="p", onset_s=ONSET_S, size=1.0),
-        gb.Drift(channel="phi", onset_s=ONSET_S, slope=1.0),
-        gb.Bias(channel="q", onset_s=ONSET_S, size=1.0),
-        gb.Drift(channel="theta", onset_s=ONSET_S, slope=1.0),
-        gb.Bias(channel="r", onset_s=ONSET_S, size=1.0),
-        gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0),
-    ],
+    by_day(
+        [
+            gb.Bias(channel="p", onset_s=ONSET_S, size=1.0),
+            gb.Drift(channel="phi", onset_s=ONSET_S, slope=1.0),
+            gb.Bias(channel="q", onset_s=ONSET_S, size=1.0),
+            gb.Drift(channel="theta", onset_s=ONSET_S, slope=1.0),
+            gb.Bias(channel="r", onset_s=ONSET_S, size=1.0),
+            gb.Drift(channel="psi", onset_s=ONSET_S, slope=1.0),
+        ],
+        2,
+    ),
     ids=lambda fault: fault.channel,
 )
 def test_faults_that_are_physically_the_same_are_told_apart(monitor, healthy, fault):

@@ -12,6 +12,7 @@ from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.monitors import monitor, record
+from tests.helpers.night import by_day
 
 ONSET_S = 60.0
 AT = {"onset_s": ONSET_S}
@@ -52,7 +53,7 @@ CAUSES = {
 }
 
 
-@pytest.mark.parametrize("kind", CAUSES)
+@pytest.mark.parametrize("kind", by_day(CAUSES, 2))
 def test_what_hits_all_gyros_is_told_of_all_and_of_no_angle(kind):
     faults = watched(broken_by(CAUSES[kind]))
     (alarm,) = (each for each in faults if each.is_of_several)
@@ -127,8 +128,8 @@ SINGLES = {
 }
 
 
-@pytest.mark.parametrize("kind", SINGLES)
-@pytest.mark.parametrize("channel", [*GYROS, *ATTITUDE])
+@pytest.mark.parametrize("kind", by_day(SINGLES, 2))
+@pytest.mark.parametrize("channel", by_day([*GYROS, *ATTITUDE], 2))
 def test_one_fault_is_never_told_as_several(channel, kind):
     faults = watched(gb.inject(healthy(), SINGLES[kind](channel)))
     assert faults

@@ -53,6 +53,7 @@ def test_the_score_of_a_sample_is_the_same_whatever_is_asked_for_with_it():
             np.testing.assert_array_equal(own.values, all_[start : start + 500])
 
 
+@pytest.mark.nightly
 def test_a_gyro_with_rare_spikes_is_named_and_its_stream_says_the_same():
     record = monitors.record(12_000, seed=21)
     fault = gb.Spikes(channel="r", onset_s=150.0, size=2.2, rate_hz=1.0, seed=3)

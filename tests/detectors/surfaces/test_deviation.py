@@ -110,6 +110,7 @@ def test_less_effect_is_a_slope_and_a_slow_servo_a_rate(answer):
         assert normal.nats(found, 3)[AT, test, rudder] > 50.0
 
 
+@pytest.mark.nightly
 def test_healthy_changes_are_as_large_as_they_are_said_to_be(answer):
     normal = normal_of([blocks(answer, aircraft(seed)) for seed in range(10, 16)])
     nats = normal.nats(changes(blocks(answer, aircraft(20)), normal.white), 3)
@@ -117,6 +118,7 @@ def test_healthy_changes_are_as_large_as_they_are_said_to_be(answer):
     assert np.nanmean(2.0 * nats) < 1.2  # of T^2, less what is tolerated
 
 
+@pytest.mark.nightly
 def test_stronger_gusts_make_a_test_less_sensitive_not_false(answer):
     normal = normal_of([blocks(answer, aircraft(seed)) for seed in range(10, 14)])
     values = aircraft(21)
@@ -135,6 +137,7 @@ def test_effects_are_found_though_a_controller_answers_every_gust():
         assert own == pytest.approx(effect, rel=0.15)
 
 
+@pytest.mark.nightly
 def test_tests_come_in_chunks_as_in_one(answer):
     floor = normal_of([blocks(answer, aircraft(5))]).white
     whole = blocks(answer, aircraft(9))

@@ -64,25 +64,27 @@ def test_the_surface_that_fails_is_named_and_no_sensor_is(loop, channel, kind):
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
 
-@pytest.mark.parametrize("loop", [True, False], ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
 @pytest.mark.parametrize(
     "fault",
-    [
-        gb.Bias(channel="q", onset_s=ONSET_S, size=3.0),
-        gb.Jam(channel="p", onset_s=ONSET_S),
-        gb.ScaleFactor(channel="r", onset_s=ONSET_S, factor=0.5),
-        gb.Jam(channel="alpha", onset_s=ONSET_S),
-        gb.Bias(channel="beta", onset_s=ONSET_S, size=1.0),
-        gb.Bias(channel="nz", onset_s=ONSET_S, size=0.1),
-        gb.Noise(channel="ny", onset_s=ONSET_S, deviation=0.1),
-    ],
+    by_day(
+        [
+            gb.Bias(channel="q", onset_s=ONSET_S, size=3.0),
+            gb.Jam(channel="p", onset_s=ONSET_S),
+            gb.ScaleFactor(channel="r", onset_s=ONSET_S, factor=0.5),
+            gb.Jam(channel="alpha", onset_s=ONSET_S),
+            gb.Bias(channel="beta", onset_s=ONSET_S, size=1.0),
+            gb.Bias(channel="nz", onset_s=ONSET_S, size=0.1),
+            gb.Noise(channel="ny", onset_s=ONSET_S, deviation=0.1),
+        ]
+    ),
     ids=lambda fault: f"{fault.kind} of {fault.channel}",
 )
 def test_a_sensor_that_fails_makes_no_surface_fail(loop, fault):
     assert {alarm.sensor for alarm in said(sensed(loop, 811, fault))} <= {None}
 
 
-@pytest.mark.parametrize("trim", [{}, {"tas_kt": 88.0}, {"tas_kt": 120.0}, {"altitude_ft": 2000.0}])
+@pytest.mark.parametrize("trim", by_day([{}, {"tas_kt": 88.0}, {"tas_kt": 120.0}, {"altitude_ft": 2000.0}]))
 def test_healthy_flight_elsewhere_raises_nothing(trim):
     flight = gb.fly_in_loop("gtm", "doublets+turbulence", 120.0, 812, sensors="ideal", **trim)
     watch = monitor().watch(flight.readings(commands=True))
@@ -112,6 +114,7 @@ def test_commands_that_are_missing_for_a_while_raise_nothing():
     assert watch.scores["elevator"].armed[-1]
 
 
+@pytest.mark.nightly
 def test_a_surface_that_never_moved_is_nobody_to_suspect():
     records = [sensed(False, 720 + i, duration_s=120.0, excitation="multisine+turbulence") for i in range(3)]
     still = [record.replace("rudder", np.zeros(len(record))) for record in records]
@@ -131,7 +134,7 @@ def test_records_that_are_short_or_slow_are_refused_in_a_line():
         find_detector("surfaces").calibrate([slow])
 
 
-@pytest.mark.parametrize("loop", [True, False], ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
 def test_a_loss_beyond_the_certificates_is_detected_and_a_tenth_of_it_isnt(loop):
     healthy = sensed(loop, 816, duration_s=120.0)
     loss = monitor().sizes(healthy)["rudder"].loss
@@ -153,6 +156,7 @@ def test_a_logs_certificate_has_a_row_for_every_surface_and_kind():
     assert certificate_of(monitor(), [short]).missing.startswith("nothing of this record can be judged")
 
 
+@pytest.mark.nightly
 def test_the_kind_is_told_where_it_shows_and_never_another():
     faults = {
         "jam": gb.Jam(channel="rudder", onset_s=ONSET_S),
@@ -173,7 +177,7 @@ def test_a_record_too_short_has_no_certificate():
         monitor().sizes(sensed(False, 817, duration_s=20.0))
 
 
-@pytest.mark.parametrize("name", ["surfaces-no-vanes", "surfaces-no-air"])
+@pytest.mark.parametrize("name", by_day(["surfaces-no-vanes", "surfaces-no-air"]))
 def test_without_vanes_or_airspeed_a_weak_surface_is_told_too(name):
     detector = find_detector(name)
     assert not {"alpha", "beta"} & set(detector.channels)
@@ -193,6 +197,6 @@ def contracted():
     return contract_case("surfaces", flights, fault=gb.Bias(channel="beta", onset_s=100.0, size=3.0))
 
 
-@pytest.mark.parametrize("name", CONTRACT)
+@pytest.mark.parametrize("name", by_day(CONTRACT))
 def test_it_keeps_the_contract_of_every_detector(name):
     check_property(contracted(), name)

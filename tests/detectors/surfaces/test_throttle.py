@@ -36,15 +36,17 @@ def test_a_throttle_that_fails_is_named_and_nobody_else(loop, kind):
     assert [alarm.sensor for alarm in bank.alarms if alarm.sensor and not alarm.doubt] == []
 
 
-@pytest.mark.parametrize("loop", [True, False], ids=["closed", "open"])
+@pytest.mark.parametrize("loop", by_day([True, False]), ids=["closed", "open"])
 @pytest.mark.parametrize(
     "fault",
-    [
-        gb.Bias(channel="nx", onset_s=ONSET_S, size=0.08),
-        gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.005),
-        gb.Bias(channel="alpha", onset_s=ONSET_S, size=-1.5),
-        gb.ScaleFactor(channel="tas", onset_s=ONSET_S, factor=0.85),
-    ],
+    by_day(
+        [
+            gb.Bias(channel="nx", onset_s=ONSET_S, size=0.08),
+            gb.Drift(channel="nx", onset_s=ONSET_S, slope=-0.005),
+            gb.Bias(channel="alpha", onset_s=ONSET_S, size=-1.5),
+            gb.ScaleFactor(channel="tas", onset_s=ONSET_S, factor=0.85),
+        ]
+    ),
     ids=lambda fault: f"{fault.kind} of {fault.channel}",
 )
 def test_a_sensor_that_looks_like_a_throttle_makes_none_fail(loop, fault):
@@ -110,6 +112,7 @@ def without_nx():
     return gb.find_detector("surfaces-no-nx").calibrate(flights)
 
 
+@pytest.mark.nightly
 def test_without_nx_the_throttle_is_not_watched_and_the_certificate_says_so():
     assert "nx" not in without_nx().channels
     assert without_nx().suspects == ("elevator", "aileron", "rudder")
@@ -119,6 +122,7 @@ def test_without_nx_the_throttle_is_not_watched_and_the_certificate_says_so():
     assert certificate_of(monitor(), [monitor().watch(healthy)]).unwatched == ()
 
 
+@pytest.mark.nightly
 def test_a_throttles_sizes_are_in_percent(tmp_path):
     healthy = sensed(True, 834, duration_s=120.0)
     certificate = certificate_of(monitor(), [monitor().watch(healthy)])

@@ -15,6 +15,7 @@ from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, Record
 from gtmbench.verdict.timeline import Claim, SensorSpan, Sizes, State
 from tests.helpers.answering import SPEED_KT, STEP_S, answering
+from tests.helpers.night import by_day
 
 ONSET_S = 80.0
 Broken = Callable[[FloatArray], FloatArray]
@@ -51,8 +52,8 @@ def judged(record: Record, claims: list[Claim], *left_out: str) -> CommandsJudge
     return said
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder"])
+@pytest.mark.parametrize("kind", by_day(KINDS))
+@pytest.mark.parametrize("surface", by_day(["elevator", "aileron", "rudder"]))
 def test_a_surface_is_named_with_its_kind_and_its_onset(surface: str, kind: str) -> None:
     said = judged(answering(surfaces={surface: from_onset(KINDS[kind])}), CLEAR)
     assert (said.named, said.kind) == (surface, kind)
@@ -73,7 +74,8 @@ def test_a_healthy_flight_accuses_nobody(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "how"), [("p", "is stuck"), ("q", "reads too little"), ("alpha", "is biased"), ("ny", "is stuck")]
+    ("sensor", "how"),
+    by_day([("p", "is stuck"), ("q", "reads too little"), ("alpha", "is biased"), ("ny", "is stuck")], 2),
 )
 def test_a_wrong_sensor_is_no_surface(sensor: str, how: str) -> None:
     record = answering()

@@ -15,6 +15,7 @@ from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
 from gtmbench.verdict.timeline import State
+from tests.helpers.night import by_day
 
 ONSET_S, END_S = 60.0, 150.0
 CHANNELS = (*ACCELEROMETERS, *GPS_VELOCITY, *MAGNETOMETER, "tas", "alpha", "beta", "altitude")
@@ -132,7 +133,7 @@ def test_nobody_is_accused_of_a_healthy_course():
 
 @pytest.mark.parametrize(
     ("channel", "sensor"),
-    [("nz", "accelerometers"), ("ny", "accelerometers"), ("nx", "accelerometers"), ("gps_down", "gps")],
+    by_day([("nz", "accelerometers"), ("ny", "accelerometers"), ("nx", "accelerometers"), ("gps_down", "gps")]),
 )
 def test_a_bias_that_two_relations_show_is_named_with_its_size_and_onset(channel, sensor):
     said = said_of(gb.inject(flown(), gb.Bias(channel=channel, onset_s=ONSET_S, size=SIZES[channel])))
@@ -149,6 +150,7 @@ def test_what_one_relation_of_two_sensors_shows_is_either_of_theirs():
     assert accused(gb.inject(flown(), drifts)) == {("altitude", State.SUSPECTED), ("gps", State.SUSPECTED)}
 
 
+@pytest.mark.nightly
 def test_a_magnetometer_is_named_by_nothing_that_currents_do_as_well():
     said = said_of(gb.inject(flown(), gb.Bias(channel="mag_x", onset_s=ONSET_S, size=SIZES["mag_x"])))
     assert said.accused == ()
@@ -163,6 +165,7 @@ def test_a_sensor_that_stands_still_in_flight_is_named(channel):
     assert (span.start_s, span.end_s) == (pytest.approx(ONSET_S, abs=1.0), pytest.approx(END_S, abs=1.0))
 
 
+@pytest.mark.nightly
 def test_where_two_sensors_stand_or_one_from_the_beginning_nobody_is_named():
     both = gb.inject(flown(), gb.Jam(channel="tas", onset_s=ONSET_S))
     assert said_of(gb.inject(both, gb.Jam(channel="altitude", onset_s=ONSET_S))).standing == ()

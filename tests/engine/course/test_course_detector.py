@@ -63,6 +63,7 @@ def test_a_broken_sensor_is_named_when_it_could_be_known(flight, monitor, sensor
     assert alarms[0].time_s % 10.0 == pytest.approx(9.99)  # the last sample of ten seconds
 
 
+@pytest.mark.nightly
 def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
 
@@ -161,6 +162,7 @@ def test_nothing_is_learnt_of_a_log(logs, cli, tmp_path):
     assert "learns nothing of logs; type gtmbench monitor" in told
 
 
+@pytest.mark.nightly
 def test_judge_all_asks_for_every_sensor_that_anything_compares(logs):
     usual, whole = (gb.watch_log(logs / "healthy.csv", "auto", judge=judge) for judge in (None, "all"))
     assert usual.outcome is gb.Outcome.HEALTHY

@@ -11,6 +11,7 @@ from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.verdict.timeline import State
 from tests.engine.course.test_course_contract import END_S, ONSET_S, accused, course_from, flown, said_of
+from tests.helpers.night import by_day
 
 FLOWN_S = (0.0, 60.0)
 FIELD_UT = 49.0
@@ -25,7 +26,7 @@ def noisy(channel, deviation):
 
 @pytest.mark.parametrize(
     ("channel", "sensor", "deviation"),
-    [("gps_north", "gps", 4.0), ("altitude", "altitude", 40.0), ("mag_x", "magnetometer", 0.3 * FIELD_UT)],
+    by_day([("gps_north", "gps", 4.0), ("altitude", "altitude", 40.0), ("mag_x", "magnetometer", 0.3 * FIELD_UT)]),
 )
 def test_a_noise_of_twice_and_more_the_least_is_named_and_its_curve_is_in_the_relations_unit(
     channel, sensor, deviation
@@ -106,7 +107,7 @@ def test_a_jump_names_its_sensor_with_its_size_and_time(channel, size):
     assert {alarm.source for alarm in said.alarms} == {channel}
 
 
-@pytest.mark.parametrize(("size", "is_told"), [(1.5, False), (3.0, True), (-3.0, True)])
+@pytest.mark.parametrize(("size", "is_told"), by_day([(1.5, False), (3.0, True), (-3.0, True)]))
 def test_a_gps_whose_velocity_jumps_while_no_accelerometer_felt_it_is_named(size, is_told):
     jumps_by = gb.Bias(channel="gps_north", onset_s=ONSET_S, size=size)
     (jump,) = said_of(gb.inject(flown(), jumps_by)).jumped or (None,)
@@ -126,6 +127,7 @@ def test_a_gps_that_jumps_often_or_comes_back_jumps_as_it_usually_does():
 # ---- what is left, and what nothing else makes ----
 
 
+@pytest.mark.nightly
 def test_what_one_comparison_has_left_of_a_stronger_error_accuses_nobody():
     drifts = gb.Drift(channel="gps_down", onset_s=ONSET_S, slope=-2.0)
     assert accused(gb.inject(flown(), drifts)) == {("gps", State.FAILED)}

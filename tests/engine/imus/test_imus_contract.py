@@ -12,6 +12,7 @@ from gtmbench.study.log.imus import is_contradicted, told_of_imus
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.autopilot_logs import STEP, imus
+from tests.helpers.night import by_day
 
 ONSET_S = 80.0
 FAST = 4  # steps of 10 ms: gyros that are slower tell no factor
@@ -43,8 +44,8 @@ def name_of(channel, number):
     return gyro_of(channel, f"IMU{number + 1}") if number else channel
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("seed", by_day([1, 2, 3]))
+@pytest.mark.parametrize("count", by_day([2, 3]))
 def test_healthy_imus_accuse_nobody_and_are_clear(count, seed):
     found = said(count=count, seed=seed)
     assert accused(found) == (set(), set())
@@ -54,10 +55,10 @@ def test_healthy_imus_accuse_nobody_and_are_clear(count, seed):
     assert {sensor for sensor, span in told.claims if span.state is State.CLEAR} == names
 
 
-@pytest.mark.parametrize("driver", [0, 1])
-@pytest.mark.parametrize("liar", [0, 1])
-@pytest.mark.parametrize("channel", GYROS)
-@pytest.mark.parametrize("size", [2.0, -10.0])
+@pytest.mark.parametrize("driver", by_day([0, 1]))
+@pytest.mark.parametrize("liar", by_day([0, 1]))
+@pytest.mark.parametrize("channel", by_day(GYROS))
+@pytest.mark.parametrize("size", by_day([2.0, -10.0]))
 def test_of_two_the_liar_is_named_or_suspected_whoever_drives_the_estimator(channel, liar, driver, size):
     found = said((liar, gb.Bias(channel=channel, onset_s=ONSET_S, size=size)), driver=driver)
     failed, suspected = accused(found)
@@ -69,11 +70,13 @@ def test_of_two_the_liar_is_named_or_suspected_whoever_drives_the_estimator(chan
 
 @pytest.mark.parametrize(
     ("liar", "fault"),
-    [
-        (1, gb.SignFlip(channel="p", onset_s=ONSET_S)),  # bends the attitude, which shows about the other axes
-        (1, gb.ScaleFactor(channel="q", onset_s=ONSET_S, factor=0.4)),  # bends it hardly, as gains do
-        (0, gb.Bias(channel="p", onset_s=ONSET_S, size=-20.0)),  # turns it round and round: it agrees with its gyro
-    ],
+    by_day(
+        [
+            (1, gb.SignFlip(channel="p", onset_s=ONSET_S)),  # bends the attitude, which shows about the other axes
+            (1, gb.ScaleFactor(channel="q", onset_s=ONSET_S, factor=0.4)),  # bends it hardly, as gains do
+            (0, gb.Bias(channel="p", onset_s=ONSET_S, size=-20.0)),  # turns it round and round: it agrees with its gyro
+        ]
+    ),
     ids=str,
 )
 def test_an_attitude_that_the_broken_one_of_two_bends_is_no_witness_of_the_healthy_one(liar, fault):
@@ -98,15 +101,16 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("liar", [0, 2])
-@pytest.mark.parametrize("kind", FAULTS)
-@pytest.mark.parametrize("channel", ["p", "r"])
+@pytest.mark.parametrize("liar", by_day([0, 2]))
+@pytest.mark.parametrize("kind", by_day(FAULTS))
+@pytest.mark.parametrize("channel", by_day(["p", "r"]))
 def test_of_three_the_one_that_parts_from_both_is_named(channel, kind, liar):
     failed, suspected = accused(said((liar, FAULTS[kind](channel)), count=3, step=FAST))
     assert failed == {name_of(channel, liar)}
     assert suspected == set()
 
 
+@pytest.mark.nightly
 def test_of_three_of_which_two_fail_no_healthy_one_is_named():
     both = [(number, gb.Bias(channel="p", onset_s=ONSET_S, size=size)) for number, size in ((0, 2.0), (1, -2.0))]
     failed, suspected = accused(said(*both, count=3))
@@ -114,7 +118,7 @@ def test_of_three_of_which_two_fail_no_healthy_one_is_named():
     assert failed <= {"p", gyro_of("p", "IMU2")}
 
 
-@pytest.mark.parametrize("turned", [QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]])
+@pytest.mark.parametrize("turned", by_day([QUARTER, QUARTER @ QUARTER, QUARTER[[2, 0, 1]]]))
 def test_one_that_is_mounted_turned_along_the_axes_is_told_and_judged_by_its_own_names(turned):
     assert accused(said(turned=turned)) == (set(), set())
     found = said((1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)), count=2, turned=turned)
@@ -148,7 +152,7 @@ def test_one_that_is_mounted_askew_is_told_and_not_judged():
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
 
 
-@pytest.mark.parametrize("factor", [0.95, 1.03])
+@pytest.mark.parametrize("factor", by_day([0.95, 1.03]))
 def test_a_scale_that_lasts_is_told_and_accuses_nobody(factor):
     found = said(turned=factor * np.eye(3))
     assert accused(found) == (set(), set())
@@ -165,6 +169,7 @@ def test_one_whose_axis_has_the_wrong_sign_is_told_and_not_judged():
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
 
 
+@pytest.mark.nightly
 def test_one_that_is_late_and_scaled_is_judged_none_the_worse():
     assert accused(said(late_s=0.01, turned=1.02 * np.eye(3))) == (set(), set())
     late = said((1, gb.Bias(channel="p", onset_s=ONSET_S, size=2.0)), late_s=0.01, turned=1.02 * np.eye(3))

@@ -8,6 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import JUDGED_SPLITS, PRIVATE, TEST, load_definition, with_secret
 from gtmbench.study.benchmark.flights import make, shipped_facts
+from tests.helpers.night import by_day
 from tests.helpers.small_benchmark import tiny
 
 FROZEN = "eb081dc7c72c04d0"
@@ -31,7 +32,7 @@ def test_every_public_flight_ships_its_digest_and_its_limit(definition):
     assert {name for name, (_, limit_s) in facts.items() if not np.isnan(limit_s)} == broken
 
 
-@pytest.mark.parametrize("group", [group.name for group in FULL.groups])
+@pytest.mark.parametrize("group", by_day([group.name for group in FULL.groups], 2))
 def test_flights_have_the_bits_that_ship(group):
     if FULL.differing:
         pytest.skip(f"not gtmbench-1: {FULL.differing}")

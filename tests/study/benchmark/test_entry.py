@@ -7,6 +7,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.benchmark.definition import CALIBRATION, TEST
 from gtmbench.study.benchmark.entry import read_entry
+from tests.helpers.night import by_day
 from tests.helpers.small_benchmark import finds, noise_of, tiny, write_scores
 
 
@@ -97,7 +98,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("case", by_day(BAD, 3))
 def test_what_is_wrong_is_said_in_one_line(folder, definition, case):
     spoilt, said = BAD[case]
     spoilt(first(definition, folder)[1])

@@ -315,6 +315,7 @@ def test_a_million_fold_typo_is_asked_about_at_once(cli, tmp_path):
 # ---- runs that go on ----
 
 
+@pytest.mark.nightly
 def test_shards_and_processes_come_to_the_same_bytes_as_one_run(cli, tmp_path):
     path = written(tmp_path)
     assert cli("campaign", path, "--out", "whole", "--jobs", 1)[0] == 0

@@ -173,6 +173,7 @@ def test_what_is_drawn_is_flights_and_not_trials():
         assert pair.p == pytest.approx(2.0 * 0.5 ** len(np.unique(flights)))
 
 
+@pytest.mark.nightly
 def test_two_that_are_alike_are_told_apart_as_rarely_as_promised():
     rng, told = np.random.default_rng(8), 0
     flights = np.repeat(np.arange(12), 6)

@@ -11,6 +11,7 @@ from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.searches import first_detected, search_row, searches_of
 from gtmbench.study.flights import fly_setup
 from tests.helpers.campaigns import loaded
+from tests.helpers.night import by_day
 from tests.helpers.watching import monitor
 from tests.study.campaign.test_campaign import BROKEN
 
@@ -25,11 +26,13 @@ def flown(tmp_path_factory):
 
 @pytest.mark.parametrize(
     "table",
-    [
-        SEARCH,
-        {"kind": "deadzone", "channels": ["p"], "onset_s": 60.0, "half_width": ["1 % of rms", "300 % of rms"]},
-        {"kind": "saturation", "channels": ["r"], "onset_s": 60.0, "limit": ["100 % of peak", "1 % of peak"]},
-    ],
+    by_day(
+        [
+            SEARCH,
+            {"kind": "deadzone", "channels": ["p"], "onset_s": 60.0, "half_width": ["1 % of rms", "300 % of rms"]},
+            {"kind": "saturation", "channels": ["r"], "onset_s": 60.0, "limit": ["100 % of peak", "1 % of peak"]},
+        ]
+    ),
     ids=lambda table: table["kind"],
 )
 def test_what_is_found_is_detected_by_watching_and_a_milder_fault_isnt(flown, table):

@@ -83,6 +83,7 @@ def said(tmp_path_factory):
     return gb.watch_log(path, "C", healthy=[(0, 80)])
 
 
+@pytest.mark.nightly
 def test_a_complaint_is_no_reason_for_doubt(said):
     assert [alarm.verdict for alarm in said.alarms][:1] == ["q failed"]
     assert [event.kind for event in said.log.events] == [EventKind.COMPLAINT]
@@ -116,6 +117,7 @@ def test_the_report_the_json_and_the_figure_tell_both(said, tmp_path):
     assert (tmp_path / "log.png").stat().st_size > 10_000
 
 
+@pytest.mark.nightly
 def test_a_log_without_events_says_nothing_of_an_autopilot(tmp_path):
     gb.write_log(imus(1)[0].between(0.0, 40.0), tmp_path / "flight.csv")
     watched = gb.watch_log(tmp_path / "flight.csv", "C", healthy=[(0, 30)])

@@ -12,6 +12,7 @@ from gtmbench.errors import InputError
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.airliner import MANOEUVRES, airliner
 from tests.helpers.monitors import record
+from tests.helpers.night import by_day
 from tests.helpers.sealed import resealed
 
 FREE = bank_between(["p", "beta", "ny"], ["r"])
@@ -34,14 +35,17 @@ def alarmed(monitor, rate_hz=25, duration_s=30):
     return [manoeuvre for manoeuvre, flight in held.items() if bank_alarms(monitor, flight)]
 
 
-@pytest.mark.parametrize("rate_hz", [25, 50, 100])
-@pytest.mark.parametrize("manoeuvres", [("late",), ("all",), ("pitch", "roll", "yaw")], ids="+".join)
+MOVED = by_day(map(pytest.param, [("late",), ("all",), ("pitch", "roll", "yaw")]))
+
+
+@pytest.mark.parametrize("rate_hz", by_day([25, 50, 100]))
+@pytest.mark.parametrize("manoeuvres", MOVED, ids="+".join)
 def test_other_manoeuvres_stay_quiet_where_every_axis_was_moved(manoeuvres, rate_hz):
     assert alarmed(calibrated(*manoeuvres, rate_hz=rate_hz), rate_hz) == []
 
 
-@pytest.mark.parametrize("rate_hz", [25, 100])
-@pytest.mark.parametrize("manoeuvre", ["pitch", "roll", "yaw", "still"])
+@pytest.mark.parametrize("rate_hz", by_day([25, 100]))
+@pytest.mark.parametrize("manoeuvre", by_day(["pitch", "roll", "yaw", "still"]))
 def test_other_manoeuvres_stay_quiet_where_one_axis_was_moved_or_none(manoeuvre, rate_hz):
     """The operator's error of the other axes lasts as long as the motion: it isn't averaged out as noise is."""
     assert alarmed(calibrated(manoeuvre, rate_hz=rate_hz), rate_hz) == []

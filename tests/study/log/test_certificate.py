@@ -59,8 +59,8 @@ def trials(kind, sensor, size, count, seed):
 pytestmark = pytest.mark.usefixtures("whole_certificates")
 
 
-@pytest.mark.parametrize("kind", KIND)
-@pytest.mark.parametrize("sensor", ["p", "r"])
+@pytest.mark.parametrize("kind", by_day(KIND))
+@pytest.mark.parametrize("sensor", by_day(["p", "r"]))
 def test_a_fault_alarms_by_superposition_where_it_does_when_it_is_put_on_the_record(sensor, kind):
     watch, row = flight(), certificate().of(sensor, kind)
     on = watch.monitor.superposition(watch, sensor)
@@ -121,6 +121,7 @@ def test_another_start_changes_nothing():
         assert row.size == pytest.approx(other.size, rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_another_unit_scales_sizes():
     noise = np.random.default_rng(7).standard_normal((4000, 2))
     values = noise @ [[1.0, 1.0], [0.0, 0.1]]
@@ -158,6 +159,7 @@ def test_nothing_is_certified_of_a_log_that_was_watched_for_some_samples_only():
     assert (said.rows, said.missing) == ((), "too little of it was watched")
 
 
+@pytest.mark.nightly
 def test_a_sensor_that_is_no_longer_watched_isnt_seen():
     """q is jammed at 170 s of 146.5..239 s, and stays disarmed; p isn't touched by that."""
     watch = jammed().watches[1]

@@ -11,6 +11,7 @@ from gtmbench.detectors.monitor.regime import FAILURE, IMPACT, PUSHED, TOUCHDOWN
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import of_alarm
 from gtmbench.verdict.timeline import State
+from tests.helpers.night import by_day
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 
@@ -43,7 +44,7 @@ def watched(record, about):
     return monitor().watch(record, outside=[about]).faults
 
 
-@pytest.mark.parametrize("reason", [IMPACT, TOUCHDOWN, PUSHED, MOTION, FAILURE])
+@pytest.mark.parametrize("reason", by_day([IMPACT, TOUCHDOWN, PUSHED, MOTION, FAILURE], 2))
 @pytest.mark.parametrize("is_hard", [False, True])
 def test_what_a_contact_raises_is_never_clear_and_what_follows_its_end_is_not_excused(reason, is_hard):
     about = Excursion(start_s=99.5, end_s=103.5, reason=reason, is_hard=is_hard)
@@ -78,7 +79,7 @@ def test_accelerometers_alone_tell_of_no_contact_and_nothing_that_lasts_is_one()
     assert (soft.is_hard, hard.is_hard, hard.reason) == (False, True, IMPACT)
 
 
-@pytest.mark.parametrize("has_events", [False, True])
+@pytest.mark.parametrize("has_events", by_day([False, True]))
 def test_a_crash_at_the_end_is_said_beside_what_was_judged_before_it(tmp_path, has_events):
     record = flight() if has_events else bumped(flight(), 136.0, 140.0)
     if not has_events:

@@ -73,6 +73,7 @@ def rows_of(folder):
     return {Path(row["log"]).name: row for row in pq.read_table(folder / "out/fleet.parquet").to_pylist()}
 
 
+@pytest.mark.nightly
 def test_every_log_is_a_row_and_a_bad_one_says_why(flown):
     rows = rows_of(flown)
     assert list(rows) == ["flight_9.csv", "flight_10.csv", "flight_11.csv"]
@@ -88,6 +89,7 @@ def test_every_log_is_a_row_and_a_bad_one_says_why(flown):
     assert healthy["autopilot"] is None
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("whole_certificates")
 def test_a_row_is_what_the_log_alone_comes_to(flown):
     path = flown / "logs/flight_9.csv"

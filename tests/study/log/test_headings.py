@@ -10,6 +10,7 @@ from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import truth
+from tests.helpers.night import by_day
 
 HEALTHY = [(0.0, 80.0)]
 
@@ -35,7 +36,7 @@ HEADINGS = {"zero": lambda _, __: "0", "late": lambda share, read: "" if share <
 WHY = {"zero": "the heading never changes: psi reads 0 all the time", "late": "psi is missing in 70 % of the log"}
 
 
-@pytest.mark.parametrize("name", HEADINGS)
+@pytest.mark.parametrize("name", by_day(HEADINGS))
 def test_a_heading_of_no_use_leaves_p_and_q_watched_and_says_so(flown, name, tmp_path):
     watched = gb.watch_log(logged(flown, tmp_path, HEADINGS[name]), "auto", healthy=HEALTHY)
     assert watched.verdict.unjudged == ("r", "psi")  # which are asked, too

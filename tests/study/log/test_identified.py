@@ -141,12 +141,14 @@ def watched(log, tmp_path_factory):
     return {name: watch_log(folder / f"{name}.csv", "C", healthy=[(0.0, 60.0)]) for name in ("whole", "reset")}
 
 
+@pytest.mark.nightly
 def test_a_residual_is_as_large_as_without_the_reset(watched):
     rms = {name: float(each.monitor.operators["r"].rms_residual[0]) for name, each in watched.items()}
     assert rms["reset"] == pytest.approx(rms["whole"], rel=0.1)
     assert watched["reset"].outcome is Outcome.HEALTHY
 
 
+@pytest.mark.nightly
 def test_what_was_left_out_is_said_shown_and_written(watched):
     reset = watched["reset"]
     (reason,) = [line for line in reset.reasons if "left out of identification" in line]

@@ -25,6 +25,7 @@ from gtmbench.study.fault_tables import fault_specs
 from gtmbench.study.log.injection import inject_log
 from tests.faults.test_several_faults import table
 from tests.helpers.intake_files import ulog
+from tests.helpers.night import by_day
 from tests.intake.test_intake_hostile import whole
 
 PERIOD_S, ROWS = 0.1, 60
@@ -98,6 +99,7 @@ STATED = st.builds(
 )
 
 
+@pytest.mark.nightly
 @settings(max_examples=60)
 @given(layout=layouts(), fault=STATED, seed=st.integers(0, 99))
 def test_of_a_csv_only_the_broken_columns_active_cells_change(tmp_path_factory, layout, fault, seed):
@@ -605,24 +607,30 @@ def test_a_bent_attitude_beyond_euler_angles_and_a_log_without_one_are_refused_i
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [
-        (
-            ("--out", "x.csv"),
-            r"--trial is missing, and there are several of two.toml: 1 drift of p, slope 0.5, from 43 s",
-        ),
-        (("--out", "x.csv", "--trial", 4), "there is no trial 4 of two.toml"),
-        (("--out", "x.csv", "--trial", 0), "there is no trial 0 of two.toml"),
-        (("--out", "x.csv", "--trial", 3), "trial 3: half_width is '50 % of rms', and what it is a share of is only"),
-        (("--trial", 1), "--out is missing"),
-        (("--out", "log.csv", "--trial", 1, "--force"), "--out is the log itself"),
-        (("--out", "x.parquet", "--trial", 1), "its name ends in '.csv'"),
-        (("--out", "there.csv", "--trial", 1), "there.csv exists"),
-        (("--out", "x.csv", "--trial", 1, "--map", "p=gyro:rad/s"), "no column 'gyro'"),
-        (("--out", "x.csv", "--trial", 1, "--attitude", "folows"), "did you mean 'follows'?"),
-        (("--out", "x.csv", "--trial", 1, "--attitude", "follows:soon"), "'soon' is no time constant in seconds"),
-        (("--out", "x.csv", "--trial", 1, "--attitude", "follows:-1"), "time_constant_s is -1.0"),
-        (("--out", "x.csv", "--trial", 1, "--attitude", "own", "--time-constant-s", "2"), "has no time constant"),
-    ],
+    by_day(
+        [
+            (
+                ("--out", "x.csv"),
+                r"--trial is missing, and there are several of two.toml: 1 drift of p, slope 0.5, from 43 s",
+            ),
+            (("--out", "x.csv", "--trial", 4), "there is no trial 4 of two.toml"),
+            (("--out", "x.csv", "--trial", 0), "there is no trial 0 of two.toml"),
+            (
+                ("--out", "x.csv", "--trial", 3),
+                "trial 3: half_width is '50 % of rms', and what it is a share of is only",
+            ),
+            (("--trial", 1), "--out is missing"),
+            (("--out", "log.csv", "--trial", 1, "--force"), "--out is the log itself"),
+            (("--out", "x.parquet", "--trial", 1), "its name ends in '.csv'"),
+            (("--out", "there.csv", "--trial", 1), "there.csv exists"),
+            (("--out", "x.csv", "--trial", 1, "--map", "p=gyro:rad/s"), "no column 'gyro'"),
+            (("--out", "x.csv", "--trial", 1, "--attitude", "folows"), "did you mean 'follows'?"),
+            (("--out", "x.csv", "--trial", 1, "--attitude", "follows:soon"), "'soon' is no time constant in seconds"),
+            (("--out", "x.csv", "--trial", 1, "--attitude", "follows:-1"), "time_constant_s is -1.0"),
+            (("--out", "x.csv", "--trial", 1, "--attitude", "own", "--time-constant-s", "2"), "has no time constant"),
+        ],
+        5,
+    ),
 )
 def test_what_cant_be_meant_is_one_line_and_leaves_nothing_behind(cli, here, options, message):
     (here / "there.csv").write_text("mine")

@@ -6,6 +6,7 @@ import gtmbench as gb
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.verdict.timeline import State
 from tests.engine.course.test_course_contract import ONSET_S, SIZES, flown
+from tests.helpers.night import by_day
 
 
 def watched(record, folder):
@@ -21,6 +22,7 @@ def test_an_accelerometer_that_fails_is_in_the_first_line_with_its_size(tmp_path
     assert verdict_text(told).startswith("The vertical accelerometer (nz) failed from ")
 
 
+@pytest.mark.nightly
 def test_one_of_two_that_nobody_asks_is_told_beside_the_all_clear(tmp_path):
     drifts = gb.Drift(channel="altitude", onset_s=ONSET_S, slope=SIZES["altitude"] / 30.0)
     told = watched(gb.inject(flown(), drifts), tmp_path)
@@ -30,7 +32,7 @@ def test_one_of_two_that_nobody_asks_is_told_beside_the_all_clear(tmp_path):
     assert told.timeline.at("altitude", 120.0).state is State.SUSPECTED
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", by_day([3, 4]))
 def test_a_healthy_flight_accuses_no_other_sensor(tmp_path, seed):
     told = watched(flown(seed=seed), tmp_path)
     assert (told.verdict.failed, told.verdict.suspected) == ((), ())

@@ -20,6 +20,7 @@ from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers import clocked_logs as logs
 from tests.helpers.clocked_logs import ATTITUDE, GYRO, messages, without
+from tests.helpers.night import by_day
 
 C = gb.load_bank("C")
 PAUSE = (20.0, 22.0)
@@ -59,8 +60,8 @@ def same_time(time_s):
 # who, and when
 
 
-@pytest.mark.parametrize(("message", "channels"), [("gyro", GYRO), ("attitude", ATTITUDE)])
-@pytest.mark.parametrize("name", logs.FORMATS)
+@pytest.mark.parametrize(("message", "channels"), by_day([("gyro", GYRO), ("attitude", ATTITUDE)]))
+@pytest.mark.parametrize("name", by_day(logs.FORMATS))
 def test_a_message_that_pauses_while_another_lives_is_a_dropout_of_its_channels(name, message, channels, tmp_path):
     log = watched(name, without(messages(), message, PAUSE), tmp_path)
     assert log.outcome is Outcome.FAILED
@@ -89,7 +90,7 @@ def test_the_command_tells_it_in_words(cli, tmp_path):
     assert "phi, theta, psi are clear" in verdict
 
 
-@pytest.mark.parametrize("name", logs.FORMATS)
+@pytest.mark.parametrize("name", by_day(logs.FORMATS, 2))
 def test_a_pause_of_all_is_a_gap(name, tmp_path):
     sent = messages()
     for message in list(sent):

@@ -16,6 +16,7 @@ from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.self_check.outcome import SelfCheck, Stop
 from gtmbench.study.log.timeline import Evidence, shifted_gyros, timeline_of
 from gtmbench.verdict.timeline import State
+from tests.helpers.night import by_day
 from tests.helpers.turning import SENSORS, from_on, motion, with_error
 
 MONITOR = gb.FunctionDetector(lambda _: [], name="never", channels=("p", "q")).calibrate()
@@ -101,7 +102,7 @@ def test_nobody_is_named_against_the_whole_log():
     assert short.at("q", 53.0).state is State.FAILED
 
 
-@pytest.mark.parametrize("is_driven", [False, True])
+@pytest.mark.parametrize("is_driven", by_day([False, True]))
 def test_behind_an_estimator_nobody_is_named_while_another_gyro_parts(is_driven):
     """What bends the attitude shows on other axes, too: here p differs by 4 deg/s, and r by 6 that nobody names."""
     broken = with_error(with_error(motion(), "p", from_on(60.0, 4.0)), "r", from_on(62.0, 6.0))
@@ -143,7 +144,7 @@ def test_a_failure_stands_from_its_onset_to_the_end_and_all_else_is_clear():
     assert all(is_clear(timeline, sensor, 90.0) for sensor in ("p", "r", "theta"))
 
 
-@pytest.mark.parametrize("until_s", [75.0, 90.0])
+@pytest.mark.parametrize("until_s", by_day([75.0, 90.0]))
 def test_a_failure_that_ends_is_over_where_the_sensor_reads_as_before_and_clear_behind_it(until_s):
     broken = with_error(motion(), "q", from_on(50.0, 4.0, until_s))
     timeline = timeline_of(evidence(broken, alarms=[named("q", 50.0)]))

@@ -152,6 +152,7 @@ def test_spans_may_be_open_several_and_overlap(logs, spans, same, watched):
     assert other.monitor.thresholds == log.monitor.thresholds
 
 
+@pytest.mark.nightly
 def test_other_logs_teach_and_all_of_this_one_is_watched(logs):
     watched = watch_log(logs("broken"), C, healthy=[logs("other")])
     assert watched.identified_s == ()
@@ -185,6 +186,7 @@ def test_without_a_word_the_first_part_is_taken_as_healthy_and_that_is_said(logs
     assert first_part(a_log(0.0, 10.0, [])) == (0.0, 300.0)
 
 
+@pytest.mark.nightly
 def test_rates_follow_the_log_up_to_100_hz_and_the_monitor(logs, folder):
     fast = flight(3, 100)
     doubled = np.column_stack([np.interp(np.arange(12_000) / 2.0, np.arange(6001), column) for column in fast.values.T])
@@ -211,6 +213,7 @@ def test_samples_far_slower_than_the_monitor_are_refused_in_a_line(folder):
         watch_log(folder / "slow.csv", made_up.monitor())
 
 
+@pytest.mark.nightly
 def test_a_log_that_loses_every_fiftieth_row_is_watched_throughout(folder):
     whole = made_up.record(12_000, seed=92).frame().reset_index()
     kept = np.random.default_rng(1).random(len(whole)) >= 0.02

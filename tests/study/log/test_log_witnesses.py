@@ -14,6 +14,7 @@ from tests.helpers import clocked_logs as logs
 from tests.helpers import intake_files as files
 from tests.helpers.clocked_logs import messages, without
 from tests.helpers.monitors import monitor
+from tests.helpers.night import by_day
 
 C = gb.load_bank("C")
 LEAK = gb.GSensitivity(channel="p", onset_s=30.0, axis="nz", coefficient=3.0)
@@ -34,7 +35,7 @@ def ready(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("name", ["table.csv", "log.csv", "log.ulg", "log.bin", "json.mcap"])
+@pytest.mark.parametrize("name", by_day(["table.csv", "log.csv", "log.ulg", "log.bin", "json.mcap"]))
 def test_a_gyro_that_acceleration_leaks_into_is_told_as_that(name, cli, ready, tmp_path):
     path = tmp_path / name
     if name == "table.csv":
@@ -51,6 +52,7 @@ def test_a_gyro_that_acceleration_leaks_into_is_told_as_that(name, cli, ready, t
     assert any(line.startswith("used for diagnosis only") and "nz = " in line for line in printed["log"]["method"])
 
 
+@pytest.mark.nightly
 def test_a_witness_may_be_mapped(cli, ready, tmp_path):
     flight = leaking(logs.record(2500, seed=11))
     frame = (
@@ -97,7 +99,7 @@ WITNESSED = {
 }
 
 
-@pytest.mark.parametrize("how", WITNESSED)
+@pytest.mark.parametrize("how", by_day(WITNESSED, 3))
 def test_a_witness_changes_no_segment_no_remark_and_no_alarm(how, tmp_path):
     given = without(sent(), "attitude", (12.0, 13.0))
     given["acceleration"] = WITNESSED[how](given["acceleration"]) or given["acceleration"].without((-1e9, 1e9))

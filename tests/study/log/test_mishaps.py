@@ -110,6 +110,7 @@ def test_a_short_inverted_pass_is_no_mishap(seconds):
     assert mishaps([], [record]) == ()
 
 
+@pytest.mark.nightly
 def test_gyros_are_judged_by_the_whole_log_where_a_bank_had_to_learn_from_a_crash(tmp_path):
     """A healthy flight whose accelerometers say that it lay on its side early on."""
     plain = MECHANISMS["plain"](3).record.select(list(GYROS + ATTITUDE))

@@ -14,6 +14,7 @@ from gtmbench.study.log.self_check.outcome import SelfCheck, check_watched
 from gtmbench.study.log.watch import watch_log
 from gtmbench.verdict.verdict import Outcome
 from tests.helpers.autopilot_logs import ardupilot, imus
+from tests.helpers.night import by_day
 
 DURATION_S = 200.0
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
@@ -37,6 +38,7 @@ def healthy(tmp_path_factory):
     return watched(tmp_path_factory.mktemp("log"), misled())
 
 
+@pytest.mark.nightly
 def test_p_and_q_are_watched_where_only_r_is_unexplained_and_that_is_no_all_clear(healthy):
     assert healthy.outcome is Outcome.UNKNOWN
     assert healthy.alarms == ()
@@ -51,14 +53,14 @@ def test_p_and_q_are_watched_where_only_r_is_unexplained_and_that_is_no_all_clea
     assert healthy.unwatched["r"] in healthy.reasons
 
 
-@pytest.mark.parametrize("channel", ["p", "q"])
+@pytest.mark.parametrize("channel", by_day(["p", "q"]))
 def test_a_fault_of_p_or_q_is_found_there(tmp_path, channel):
     found = watched(tmp_path, misled(gb.Jam(channel=channel, onset_s=150.0)))
     assert found.outcome is Outcome.FAILED
     assert all(channel in alarm.candidates and alarm.sensor in (None, channel) for alarm in found.alarms)
 
 
-@pytest.mark.parametrize("channel", ["p", "q"])
+@pytest.mark.parametrize("channel", by_day(["p", "q"]))
 def test_a_log_in_which_more_than_r_is_unexplained_is_refused_as_before(tmp_path, channel):
     record = misled()
     shaken = 60.0 * np.sin(3.0 * record.time_s + 5.0 * np.sin(0.1 * record.time_s))

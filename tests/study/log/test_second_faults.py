@@ -7,6 +7,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.study.log.second_faults import second_faults
 from tests.helpers import monitors
+from tests.helpers.night import by_day
 
 SAMPLES = 4000  # 80 s
 
@@ -43,8 +44,8 @@ def test_nothing_is_told_beside_a_fault_that_is_alone(sensor):
     assert told == []
 
 
-@pytest.mark.parametrize(("first", "second"), [("p", "q"), ("q", "r"), ("r", "p")])
-@pytest.mark.parametrize("apart_s", [20.0, 28.0])
+@pytest.mark.parametrize(("first", "second"), by_day([("p", "q"), ("q", "r"), ("r", "p")]))
+@pytest.mark.parametrize("apart_s", by_day([20.0, 28.0]))
 def test_a_second_gyro_is_named_with_its_size(first, second, apart_s):
     told, named = found(bias(first, 30.0, 4.0), bias(second, 30.0 + apart_s, -5.0))
     assert first in named

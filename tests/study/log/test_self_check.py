@@ -27,6 +27,7 @@ from gtmbench.verdict.timeline import State
 from gtmbench.verdict.verdict import Outcome
 from recorded.mutations import MORE_MUTATIONS, MUTATIONS, Mutation, is_cause, mutated
 from tests.helpers.airliner import airliner
+from tests.helpers.night import by_day
 
 SIX = ("p", "q", "r", "phi", "theta", "psi")
 ALL = {**MUTATIONS, **MORE_MUTATIONS}
@@ -70,7 +71,7 @@ def test_a_healthy_flight_has_no_cause(record):
     assert min(guesses([record])[0].fits.values()) > 0.8
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("name", by_day(WRONG, 2))
 def test_every_mutation_is_refused_with_its_cause_and_what_to_type_mends_it(name, tmp_path):
     mutation = ALL[name]
     found = watched(mutation.mutate(flight()), tmp_path)
@@ -218,7 +219,7 @@ FAULTS = [
 ]
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: f"{fault.kind} {fault.channel}")
+@pytest.mark.parametrize("fault", by_day(FAULTS), ids=lambda fault: f"{fault.kind} {fault.channel}")
 def test_a_fault_that_comes_in_is_watched_and_named_not_taken_for_a_wrong_mapping(fault, tmp_path):
     broken = gb.inject(flight(), fault)
     assert cause_of([broken]) == []
@@ -278,6 +279,7 @@ def test_what_a_bank_that_isnt_kinematic_leaves_unchecked_is_said(tmp_path):
     )
 
 
+@pytest.mark.nightly
 def test_a_bank_without_a_heading_is_checked_by_the_logs_heading_or_says_that_there_is_none(tmp_path):
     spec = {"inputs": ["p_turn"], "output": "p", "look_back_s": 0.1, "look_ahead_s": 0.1}
     bank = bank_of("p alone", {"suspects": ["p", "phi", "theta"], "residuals": [spec]})

@@ -86,6 +86,7 @@ def test_what_is_short_and_fast_in_what_was_learnt_from_is_not_clear():
     assert told.timeline.at("r", 27.0).state is State.CLEAR
 
 
+@pytest.mark.nightly
 def test_a_bank_is_learnt_where_nobody_failed():
     """A fault that lasts, in what would be learnt from: less is learnt from, and residuals are as small as ever."""
     told = flown(LASTING)
@@ -106,6 +107,7 @@ def test_a_log_that_fails_from_the_first_seconds_on_has_no_bank_and_is_judged_al
     assert any("nothing is left to learn a bank from" in reason for reason in told.reasons)
 
 
+@pytest.mark.nightly
 def test_who_was_said_to_be_healthy_and_is_not_is_told():
     record = gb.inject(monitors.record(7500, seed=3).select(("p", "q", "r", "phi", "theta", "psi")), LASTING)
     with TemporaryDirectory() as folder:

@@ -126,6 +126,7 @@ def scores(biased):
     return score_log(biased, "C")
 
 
+@pytest.mark.nightly
 def test_a_sitl_flight_is_a_trial_of_both(scores):
     (row,) = scores.trials
     assert scores.watched.identified_s == ((pytest.approx(0.0, abs=1.5), pytest.approx(84.0)),)

@@ -16,6 +16,7 @@ from gtmbench.intake.events import Event, EventKind
 from gtmbench.study.log.watch import watch_log
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.verdict.verdict import Outcome
+from tests.helpers.night import by_day
 
 LOG = ("p", "q", "r", "phi", "theta", "psi", "nx", "ny", "nz")
 CUT_S = 60.0
@@ -48,17 +49,19 @@ def shaken(record, start_s, end_s, size):
 # ---- what must be a fault ----
 
 
-@pytest.mark.parametrize("bank", ["C", "C-filtered"])
+@pytest.mark.parametrize("bank", by_day(["C", "C-filtered"]))
 @pytest.mark.parametrize(
     "fault",
-    [
-        gb.Bias(channel="q", onset_s=100.0, size=3.0),
-        gb.Drift(channel="p", onset_s=100.0, slope=1.0),
-        gb.ScaleFactor(channel="p", onset_s=100.0, factor=0.6),
-        gb.Deadzone(channel="p", onset_s=100.0, half_width=4.0),
-        gb.Noise(channel="r", onset_s=100.0, deviation=3.0),
-        gb.Jam(channel="q", onset_s=100.0),
-    ],
+    by_day(
+        [
+            gb.Bias(channel="q", onset_s=100.0, size=3.0),
+            gb.Drift(channel="p", onset_s=100.0, slope=1.0),
+            gb.ScaleFactor(channel="p", onset_s=100.0, factor=0.6),
+            gb.Deadzone(channel="p", onset_s=100.0, half_width=4.0),
+            gb.Noise(channel="r", onset_s=100.0, deviation=3.0),
+            gb.Jam(channel="q", onset_s=100.0),
+        ]
+    ),
     ids=lambda fault: fault.kind,
 )
 def test_a_gyros_fault_is_named_by_a_cautious_monitor(fault, bank):
@@ -105,7 +108,7 @@ def test_many_healthy_hours_know_better():
     assert not any(alarm.doubt for alarm in told)
 
 
-@pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.parametrize("name", by_day(MECHANISMS))
 def test_no_sensor_is_accused_of_what_autopilots_logs_do(name, tmp_path):
     path = tmp_path / "log.csv"
     for seed in (42, 43) if name == "hardly fresh" else (40, 41):  # a minute at 2.5 Hz is refused as too short
