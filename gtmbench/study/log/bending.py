@@ -69,24 +69,13 @@ def following_in_log(
 ) -> Following:
     """Return whether a log's attitude follows faults of some channels.
 
-    Parameters
-    ----------
-    log : Path or ReadLog
-        Healthy.
-    broken : iterable of str
-        The channels that faults change.
-    mapping : sequence of str
-        As `open_log` takes it.
-    attitude : str or AttitudeEstimator
-        "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is; "auto": it
-        follows where the gyros drive it (`origin_in_logs`).
-    time_constant_s : float, optional
-        Of the estimator; without it the log's own, where that shows (`time_constant_in_log`), else 5 s.
-
-    Raises
-    ------
-    InputError
-        Where the log can't be read, or the attitude is to follow and can't.
+    log: healthy.
+    broken: the channels that faults change.
+    mapping: as `open_log` takes it.
+    attitude: "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is;
+    "auto": it follows where the gyros drive it (`origin_in_logs`).
+    time_constant_s: of the estimator; without it the log's own, where that shows (`time_constant_in_log`), else 5 s.
+    Raises InputError where the log can't be read, or the attitude is to follow and can't.
     """
     kind, told = _named_estimator(attitude, time_constant_s)
     if kind == OWN:
@@ -167,12 +156,8 @@ def bent_samples(
     Gyros and attitude are laid on the stamps of all gyros, where the bend is worked out by
     `AttitudeEstimator.bent_path`, and the bend onto the stamps of each angle.
 
-    Parameters
-    ----------
-    samples : mapping
-        Of the gyros and angles that the log has; one that it hasn't counts as zero.
-    broken : mapping
-        Values of the gyros' samples with faults.
+    samples: of the gyros and angles that the log has; one that it hasn't counts as zero.
+    broken: values of the gyros' samples with faults.
     """
     time_s = _stamps([samples[name] for name in GYROS if name in samples])
 

@@ -49,19 +49,11 @@ _JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of fault that is tried, by one parameter.
-
-    Attributes
-    ----------
-    fault : type of Fault
-    shape : Shape
-    within_s : float
-        How long after its onset it has to alarm.
-    """
+    """A kind of fault that is tried, by one parameter."""
 
     fault: type[Fault]
     shape: Shape
-    within_s: float = 10.0
+    within_s: float = 10.0  # how long after its onset it has to alarm
 
     def at(self, sensor: str, onset_s: float, size: float, *, is_turned: bool) -> Fault:
         """Return the fault of a size, upwards or, where it has two directions and is turned, downwards.
@@ -98,32 +90,20 @@ def kinds() -> tuple[Kind, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class Smallest:
-    """The smallest fault of a kind that would have been seen.
-
-    Attributes
-    ----------
-    sensor, kind : str
-    size : float or None
-        In the sensor's unit, of a drift in that per second; of a scale factor, how far it is from 1. None where no size
-        would have been seen often enough.
-    share : float
-        Of the time watched in which one of this size, or of the largest that was tried, would have alarmed.
-    within_s : float
-        How long after its onset.
-    named_from : float or None
-        From which size on it would have been named, too, and no other sensor; None where not up to five times `size`,
-        or not asked for.
-    time_constant_s : float or None
-        Of the estimator through which the fault was put, the worse of those that are plausible; None where the attitude
-        doesn't follow the sensor.
-    """
+    """The smallest fault of a kind that would have been seen."""
 
     sensor: str
     kind: str
+    # In the sensor's unit, of a drift in that per second; of a scale factor, how far it is from 1. None where no size
+    # would have been seen often enough.
     size: float | None
-    share: float
-    within_s: float
+    share: float  # of the time watched in which one of this size, or of the largest that was tried, would have alarmed
+    within_s: float  # how long after its onset
+    # from which size on it would have been named, too, and no other sensor; None where not up to five times `size`, or
+    # not asked for
     named_from: float | None = None
+    # of the estimator through which the fault was put, the worse of those that are plausible; None where the attitude
+    # doesn't follow the sensor
     time_constant_s: float | None = None
 
     @property
@@ -134,27 +114,13 @@ class Smallest:
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """What a monitor would have seen on a log.
+    """What a monitor would have seen on a log."""
 
-    Attributes
-    ----------
-    rows : tuple of Smallest
-        One a sensor and kind.
-    watched_s : float
-        How long an alarm was possible, of any residual: what shares are of.
-    is_named : bool
-        Whether it was asked what would have been named.
-    missing : str
-        Why there is none, where there are no rows.
-    unwatched : tuple of str
-        What has no row although it may fail, and why, each in a line.
-    """
-
-    rows: tuple[Smallest, ...] = field(default=(), repr=False)
-    watched_s: float = 0.0
-    is_named: bool = False
-    missing: str = ""
-    unwatched: tuple[str, ...] = ()
+    rows: tuple[Smallest, ...] = field(default=(), repr=False)  # one a sensor and kind
+    watched_s: float = 0.0  # how long an alarm was possible, of any residual: what shares are of
+    is_named: bool = False  # whether it was asked what would have been named
+    missing: str = ""  # why there is none, where there are no rows
+    unwatched: tuple[str, ...] = ()  # what has no row although it may fail, and why, each in a line
 
     def of(self, sensor: str, kind: str) -> Smallest | None:
         """Return the row of a sensor and a kind; None where there is none."""
@@ -233,18 +199,11 @@ class _Trial:
 def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
-    Parameters
-    ----------
-    monitor : Monitor or Detector
-        One that predicts sensors, or knows surfaces, or there is no certificate.
-    watches : sequence of Watch
-        Its own.
-    named : bool
-        Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
-        named: seconds.
+    monitor: one that predicts sensors, or knows surfaces, or there is no certificate.
+    watches: its own.
+    named: whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
+    named: seconds.
 
-    Examples
-    --------
     >>> from gtmbench.detectors.bank.bank import bank_of
     >>> from gtmbench.detectors.bank_detector import calibrate
     >>> from gtmbench.values.record import Record

@@ -24,11 +24,7 @@ _FLIES_ON_S = 10  # seconds in which it turns, watched and without an alarm
 def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excursion | None:
     """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does.
 
-    Parameters
-    ----------
-    watches : sequence of Watch
-    excursions : sequence of Excursion
-        Of the whole log.
+    excursions: of the whole log.
     """
     return min(_crashes(watches, excursions), key=lambda each: each.start_s, default=None)
 

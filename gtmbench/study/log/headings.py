@@ -20,10 +20,7 @@ _ON_EDGE = 0.1  # of cos phi cos theta: below, r says nothing of the heading
 def no_heading(log: FlightLog) -> str:
     """Say why a log's heading is of no use: it never moves while bank or pitch do, or hardly is there; "" where it is.
 
-    Parameters
-    ----------
-    log : FlightLog
-        With phi, theta and psi.
+    log: with phi, theta and psi.
     """
     angles = np.concatenate([record.matrix(ATTITUDE) for record in log.segments])
     known = np.isfinite(angles)
@@ -39,13 +36,8 @@ def no_heading(log: FlightLog) -> str:
 def with_heading(record: Record) -> Record:
     """Return a record with the heading, in deg, that its r, phi and theta make; it begins with 0.
 
-    Parameters
-    ----------
-    record : Record
-        With r, phi and theta, without psi.
+    record: with r, phi and theta, without psi.
 
-    Examples
-    --------
     >>> turning = Record([[6.0, 0.0, 0.0]] * 101, channels=["r", "phi", "theta"], sample_period_s=0.1)
     >>> with_heading(turning)["psi"][[1, 50]].round(9)
     array([ 0.6, 30. ])

@@ -44,35 +44,21 @@ _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Said:
-    """What a monitor said.
-
-    Attributes
-    ----------
-    learnt : Learnt
-    watches : tuple of Watch
-        One a stretch that was watched, in time; none where the check stops.
-    excursions : tuple of Excursion
-        The stretches in which nothing can be told.
-    check : SelfCheck
-    installation : Installation or None
-        Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
-    judged : Judged or None
-        What the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
-        nothing rests on them.
-    course : CourseJudged or None
-        What the engine says of the sensors that no gyro enters, by the attitude where nobody broke it.
-    findings : tuple of str
-        Why it can't be told, where it can't; what limits what was said, where it can.
-    """
+    """What a monitor said."""
 
     learnt: Learnt
+    # one a stretch that was watched, in time; none where the check stops
     watches: tuple[Watch, ...] = field(default=(), repr=False)
-    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)  # the stretches in which nothing can be told
     check: SelfCheck = field(repr=False)
+    # lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them
     installation: Installation | None = None
+    # what the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
+    # nothing rests on them
     judged: Judged | None = field(default=None, repr=False)
+    # what the engine says of the sensors that no gyro enters, by the attitude where nobody broke it
     course: CourseJudged | None = field(default=None, repr=False)
-    findings: tuple[str, ...]
+    findings: tuple[str, ...]  # why it can't be told, where it can't; what limits what was said, where it can
 
 
 def first_alarms(watches: Sequence[Watch], judged: Judged | None) -> tuple[Alarm, ...]:

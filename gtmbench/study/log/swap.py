@@ -49,11 +49,7 @@ class Swap:
 def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
     """Return a bank that was learnt where nobody failed, as far as a swap tells, and that swap; None without one.
 
-    Parameters
-    ----------
-    first : Learnt
-        Where the swap accuses nobody, it stays.
-    progress : callable
+    first: where the swap accuses nobody, it stays.
     """
     swap = swapped(first)
     if swap is None or first.opened.judged is None:
@@ -71,12 +67,7 @@ def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
 
 
 def swapped(first: Learnt) -> Swap | None:
-    """Return what judges the part that was learnt from; None where nothing stands out there, or nothing can.
-
-    Parameters
-    ----------
-    first : Learnt
-    """
+    """Return what judges the part that was learnt from; None where nothing stands out there, or nothing can."""
     if first.check.stops or not first.identified_s or not predicts(first.monitor) or not _stands_out(first):
         return None
     start_s, end_s = whole_s(first.opened.log)

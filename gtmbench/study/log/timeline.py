@@ -53,59 +53,28 @@ class Certified:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """All that is known of a log when its timeline is laid out.
-
-    Attributes
-    ----------
-    log : FlightLog
-    sensors : tuple of str
-        The sensors that the log has.
-    monitor : Monitor or Detector
-    moving : tuple of Record
-        The log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them.
-    has_heading : bool
-        Whether its heading is a sensor's.
-    is_driven : bool
-        Whether the gyros drive the attitude.
-    judged : Judged or None
-        What the engine says of gyros and attitude over the whole log.
-    course : CourseJudged or None
-        What it says of the others.
-    alarms : tuple of Alarm
-        Of all others.
-    watches : tuple of Watch
-    check : SelfCheck
-    excursions : tuple of Excursion
-    unwatched : tuple of (sensor, reason)
-    certified : tuple of Certified
-        Of a monitor that rests on no motion: what clears the sensors that it predicts.
-    watched_imu : str
-    reasons : tuple of str
-        What limits the verdict, where nothing could have alarmed.
-    out_of_range : tuple of OutOfRange
-        Of all that was read.
-    beside : Standing or None
-        What the flight is beside those of its airframe before.
-    """
+    """All that is known of a log when its timeline is laid out."""
 
     log: FlightLog
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  # the sensors that the log has
     monitor: Monitor | Detector
+    # the log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them
     moving: tuple[Record, ...] = field(repr=False)
-    has_heading: bool
-    is_driven: bool
+    has_heading: bool  # whether its heading is a sensor's
+    is_driven: bool  # whether the gyros drive the attitude
+    # what the engine says of gyros and attitude over the whole log
     judged: Judged | None = field(default=None, repr=False)
-    course: CourseJudged | None = field(default=None, repr=False)
-    alarms: tuple[Alarm, ...]
+    course: CourseJudged | None = field(default=None, repr=False)  # what it says of the others
+    alarms: tuple[Alarm, ...]  # of all others
     watches: tuple[Watch, ...] = field(repr=False)
     check: SelfCheck
     excursions: tuple[Excursion, ...] = field(repr=False)
     unwatched: tuple[tuple[str, str], ...]
-    certified: tuple[Certified, ...]
+    certified: tuple[Certified, ...]  # of a monitor that rests on no motion: what clears the sensors that it predicts
     watched_imu: str
-    reasons: tuple[str, ...] = ()
-    out_of_range: tuple[OutOfRange, ...] = ()
-    beside: Standing | None = field(default=None, repr=False)
+    reasons: tuple[str, ...] = ()  # what limits the verdict, where nothing could have alarmed
+    out_of_range: tuple[OutOfRange, ...] = ()  # of all that was read
+    beside: Standing | None = field(default=None, repr=False)  # what the flight is beside those of its airframe before
 
 
 def timeline_of(evidence: Evidence) -> Timeline:

@@ -62,18 +62,11 @@ _GAINS = np.array([1.0, -1.0, _DEG, -_DEG, 1.0 / _DEG, -1.0 / _DEG])
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One thing that has to be undone.
+    """One thing that has to be undone."""
 
-    Attributes
-    ----------
-    kind : str
-        ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
-        `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
-        seconds); ``euler`` (the rates of phi, theta and psi instead of the body's).
-    channels : tuple of str
-    size : float
-    """
-
+    # ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
+    # `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
+    # seconds); ``euler`` (the rates of phi, theta and psi instead of the body's)
     kind: str
     channels: tuple[str, ...]
     size: float = 0.0
@@ -81,26 +74,15 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Guess:
-    """How a log may have to be read.
+    """How a log may have to be read."""
 
-    Attributes
-    ----------
-    changes : tuple of Change
-        None: as it is.
-    score : float
-        Less is better.
-    fits : mapping
-        How much of each live gyro's slow motion it explains: 1 all, 0 nothing.
-    gains : mapping
-        Between what the gain of each live gyro on its rate lies, as it is read; of the guess without changes alone.
-    lags_s : mapping
-        By how much the rate of each live gyro is late against it, likewise; by "" that of all of them together.
-    """
-
-    changes: tuple[Change, ...]
-    score: float
+    changes: tuple[Change, ...]  # None: as it is
+    score: float  # less is better
+    # how much of each live gyro's slow motion it explains: 1 all, 0 nothing
     fits: Mapping[str, float] = field(default_factory=dict)
+    # between what the gain of each live gyro on its rate lies, as it is read; of the guess without changes alone
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # by how much the rate of each live gyro is late against it, likewise; by "" that of all of them together
     lags_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -189,10 +171,7 @@ class _Wiring:
 def guesses(records: Iterable[Record]) -> list[Guess]:
     """Return how some records may have to be read, the likeliest first; empty where nothing moves.
 
-    Parameters
-    ----------
-    records : iterable of Record
-        With p, q, r, phi, theta, psi.
+    records: with p, q, r, phi, theta, psi.
     """
     records = list(records)
     made, held = _guesses(records), _repeated_channels(records)
@@ -264,14 +243,8 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
     None where nothing is wrong, where nothing makes every live gyro fit, where more than two guesses fit alike, or
     where what fits isn't in all parts of the records: what comes in half-way is a fault, not a matter of how to read.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-    records : sequence of Record
+    tried: as `guesses` returns them.
 
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> turned = [flight.replace("q", -flight["q"])]
@@ -293,12 +266,8 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
 def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
     """Tell whether a gyro would read much better in another way, be it that no cause can be named.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-    outputs : iterable of str
-        The gyros that are asked for.
+    tried: as `guesses` returns them.
+    outputs: the gyros that are asked for.
     """
     as_read = next((guess.fits for guess in tried if not guess.changes), {})
     best = tried[0].fits if tried else {}
@@ -308,13 +277,8 @@ def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
 def other_scales(tried: Sequence[Guess]) -> dict[str, tuple[float, float]]:
     """Return the gyros that turn much less, or more, than their attitude, and between what their gain on it lies.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
+    tried: as `guesses` returns them.
 
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> small = flight.replace("q", 0.7 * flight["q"])
@@ -331,13 +295,8 @@ def small_lags_s(tried: Sequence[Guess]) -> dict[str, float]:
     Such a lag is a part of a sample, or hardly more than a filter's: it is no cause that could be named, and yet is
     there. Samples that come seldom tell it by the top of the correlation between them.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
+    tried: as `guesses` returns them.
 
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=40.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> late = flight

@@ -21,31 +21,19 @@ _LOUDER = 1.5  # times what a residual was where it was identified: less is a ca
 
 @dataclass(frozen=True, kw_only=True)
 class Explained:
-    """What is left of a sensor's motion.
-
-    Attributes
-    ----------
-    output : str
-    where : str
-        ``identified`` or ``watched``.
-    share : float
-        1 - RMS of the residual / RMS of the signal, of slow motion about its mean; NaN where nothing moves.
-    residual, signal : float
-        These RMS values, in the sensor's unit.
-    is_asked : bool
-        Whether it must explain: where a pseudo input reads as the sensor. Other operators are tied to how the aircraft
-        is excited, and nothing says how much they have to explain.
-    is_calm : bool
-        Whether the residual is noise, more fast than slow and not against the virtual sensor, or no more than where it
-        was identified: too little motion to tell anything from.
-    """
+    """What is left of a sensor's motion."""
 
     output: str
-    where: str
-    share: float
+    where: str  # ``identified`` or ``watched``
+    share: float  # 1 - RMS of the residual / RMS of the signal, of slow motion about its mean; NaN where nothing moves
+    # residual, signal: these RMS values, in the sensor's unit
     residual: float
     signal: float
+    # Whether it must explain: where a pseudo input reads as the sensor. Other operators are tied to how the aircraft is
+    # excited, and nothing says how much they have to explain.
     is_asked: bool
+    # whether the residual is noise, more fast than slow and not against the virtual sensor, or no more than where it
+    # was identified: too little motion to tell anything from
     is_calm: bool
 
     @property

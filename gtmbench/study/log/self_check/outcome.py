@@ -45,26 +45,13 @@ _OTHER_MOTION = "gyros and attitude don't show one motion"
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Why a log isn't what a monitor expects.
+    """Why a log isn't what a monitor expects."""
 
-    Attributes
-    ----------
-    log : str
-        Its name.
-    changes : tuple of Change
-        What has to be undone.
-    text : str
-    why : str
-        How much of the motion the attitude explains with that undone, and as it is.
-    to_type : str
-        The options under which the log reads as it should; "" where there are none.
-    """
-
-    log: str
-    changes: tuple[Change, ...]
+    log: str  # its name
+    changes: tuple[Change, ...]  # what has to be undone
     text: str
-    why: str
-    to_type: str
+    why: str  # how much of the motion the attitude explains with that undone, and as it is
+    to_type: str  # the options under which the log reads as it should; "" where there are none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,26 +94,13 @@ class Doubt:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfCheck:
-    """What the self-check found.
+    """What the self-check found."""
 
-    Attributes
-    ----------
-    causes : tuple of Cause
-        Of a log that isn't what was expected; two of one log are either-or.
-    explained : tuple of Explained
-    stops : tuple of Stop
-        Why nothing is watched.
-    doubts : tuple of Doubt
-        Why silence says nothing, where something was watched.
-    notes : tuple of str
-        What isn't checked.
-    """
-
-    causes: tuple[Cause, ...] = ()
+    causes: tuple[Cause, ...] = ()  # of a log that isn't what was expected; two of one log are either-or
     explained: tuple[Explained, ...] = ()
-    stops: tuple[Stop, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
-    notes: tuple[str, ...] = ()
+    stops: tuple[Stop, ...] = ()  # why nothing is watched
+    doubts: tuple[Doubt, ...] = ()  # why silence says nothing, where something was watched
+    notes: tuple[str, ...] = ()  # what isn't checked
 
     @property
     def passed(self) -> bool:
@@ -146,37 +120,21 @@ class SelfCheck:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude.
-
-    Attributes
-    ----------
-    log : FlightLog
-    records : sequence of Record
-        With the detector's channels.
-    spans : sequence of Span
-    motion : sequence of Record
-        With p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them.
-    sources : tuple of Source
-        Which columns these are.
-    """
+    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude."""
 
     log: FlightLog
-    records: Sequence[Record]
+    records: Sequence[Record]  # with the detector's channels
     spans: Sequence[Span]
+    # with p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them
     motion: Sequence[Record] = ()
-    sources: tuple[Source, ...] = ()
+    sources: tuple[Source, ...] = ()  # which columns these are
 
 
 def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str) -> SelfCheck:
     """Check the channels that a detector reads, before anything is made of them.
 
-    Parameters
-    ----------
-    watcher : Detector or Monitor
-    parts : sequence of Part
-        One a log.
-    where : str
-        What they are: `IDENTIFIED`, `WATCHED` or `ALL`.
+    parts: one a log.
+    where: what they are: `IDENTIFIED`, `WATCHED` or `ALL`.
     """
     causes: list[Cause] = []
     stops: list[Stop] = []
@@ -252,11 +210,7 @@ def lag_text(gyro: str, late_s: float) -> str:
 def wrong_wiring(monitor: Monitor, motion: Record) -> str:
     """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" where nothing is.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    motion : Record
-        With p, q, r, phi, theta and psi.
+    motion: with p, q, r, phi, theta and psi.
     """
     tried = guesses([motion])
     found = [guess for guess in causes_among(tried, [motion]) if _concerns(monitor, guess)]
@@ -304,15 +258,7 @@ def check_watched(
 
     What an impact leaves unexplained says nothing of the flight before and after it.
 
-    Parameters
-    ----------
-    check : SelfCheck
-    monitor : Monitor
-    watches : sequence of Watch
-    log : FlightLog
-    spans : sequence of Span
-        What isn't learnt from.
-    excursions : sequence of Excursion
+    spans: what isn't learnt from.
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
