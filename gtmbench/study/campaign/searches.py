@@ -30,22 +30,13 @@ _OWN_KEYS = ("within_s",)
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """A kind of fault of a channel, from an onset on.
+    """A kind of fault of a channel, from an onset on."""
 
-    Attributes
-    ----------
-    mildest, severest : FaultSpec
-        They differ in one severity.
-    parameter : str
-        Which.
-    within_s : float or None
-        How soon an alarm counts; None: until the record ends.
-    """
-
+    # mildest, severest: they differ in one severity
     mildest: FaultSpec
     severest: FaultSpec
-    parameter: str
-    within_s: float | None = None
+    parameter: str  # which
+    within_s: float | None = None  # how soon an alarm counts; None: until the record ends
 
     @property
     def bounds(self) -> tuple[Severity, Severity]:
@@ -79,13 +70,8 @@ class Search:
 def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
     """Return the searches of ``[[smallest]]`` tables, on flights of at least so many seconds.
 
-    Raises
-    ------
-    InputError
-        Naming the table, the key, what was given and what is legal.
+    Raises InputError naming the table, the key, what was given and what is legal.
 
-    Examples
-    --------
     >>> table = {"kind": "drift", "channels": ["p", "q"], "onset_s": 60.0, "slope": [0.001, 1.0]}
     >>> [search.text for search in searches_of([table], 120.0)]
     ['smallest drift of p, slope 0.001 to 1, from 60 s', 'smallest drift of q, slope 0.001 to 1, from 60 s']
@@ -168,8 +154,6 @@ def _watched_trials(flown: Flown, quiet: Watch, number: int) -> WatchedTrials:
 def first_detected(is_detected: Callable[[float], bool], mildest: float, severest: float) -> float | None:
     """Return the mildest severity that is detected, to 5 %; None where not even the severest is.
 
-    Examples
-    --------
     >>> bool(abs(first_detected(lambda bias: bias > 0.37, 0.01, 100.0) / 0.37 - 1.02) < 0.03)
     True
     >>> first_detected(lambda bias: True, 0.01, 100.0), first_detected(lambda bias: False, 0.01, 100.0)

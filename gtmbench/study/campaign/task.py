@@ -32,29 +32,15 @@ Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes th
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One flight of a campaign.
-
-    Attributes
-    ----------
-    number : int
-    setup : Setup
-        What is flown.
-    faults : tuple of (str, FaultSpec)
-        What breaks, one trial each, with the name of its scenario.
-    noise_seeds : tuple of int
-        The healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks.
-    isolate : bool
-        Whether it is asked what failed.
-    searches : tuple of Search
-        For the smallest faults that are detected, on the records that are broken.
-    """
+    """One flight of a campaign."""
 
     number: int
-    setup: Setup
-    faults: tuple[tuple[str, FaultSpec], ...]
+    setup: Setup  # what is flown
+    faults: tuple[tuple[str, FaultSpec], ...]  # what breaks, one trial each, with the name of its scenario
+    # the healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks
     noise_seeds: tuple[int, ...] = (1,)
-    isolate: bool = True
-    searches: tuple[Search, ...] = ()
+    isolate: bool = True  # whether it is asked what failed
+    searches: tuple[Search, ...] = ()  # for the smallest faults that are detected, on the records that are broken
 
 
 def rows_of(task: Task, watchers: Watchers) -> list[Row]:
@@ -62,8 +48,6 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
 
     What goes wrong is told in the rows that it spoils, and in no others.
 
-    Examples
-    --------
     >>> from gtmbench.study.scenario import AlarmSetup
     >>> setup = Setup(duration_s=60.0, noise="t2", snr=None, alarm=AlarmSetup(healthy_records=1))
     >>> from gtmbench.detectors.registry import prepared
