@@ -38,10 +38,7 @@ def _rerun(*options: str) -> list[str]:
 def opened_viewer() -> str:
     """Return where a viewer takes recordings: the one that is open, or else a new one, which outlives this process.
 
-    Raises
-    ------
-    GtmbenchError
-        If none opens.
+    Raises GtmbenchError if none opens.
     """
     address = f"rerun+http://127.0.0.1:{_PORT}/proxy"
     if _listens():

@@ -25,10 +25,7 @@ _MOST = 30  # constants of all airframes
 def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
     """Return a figure of constants over flights, one or more airframes.
 
-    Raises
-    ------
-    InputError
-        Where no flight tells a constant.
+    Raises InputError where no flight tells a constant.
     """
     shown = [(name, each) for name, flights in airframes.items() for each in overviews_of(flights)][:_MOST]
     if not shown:

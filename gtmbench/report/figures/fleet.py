@@ -29,10 +29,7 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
 
     Flights of one folder are joined by lines. Where the monitor found a failure, the flight is marked.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        Of ``fleet.parquet``.
+    rows: of ``fleet.parquet``.
     """
     names = [f"{gyro}_{name}" for gyro in GYROS for name in _PANELS]
     if not np.isfinite(rows[names].to_numpy(dtype=float)).any():

@@ -58,14 +58,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
     It holds no path, user or machine of where it was made, and no position.
 
-    Parameters
-    ----------
-    watched : WatchedLog
-    command : str
-        What repeats it, as it is typed where the log lies.
+    command: what repeats it, as it is typed where the log lies.
 
-    Examples
-    --------
     >>> import tempfile
     >>> import numpy as np
     >>> import gtmbench as gb

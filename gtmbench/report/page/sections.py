@@ -28,18 +28,10 @@ _FEWEST_RECORDS = 10  # that show how often healthy scores rise
 
 @dataclass(frozen=True, kw_only=True)
 class Contents:
-    """A campaign's report.
+    """A campaign's report."""
 
-    Attributes
-    ----------
-    facts : dict
-        What was run: of the campaign, versions, monitors.
-    tasks, done : int
-        Flights that there are, and that are finished.
-    scores : Scores
-    """
-
-    facts: dict[str, Any]
+    facts: dict[str, Any]  # what was run: of the campaign, versions, monitors
+    # tasks, done: flights that there are, and that are finished
     tasks: int
     done: int
     scores: Scores
@@ -146,17 +138,8 @@ class Contents:
 def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_s: float = DEADLINE_S) -> Contents:
     """Score what stands in a campaign's folder.
 
-    Parameters
-    ----------
-    parts : Parts
-    target_per_hour : float, optional
-        False alarms; unless told, what the campaign calibrates for, or one an hour.
-    deadline_s : float
-
-    Raises
-    ------
-    InputError
-        Where the folder isn't a campaign's, or nothing of it is finished.
+    target_per_hour: False alarms; unless told, what the campaign calibrates for, or one an hour.
+    Raises InputError where the folder isn't a campaign's, or nothing of it is finished.
     """
     if parts.what != "campaign":
         raise InputError(f"{parts.folder} holds parts of a {parts.what}, no campaign's; a report is of a campaign")

@@ -155,20 +155,11 @@ def judged_plots(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """A detector's part of a study, and where it stands in the recording.
-
-    Attributes
-    ----------
-    baseline : Baseline
-    root : str
-        Its entity; empty where it is the only one.
-    trials : sequence of (Trial, str)
-        Each with its entity.
-    """
+    """A detector's part of a study, and where it stands in the recording."""
 
     baseline: Baseline
-    root: str
-    trials: Sequence[tuple[Trial, str]]
+    root: str  # its entity; empty where it is the only one
+    trials: Sequence[tuple[Trial, str]]  # each with its entity
 
     def entered(self, trial: Trial) -> tuple[str, ...]:
         """Return the scores and residuals that a trial's faults may enter; the others are the healthy ones."""

@@ -44,28 +44,18 @@ class Sample:
 
 @dataclass(frozen=True, kw_only=True)
 class LineDifference:
-    """A series that differs.
-
-    Attributes
-    ----------
-    entity, series : str
-    samples, differing : int
-        Samples that both recordings hold, and how many of them differ.
-    only_a, only_b : int
-        Samples at times at which the other recording has none.
-    worst : Sample or None
-        The one that differs most; None where only times do.
-    relative : float
-        Its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number.
-    """
+    """A series that differs."""
 
     entity: str
     series: str
+    # samples, differing: samples that both recordings hold, and how many of them differ
     samples: int
     differing: int
+    # only_a, only_b: samples at times at which the other recording has none
     only_a: int
     only_b: int
-    worst: Sample | None
+    worst: Sample | None  # the one that differs most; None where only times do
+    # its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number
     relative: float
 
     @property
@@ -97,29 +87,18 @@ class EventDifference:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What two recordings differ in.
+    """What two recordings differ in."""
 
-    Attributes
-    ----------
-    series, fields, events : int
-        How many of each were held against each other.
-    only_a, only_b : tuple of (entity, series)
-        Series, and fields of verdicts, that the other recording lacks.
-    lines : tuple of LineDifference
-        The worst first.
-    verdicts : tuple of FieldDifference
-    told : tuple of EventDifference
-        In time.
-    """
-
+    # series, fields, events: how many of each were held against each other
     series: int
     fields: int
     events: int
+    # only_a, only_b: series, and fields of verdicts, that the other recording lacks
     only_a: tuple[Name, ...]
     only_b: tuple[Name, ...]
-    lines: tuple[LineDifference, ...]
+    lines: tuple[LineDifference, ...]  # the worst first
     verdicts: tuple[FieldDifference, ...]
-    told: tuple[EventDifference, ...]
+    told: tuple[EventDifference, ...]  # in time
 
     @property
     def equal(self) -> bool:
@@ -130,14 +109,8 @@ class Comparison:
 def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None) -> Comparison:
     """Compare two recordings, as `read_recording` gives them.
 
-    Parameters
-    ----------
-    a, b : DataFrame
-    tolerance : Tolerance, optional
-        Of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
+    tolerance: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
 
-    Examples
-    --------
     >>> import pandas as pd
     >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
     >>> b = a.assign(value=[1.0, 2.5])

@@ -52,11 +52,7 @@ _SHOWN_S = 60.0  # in the viewer while it flies
 class LiveRecording:
     """A recording of one sender's clock.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    recording : RecordingStream
-        With a place to go to.
+    recording: with a place to go to.
     """
 
     def __init__(self, monitor: Monitor, recording: rr.RecordingStream) -> None:

@@ -73,10 +73,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
 def recording_in(given: Path) -> Path:
     """Return the recording that is meant: the file, or the one in a folder.
 
-    Raises
-    ------
-    InputError
-        If a folder holds none, or several.
+    Raises InputError if a folder holds none, or several.
     """
     if not given.is_dir():
         return given
@@ -89,12 +86,7 @@ def recording_in(given: Path) -> Path:
 
 
 def check_recording(path: Path) -> None:
-    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window."""
     _table_of(path)
 
 

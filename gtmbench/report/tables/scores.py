@@ -42,16 +42,9 @@ Line = dict[str, Cell]  # by column
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table.
+    """A table."""
 
-    Attributes
-    ----------
-    title, note : str
-        The note says what its figures are.
-    columns : tuple of str
-    rows : tuple of tuple of Cell
-    """
-
+    # title, note: the note says what its figures are
     title: str
     note: str
     columns: tuple[str, ...]

@@ -22,8 +22,6 @@ def who_sees_what(scores: Scores) -> str:
     In brackets: with thresholds as low, and as high, as other calibrations would have set them. Of more than fourteen
     detectors the last are named below it; so are those without a score, with the reason.
 
-    Examples
-    --------
     >>> from gtmbench.study.campaign.rows import table_of
     >>> from gtmbench.study.scores.scoring import scored
     >>> quiet = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
