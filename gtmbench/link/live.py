@@ -466,10 +466,7 @@ def live(
 def ready(monitor: Monitor | Detector | None) -> Monitor | None:
     """Return what watches a link as it is, or refuse it.
 
-    Raises
-    ------
-    InputError
-        If it isn't calibrated, or has no sample period or no channels of its own.
+    Raises InputError if it isn't calibrated, or has no sample period or no channels of its own.
     """
     if monitor is None:
         return None

@@ -23,13 +23,8 @@ LONGEST_S = 10.0
 class InOrder:
     """The samples of one message, each once, in order of their stamps.
 
-    Parameters
-    ----------
-    period_s : float
-        From sample to sample.
+    period_s: from sample to sample.
 
-    Examples
-    --------
     >>> order = InOrder(0.01)
     >>> arrived = [0.00, 0.01, 0.03, 0.02, 0.02, 0.04]
     >>> [[each.time_s for each in order.push(Sample(topic="", time_s=at, values=()))] for at in arrived]

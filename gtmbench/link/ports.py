@@ -30,12 +30,8 @@ _WAITING_S = 10.0  # for a connection
 class UdpSource(Source):
     """A UDP port: who sends there is answered there.
 
-    Parameters
-    ----------
-    host, port
-        That are listened at.
-    only : str
-        The address that is believed; "" for any.
+    host, port: that are listened at.
+    only: the address that is believed; "" for any.
     """
 
     is_whole = True

@@ -39,21 +39,11 @@ Get = Callable[[Any], float]
 
 @dataclass(frozen=True, kw_only=True)
 class Sample:
-    """What one message, or one line, read at a time.
+    """What one message, or one line, read at a time."""
 
-    Attributes
-    ----------
-    topic : str
-        The message's name; "" of a line.
-    time_s : float
-        By the sender's clock.
-    values : tuple of float
-        In the units of the channel table; NaN where there is none.
-    """
-
-    topic: str
-    time_s: float
-    values: tuple[float, ...]
+    topic: str  # the message's name; "" of a line
+    time_s: float  # by the sender's clock
+    values: tuple[float, ...]  # in the units of the channel table; NaN where there is none
 
 
 def _getters() -> dict[str, dict[str, Get]]:

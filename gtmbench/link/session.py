@@ -90,14 +90,8 @@ class LinkCounts:
 class Session:
     """A monitor on a link.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    reader : Telemetry or Table
-    shows : callable, optional
-        Given the rows that are judged.
-    is_own : bool
-        Whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
+    shows: given the rows that are judged.
+    is_own: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
     """
 
     def __init__(

@@ -66,12 +66,8 @@ class Drawn(NamedTuple):
 class Pictures:
     """What is drawn of a watch: a file, the viewer, both or nothing.
 
-    Parameters
-    ----------
-    path : Path or None
-        The file to record into.
-    views : bool
-        Whether the viewer is opened.
+    path: the file to record into.
+    views: whether the viewer is opened.
     """
 
     def __init__(self, path: Path | None = None, *, views: bool = False) -> None:
@@ -113,13 +109,8 @@ class Pictures:
 class Showing:
     """Hands what a watch reads and says to a process that draws it.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    path : Path or None
-        The file; None for the viewer.
-    waits : bool
-        Whether rows wait for room, as those of a saved link may.
+    path: the file; None for the viewer.
+    waits: whether rows wait for room, as those of a saved link may.
     """
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:

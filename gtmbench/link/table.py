@@ -25,17 +25,10 @@ _NONE = np.zeros(0)
 class Table:
     """The rows of a table's lines.
 
-    Parameters
-    ----------
-    needs : sequence of str
-        The channels that have to be there.
-    wants : sequence of str
-        Others, which are read where they are there.
-    mapping : sequence of str
-        As `open_log` takes it.
+    needs: the channels that have to be there.
+    wants: others, which are read where they are there.
+    mapping: as `open_log` takes it.
 
-    Examples
-    --------
     >>> table = Table(["p"])
     >>> end = bytes([10])
     >>> [message.time_s for message in table.read(b"time_s,p_deg_s" + end + b"0.0,1.5" + end + b"0.1,")], table.broken
@@ -64,10 +57,7 @@ class Table:
     def read(self, data: bytes, _peer: object = None, *, is_whole: bool = False) -> list[Message]:
         """Return the rows that some bytes complete; with the last of them where they are whole.
 
-        Raises
-        ------
-        InputError
-            If the header doesn't name the channels that are needed.
+        Raises InputError if the header doesn't name the channels that are needed.
         """
         *lines, self._rest = (self._rest + data + (b"\n" if is_whole else b"")).split(b"\n")
         if self._skips and lines:

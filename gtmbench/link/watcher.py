@@ -61,21 +61,10 @@ def wants_of(monitor: Monitor) -> tuple[str, ...]:
 class Watcher:
     """A monitor on one sender's samples, while its clock runs on.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    reader : Reader
-    learner : Learner, optional
-        What is known of the installation, from before a silence.
-    shows : callable, optional
-        Given the rows that are judged.
-    recent : Recent, optional
-        What judges the last of them together.
-
-    Raises
-    ------
-    InputError
-        If the monitor has no rate, or no channels, of its own.
+    learner: what is known of the installation, from before a silence.
+    shows: given the rows that are judged.
+    recent: what judges the last of them together.
+    Raises InputError if the monitor has no rate, or no channels, of its own.
     """
 
     def __init__(
