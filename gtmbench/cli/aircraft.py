@@ -68,10 +68,7 @@ def _at_condition(aircraft: Aircraft, altitude_ft: float | None, tas_kt: float |
 def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
     """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text.
 
-    Raises
-    ------
-    InputError
-        Where there is no such aircraft.
+    Raises InputError where there is no such aircraft.
     """
     from gtmbench.bench.aircraft import facts_of
     from gtmbench.bench.aircraft_file import commented

@@ -49,20 +49,11 @@ def is_typed(text: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Chosen:
-    """The faults that were asked for.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-    source : str
-        The scenario, or the faults as they were typed.
-    trial : int
-        Which trial of the scenario; 1 of typed ones.
-    """
+    """The faults that were asked for."""
 
     faults: tuple[Fault, ...] = ()
-    source: str = ""
-    trial: int = 1
+    source: str = ""  # the scenario, or the faults as they were typed
+    trial: int = 1  # which trial of the scenario; 1 of typed ones
 
     @property
     def text(self) -> str:
@@ -73,10 +64,7 @@ class Chosen:
 def trial_number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) -> int:
     """Return which trial is meant, or list those that there are.
 
-    Raises
-    ------
-    InputError
-        Where there is no such trial, or none is named of several.
+    Raises InputError where there is no such trial, or none is named of several.
     """
     if trial is None and len(trials) == 1:
         return 1
@@ -95,10 +83,7 @@ def numbered(trials: Sequence[FaultSpec]) -> list[str]:
 def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> Chosen:
     """Return the faults that are typed, or those of a scenario's trial; none where nothing is given.
 
-    Raises
-    ------
-    InputError
-        Where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
+    Raises InputError where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
     """
     from gtmbench.faults.typed import fault
 

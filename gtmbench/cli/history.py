@@ -65,10 +65,7 @@ class Keeping:
     def airframes(self) -> dict[str, list[Entry]]:
         """Return the flights of each airframe, or of the one that is named.
 
-        Raises
-        ------
-        InputError
-            Where there is none.
+        Raises InputError where there is none.
         """
         found: dict[str, list[Entry]] = {}
         for entry in self._entries():
@@ -101,10 +98,7 @@ def keeping_of(
 ) -> Keeping | None:
     """Return how flights are kept; None where no history is given.
 
-    Raises
-    ------
-    InputError
-        Where an aircraft is named, and no history.
+    Raises InputError where an aircraft is named, and no history.
     """
     if history is None:
         if aircraft_id is not None:

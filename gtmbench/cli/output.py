@@ -98,10 +98,7 @@ def typed(message: str, context: click.Context) -> str:
 def command_line(without: Container[str] = ()) -> str:
     """Return the running command as it was typed, files by their names alone; some options left out.
 
-    Parameters
-    ----------
-    without : container of str
-        Names of parameters.
+    without: names of parameters.
     """
     context = click.get_current_context()
     words = ["gtmbench", str(context.command.name)]
@@ -161,10 +158,7 @@ def map_files(mapping: Sequence[str]) -> list[Path]:
 def _kept_mapping(path: Path) -> list[str]:
     """Return what a file of maps holds; nothing of one that the command is to write.
 
-    Raises
-    ------
-    InputError
-        Where it isn't such a file, or there is none and the command doesn't write it.
+    Raises InputError where it isn't such a file, or there is none and the command doesn't write it.
     """
     if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
