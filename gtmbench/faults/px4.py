@@ -16,21 +16,11 @@ PREFIX = "px4_"
 
 @dataclass(frozen=True, kw_only=True)
 class Word:
-    """A word of PX4's.
+    """A word of PX4's."""
 
-    Attributes
-    ----------
-    kind : str
-        Of ours.
-    parameters : mapping
-        Of the kind, unless something else is given.
-    differs : str
-        Where the two differ; "" where they don't.
-    """
-
-    kind: str
-    parameters: Mapping[str, object] = field(default_factory=dict)
-    differs: str = ""
+    kind: str  # of ours
+    parameters: Mapping[str, object] = field(default_factory=dict)  # of the kind, unless something else is given
+    differs: str = ""  # where the two differ; "" where they don't
 
 
 WORDS: Mapping[str, Word] = {

@@ -122,45 +122,22 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class WholeLog:
-    """How a kind shows to the engine that judges a whole log: as an error of a gyro that is linear in its size.
+    """How a kind shows to the engine that judges a whole log: as an error of a gyro that is linear in its size."""
 
-    Attributes
-    ----------
-    wrong : callable
-        From what a gyro reads and the times, each of shape (blocks,), to what it reads too much at size one.
-    name : str
-        As the engine calls it, if not as the kind is called.
-    price : float
-        Minus the log of its odds a priori, in nats.
-    low, high : float
-        Between what its size is.
-    of_motion : bool
-        Whether `high` is times the largest deviation of a gyro, and one more.
-    least : float
-        What is smaller is no failure.
-    shortest_s : float
-        In less it looks like another one, or like chance.
-    is_gain : bool
-        Whether it needs motion to show.
-    mirror : float
-        The size at which a gyro's own noise explains itself; NaN for none.
-    grows_from : str
-        The kind that its beginning looks like, where it grows with the time since its onset.
-    parameter : callable, optional
-        From a size to the class's parameter, where that isn't the size.
-    """
-
+    # from what a gyro reads and the times, each of shape (blocks,), to what it reads too much at size one
     wrong: Callable[[FloatArray, FloatArray], FloatArray] = field(repr=False)
-    name: str = ""
-    price: float = 0.0
+    name: str = ""  # as the engine calls it, if not as the kind is called
+    price: float = 0.0  # minus the log of its odds a priori, in nats
+    # low, high: between what its size is
     low: float = -math.inf
     high: float = math.inf
-    of_motion: bool = False
-    least: float = 0.0
-    shortest_s: float = 0.0
-    is_gain: bool = False
-    mirror: float = math.nan
-    grows_from: str = ""
+    of_motion: bool = False  # whether `high` is times the largest deviation of a gyro, and one more
+    least: float = 0.0  # what is smaller is no failure
+    shortest_s: float = 0.0  # in less it looks like another one, or like chance
+    is_gain: bool = False  # whether it needs motion to show
+    mirror: float = math.nan  # the size at which a gyro's own noise explains itself; NaN for none
+    grows_from: str = ""  # the kind that its beginning looks like, where it grows with the time since its onset
+    # from a size to the class's parameter, where that isn't the size
     parameter: Callable[[float], float] | None = field(default=None, repr=False)
 
 
