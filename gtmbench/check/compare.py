@@ -17,29 +17,15 @@ Number = bool | int | float
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """One number of a baseline and what it is now; None where there is none.
+    """One number of a baseline and what it is now; None where there is none."""
 
-    Attributes
-    ----------
-    group : str
-        The title of its group: ``healthy residual of r``.
-    figure : str
-        A name of `RULES`.
-    at : str
-        Which of several: ``window 230..240 s``; empty for a figure alone.
-    was, now : bool, int, float or None
-    unit : str
-    remark : str
-        The group's.
-    """
-
-    group: str
-    figure: str
-    at: str
+    group: str  # the title of its group: ``healthy residual of r``
+    figure: str  # a name of `RULES`
+    at: str  # which of several: ``window 230..240 s``; empty for a figure alone
     was: Number | None
     now: Number | None
     unit: str
-    remark: str
+    remark: str  # the group's
     explained: bool
 
     @property
@@ -60,21 +46,14 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Compared(Pair):
-    """A pair that was held against its tolerance.
-
-    Attributes
-    ----------
-    low, high : float
-        What is allowed: low <= now <= high; infinite where any value is.
-    better : bool
-        Whether it is better by more than the tolerance.
-    """
+    """A pair that was held against its tolerance."""
 
     was: Number
     now: Number
+    # low, high: what is allowed: low <= now <= high; infinite where any value is
     low: float
     high: float
-    better: bool
+    better: bool  # whether it is better by more than the tolerance
 
     @property
     def regressed(self) -> bool:
@@ -92,14 +71,9 @@ class Compared(Pair):
 def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str, Tolerance]) -> tuple[Compared, ...]:
     """Hold every figure against the recorded one.
 
-    Raises
-    ------
-    InputError
-        Where a figure has none, or a recorded one is no longer there: that's no regression, but a baseline of something
-        else.
+    Raises InputError where a figure has none, or a recorded one is no longer there: that's no regression, but a
+    baseline of something else.
 
-    Examples
-    --------
     >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
     >>> now = Group(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
     >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})

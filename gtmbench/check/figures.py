@@ -25,31 +25,17 @@ _V = TypeVar("_V", float, tuple[float, ...])
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Figures that belong together: of a residual, of a trial.
+    """Figures that belong together: of a residual, of a trial."""
 
-    Attributes
-    ----------
-    kind, name : str
-        One of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``.
-    values : mapping of str to flag, count, number or tuple of numbers
-        By the names in `RULES`; reals to five significant digits, as they are written.
-    labels : mapping of str to tuple of str
-        What the numbers of a tuple are: ``window 230..240 s``.
-    unit : str
-        Of its residual.
-    remark : str
-        What the study itself says of it, for people.
-    unexpected : tuple of str
-        Where a trial goes otherwise than its scenario expects.
-    """
-
+    # kind, name: one of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``
     kind: str
     name: str
-    values: Mapping[str, Value]
+    values: Mapping[str, Value]  # by the names in `RULES`; reals to five significant digits, as they are written
+    # what the numbers of a tuple are: ``window 230..240 s``
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    unit: str = ""
-    remark: str = ""
-    unexpected: tuple[str, ...] = ()
+    unit: str = ""  # of its residual
+    remark: str = ""  # what the study itself says of it, for people
+    unexpected: tuple[str, ...] = ()  # where a trial goes otherwise than its scenario expects
 
     @property
     def title(self) -> str:
@@ -60,13 +46,8 @@ class Group:
 def figures_of(study: Study) -> tuple[Group, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
-    Raises
-    ------
-    InputError
-        Where several detectors watched.
+    Raises InputError where several detectors watched.
 
-    Examples
-    --------
     >>> from gtmbench.study.run import run_study
     >>> from gtmbench.study.scenario import load_scenario
     >>> groups = figures_of(run_study([load_scenario("jam")]))

@@ -26,10 +26,7 @@ _SEPARATOR = ": "
 def texts_of(key: str, given: Any) -> tuple[str, ...]:
     """Return a list of texts, as a baseline states it.
 
-    Raises
-    ------
-    InputError
-        Naming the key.
+    Raises InputError naming the key.
     """
     if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
         raise InputError(f"{key} is {shown(given)}; it must be a list of texts")
@@ -39,10 +36,7 @@ def texts_of(key: str, given: Any) -> tuple[str, ...]:
 def log_paths(baseline: Path, sources: Sequence[str]) -> dict[str, Path]:
     """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there.
 
-    Raises
-    ------
-    InputError
-        Where there are none.
+    Raises InputError where there are none.
     """
     folder = baseline.absolute().parent
     found = logs_in([folder / source for source in sources])
@@ -58,10 +52,7 @@ def new_logs(recorded: Mapping[str, object], names: Sequence[str]) -> tuple[list
 def history_path(baseline: Path, given: Any) -> Path | None:
     """Return the history that a baseline's flights are judged beside, seen from its folder; None where there is none.
 
-    Raises
-    ------
-    InputError
-        Where it isn't there.
+    Raises InputError where it isn't there.
     """
     if given is None:
         return None

@@ -18,20 +18,11 @@ from gtmbench.study.run import run_study
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A baseline, held against a run.
-
-    Attributes
-    ----------
-    reference : Reference
-    groups : tuple of Group
-        What the run gave.
-    compared : tuple of Compared
-        Every figure beside the recorded one.
-    """
+    """A baseline, held against a run."""
 
     reference: Reference
-    groups: tuple[Group, ...]
-    compared: tuple[Compared, ...]
+    groups: tuple[Group, ...]  # what the run gave
+    compared: tuple[Compared, ...]  # every figure beside the recorded one
 
     @property
     def regressions(self) -> list[Compared]:
@@ -49,10 +40,7 @@ def run_reference(
 ) -> tuple[Group, ...]:
     """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states.
 
-    Raises
-    ------
-    GtmbenchError
-        Where that can't be run.
+    Raises GtmbenchError where that can't be run.
     """
     watcher = reference.detector if detector is None else detector
     groups: list[Group] = []
@@ -68,10 +56,7 @@ def run_reference(
 def check(reference: Reference, groups: Sequence[Group]) -> Check:
     """Hold the figures of a run against a baseline.
 
-    Raises
-    ------
-    InputError
-        Where the baseline lacks a figure, or holds one that the run doesn't give.
+    Raises InputError where the baseline lacks a figure, or holds one that the run doesn't give.
     """
     with naming(reference.path):
         compared = compare(reference.recorded, groups, reference.tolerances)
