@@ -175,10 +175,7 @@ def assert_quiet(
 def _on_log(detector: object, record: object, **how: Any) -> Watching | None:
     """Return how a recorded flight is watched, where one was given; None where none was.
 
-    Raises
-    ------
-    InputError
-        Where what is of recorded flights was given without one.
+    Raises InputError where what is of recorded flights was given without one.
     """
     if is_flight(record):
         return Watching(log=_as_log(record), detector=detector, **how)

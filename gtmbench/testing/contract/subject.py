@@ -27,24 +27,12 @@ _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those o
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """One detector under the contract.
+    """One detector under the contract."""
 
-    Attributes
-    ----------
-    detector : Detector or None
-        None where a Monitor is checked, which is calibrated already.
-    monitor : Monitor
-    healthy : tuple of Record
-        That it was calibrated on.
-    last : Record
-        Healthy, and not of those.
-    faults : tuple of Fault
-    """
-
-    detector: Detector | None
+    detector: Detector | None  # None where a Monitor is checked, which is calibrated already
     monitor: Monitor
-    healthy: tuple[Record, ...]
-    last: Record
+    healthy: tuple[Record, ...]  # that it was calibrated on
+    last: Record  # healthy, and not of those
     faults: tuple[Fault, ...]
 
     @cached_property
@@ -81,15 +69,8 @@ def contract_case(
 ) -> Case:
     """Return a detector calibrated, and a record with a fault, for the properties of the contract.
 
-    Parameters
-    ----------
-    detector, records, fault
-        As `check_detector` takes them.
-
-    Raises
-    ------
-    InputError
-        Where an argument can't be meant.
+    detector, records, fault: as `check_detector` takes them.
+    Raises InputError where an argument can't be meant.
     """
     given = as_detector(detector)
     *healthy, last = standard_records() if records is None else as_records(records)
