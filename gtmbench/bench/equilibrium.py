@@ -41,10 +41,8 @@ def trimmed_engine(
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
 
-    Raises
-    ------
-    TrimError
-        Naming the acceleration that couldn't be brought to zero, and a condition in other units where that was meant.
+    Raises TrimError naming the acceleration that couldn't be brought to zero, and a condition in other units where that
+    was meant.
     """
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
@@ -63,13 +61,8 @@ def standing_again(
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return what `trimmed_engine` returned before, the same bits, without another search where it can.
 
-    Parameters
-    ----------
-    aircraft : Aircraft
-    known : Trim
-        What it returned for this aircraft and condition.
-    altitude_ft, tas_kt : float, optional
-        As they were.
+    known: what it returned for this aircraft and condition.
+    altitude_ft, tas_kt: as they were.
     """
     fixed = _fixed(
         aircraft,
@@ -108,10 +101,7 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
     Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
     on another CPU. Only where a model's controls remember the search (an integrator), it is that one.
 
-    Raises
-    ------
-    TrimError
-        Naming the acceleration that can't be zeroed, and the command at its limit.
+    Raises TrimError naming the acceleration that can't be zeroed, and the command at its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 

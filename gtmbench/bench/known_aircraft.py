@@ -70,10 +70,7 @@ def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> A
 def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
     """Return the folder that an aircraft's name or path means; a relative path is `beside` a folder, or here.
 
-    Raises
-    ------
-    InputError
-        If there is none.
+    Raises InputError if there is none.
     """
     if str(name) in shipped_aircraft():
         return share() / "aircraft" / str(name)
