@@ -36,10 +36,7 @@ class Asked:
     judged: float = JUDGED  # the least share of the time in motion that each is judged for
 
     def scope(self, there: Sequence[str], usual: Sequence[str], held: Sequence[str]) -> Scope:
-        """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held.
-
-        Raises InputError where a sensor is asked that the log hasn't, or a limit is none.
-        """
+        """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held."""
         sensors = asked_sensors(self.judge, there, usual, held)
         return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
 
@@ -67,10 +64,7 @@ def asked(
     limits: Sequence[str] = (),
     judged: float = JUDGED,
 ) -> Asked:
-    """Return what is asked, as `watch_log` takes it.
-
-    Raises InputError where no such detector is there, or a monitor that is ready is asked to be another.
-    """
+    """Return what is asked, as `watch_log` takes it."""
     watcher = prepared(detector)
     if basis_of(watcher).is_whole:
         if healthy:

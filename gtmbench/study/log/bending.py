@@ -69,13 +69,9 @@ def following_in_log(
 ) -> Following:
     """Return whether a log's attitude follows faults of some channels.
 
-    log: healthy.
-    broken: the channels that faults change.
-    mapping: as `open_log` takes it.
-    attitude: "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is;
-    "auto": it follows where the gyros drive it (`origin_in_logs`).
-    time_constant_s: of the estimator; without it the log's own, where that shows (`time_constant_in_log`), else 5 s.
-    Raises InputError where the log can't be read, or the attitude is to follow and can't.
+    `attitude`: "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is;
+    "auto": it follows where the gyros drive it (`origin_in_logs`). `time_constant_s`: of the estimator; without it the
+    log's own, where that shows (`time_constant_in_log`), else 5 s.
     """
     kind, told = _named_estimator(attitude, time_constant_s)
     if kind == OWN:
@@ -156,8 +152,8 @@ def bent_samples(
     Gyros and attitude are laid on the stamps of all gyros, where the bend is worked out by
     `AttitudeEstimator.bent_path`, and the bend onto the stamps of each angle.
 
-    samples: of the gyros and angles that the log has; one that it hasn't counts as zero.
-    broken: values of the gyros' samples with faults.
+    `samples`: of the gyros and angles that the log has; one that it hasn't counts as zero. `broken`: values of the
+    gyros' samples with faults.
     """
     time_s = _stamps([samples[name] for name in GYROS if name in samples])
 

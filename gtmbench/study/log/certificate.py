@@ -199,10 +199,8 @@ class _Trial:
 def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
-    monitor: one that predicts sensors, or knows surfaces, or there is no certificate.
-    watches: its own.
-    named: whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
-    named: seconds.
+    `monitor`: one that predicts sensors, or knows surfaces, or there is no certificate. `named`: whether to watch the
+    records about some onsets anew, too, to say from which size on a fault would have been named: seconds.
 
     >>> from gtmbench.detectors.bank.bank import bank_of
     >>> from gtmbench.detectors.bank_detector import calibrate

@@ -44,10 +44,8 @@ def of_alarm(
 ) -> Iterator[Claim]:
     """Give what an alarm claims, until its end, or the log's; one of an excursion alone, until that ends.
 
-    end_s: the log's.
-    concerned: the sensors that its statistic depends on, which are meant where it names nobody.
-    watched_imu: the IMU whose gyros p, q and r are; "" where a log has one.
-    excursions: of the log.
+    `concerned`: the sensors that its statistic depends on, which are meant where it names nobody. `watched_imu`: the
+    IMU whose gyros p, q and r are; "" where a log has one.
     """
     last, since_s = alarm.last, min(began_s(alarm), alarm.time_s)
     until_s = end_s if alarm.ended_s is None else max(alarm.ended_s, alarm.time_s)
@@ -86,9 +84,7 @@ def _of_imu(sensor: str, imu: str, watched_imu: str) -> str:
 def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str], whole: Collection[str] = ()) -> Iterator[Claim]:
     """Give what the self-check claims: where it stops, no sensor is judged; a doubt is of those that it names.
 
-    span_s: the log's.
-    sensors: that the log has.
-    whole: those that are judged by all of the log: what holds for a part that is learnt from says nothing of them.
+    `whole`: those that are judged by all of the log: what holds for a part that is learnt from says nothing of them.
     """
     causes = list(dict.fromkeys(cause.text for cause in check.causes))
     if causes:

@@ -22,10 +22,7 @@ _FLIES_ON_S = 10  # seconds in which it turns, watched and without an alarm
 
 
 def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excursion | None:
-    """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does.
-
-    excursions: of the whole log.
-    """
+    """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does."""
     return min(_crashes(watches, excursions), key=lambda each: each.start_s, default=None)
 
 

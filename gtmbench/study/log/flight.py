@@ -28,10 +28,7 @@ def flight_of_log(
 ) -> Flight:
     """Return the flight of a log: sample by sample; as it was opened where a channel has no samples of its own.
 
-    mapping: as `open_log` takes it.
-    moving: the log with gyros and attitude.
-    readings: of its other sensors: the accelerometers are taken from them.
-    origin: whether the gyros drive the attitude.
+    `readings`: of its other sensors: the accelerometers are taken from them.
     """
     own = None
     if f"psi={NONE}" not in mapping:

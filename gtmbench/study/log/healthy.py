@@ -49,8 +49,7 @@ def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
 
     Where the engine accuses anybody, nothing is learnt.
 
-    broken_s: where somebody else accuses.
-    Raises InputError where that holds nothing of the log, or too little.
+    `broken_s`: where somebody else accuses.
     """
     if is_ready(opened.watcher) or basis_of(opened.watcher).is_whole:
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)

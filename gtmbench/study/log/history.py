@@ -20,7 +20,7 @@ from gtmbench.verdict.timeline import State
 def entry_of(watched: WatchedLog, aircraft_id: str = "") -> Entry:
     """Return what a history keeps of a watched log.
 
-    aircraft_id: whose flight it is; by default what the log says, or its folder.
+    `aircraft_id`: whose flight it is; by default what the log says, or its folder.
     """
     judged = None if watched.check.stops else watched.judged
     return Entry(
@@ -34,10 +34,7 @@ def entry_of(watched: WatchedLog, aircraft_id: str = "") -> Entry:
 
 
 def beside_history(watched: WatchedLog, history: Path, aircraft_id: str = "") -> WatchedLog:
-    """Return a watched log as it is judged beside the flights of its airframe in a file, or in a folder of logs.
-
-    Raises InputError where the file isn't a history, or is damaged.
-    """
+    """Return a watched log as it is judged beside the flights of its airframe in a file, or in a folder of logs."""
     standing = stood(read_history(history_file(history)), entry_of(watched, aircraft_id))
     return replace(watched, beside=standing)
 

@@ -107,8 +107,6 @@ def healthy_stretches(
     """Return the stretches of some logs between pauses, and a word on those that are too short beside the longest.
 
     Too short is a fifth of it, or what a bank isn't calibrated on, 5 s.
-
-    Raises InputError where nothing is left between pauses.
     """
     found: list[tuple[Record, FlightLog]] = []
     for log, records in parts:
@@ -134,8 +132,6 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     First goes what logs tell by events: what is about an estimator's reset, and on the ground where a minute of flight
     is left. Then the bank is identified, and blocks go whose residual is large beside what the same motion leaves
     elsewhere. At most a third of the samples goes, and no more than half of the motion.
-
-    Raises InputError where one is too short.
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
     if bank is None or not _kinematic(bank):
@@ -282,8 +278,8 @@ def ratios(residuals: FloatArray, motion: FloatArray) -> FloatArray:
     A model errs in proportion to motion: what less motion leaves is scaled up, what more motion leaves isn't scaled
     down.
 
-    residuals: RMS values, shape (blocks, outputs); the ratio of a block is that of the output for which it is largest.
-    motion: shape (blocks,).
+    `residuals`: RMS values, shape (blocks, outputs); the ratio of a block is that of the output for which it is
+    largest. `motion`: shape (blocks,).
 
     >>> ratios(np.array([[1.0], [1.0], [2.0], [9.0], [1.0], [1.0], [1.0]]), np.array([1.0, 1, 2, 1, 1, 1, 1]))
     array([1., 1., 1., 9., 1., 1., 1.])

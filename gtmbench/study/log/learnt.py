@@ -45,8 +45,6 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
     """Calibrate a detector on what is healthy, where the wiring of that is as it should be.
 
     Where r can't be explained, either it or the heading is wrong: p and q are watched without the heading.
-
-    Raises InputError where that is too little, or doesn't allow the false-alarm rate.
     """
     found = _learnt(healthy, progress)
     question = healthy.opened.asked

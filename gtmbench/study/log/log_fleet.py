@@ -129,10 +129,9 @@ def _logs_at(address: str) -> list[str]:
 def logs_in(sources: Sequence[str | Path], *, apart: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Return the logs that folders, patterns and paths mean, each once; those of a folder in the order of their names.
 
-    sources: a folder stands for all logs in it and in its folders: files that are named, or begin, as one, but nothing
-    hidden, and no results of a fleet or campaign. ``**`` in a pattern goes through folders.
-    apart: logs that aren't meant, for they serve as healthy.
-    Raises InputError where there are none, or more than 20,000.
+    `sources`: a folder stands for all logs in it and in its folders: files that are named, or begin, as one, but
+    nothing hidden, and no results of a fleet or campaign. ``**`` in a pattern goes through folders. `apart`: logs that
+    aren't meant, for they serve as healthy. Raises InputError where there are none, or more than 20,000.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -210,19 +209,9 @@ def conduct(
 ) -> Parts:
     """Watch every log that isn't in the folder yet, and return its parts; logs that are new follow those it has.
 
-    out: the folder of the parts; made where there is none.
-    row: what is kept of a watched log, picklable.
-    keep: given a log and its page, here, before its row is a part.
-    columns: of a row; among them task, log, outcome and error, which a log that couldn't be watched has.
-    jobs: processes. The caller's main module is imported by each of them, so a script needs its ``if __name__ ==
-    "__main__":``.
-    scheduler: of a Dask cluster, which does the work instead: workers read the logs, by paths that they share or
-    addresses.
-    tls: the folder of its certificates.
-    resume: whether the folder may hold parts already.
-    progress: told the step, how many are done, and of how many.
-    Raises InputError where no log could be watched so, or the folder is of another fleet, or in use.
-    Raises GtmbenchError where it ends before its end; what is finished stays.
+    `row`: what is kept of a watched log, picklable. `keep`: given a log and its page, here, before its row is a part.
+    `columns`: of a row; among them task, log, outcome and error, which a log that couldn't be watched has. `scheduler`:
+    of a Dask cluster, which does the work instead: workers read the logs, by paths that they share or addresses.
     """
     watching.check()
     whole("jobs", jobs, 1, 1000)

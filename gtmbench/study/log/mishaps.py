@@ -41,8 +41,7 @@ def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, 
 
     What an autopilot finds before it takes off, as an estimator that isn't ready, is none.
 
-    events: what the log says of its flight.
-    moving: the log with gyros and attitude; without accelerometers nothing tells that it lies.
+    `moving`: the log with gyros and attitude; without accelerometers nothing tells that it lies.
 
     >>> force = np.array([[0.0, 0.0, 1.0]] * 600 + [[0.0, -1.0, 0.0]] * 100)
     >>> record = Record(force, channels=["nx", "ny", "nz"], sample_period_s=0.1)
@@ -71,8 +70,6 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
     It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
     flying part of what comes after; then the flight that failed is not watched. That is so, too, where an autopilot
     tells of a failure before what is taken.
-
-    moving: the log with gyros and attitude.
     """
     usual = part = flying_part(log, moving)
     lively_s, doubt, held = lively_seconds(moving), "", ""
@@ -97,10 +94,8 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
 def clear_parts(log: FlightLog, moving: Sequence[Record], part: Span, broken: Sequence[Span]) -> tuple[Span, ...]:
     """Return a part of a log without what is broken of it, and as much motion more behind it as it lost by that.
 
-    moving: the log with gyros and attitude.
-    part: what would be taken if nothing were broken.
-    broken: where a sensor failed.
-    It returns no spans where what is left is too little to learn from.
+    `part`: what would be taken if nothing were broken. `broken`: where a sensor failed. It returns no spans where what
+    is left is too little to learn from.
     """
     touching = [span for span in broken if span[0] < part[1] and span[1] > part[0]]
     if not touching:

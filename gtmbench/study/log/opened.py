@@ -120,10 +120,7 @@ class Opened:
 
 
 def opened(asked: Asked) -> Opened:
-    """Read the logs that are asked about, and open them.
-
-    Raises InputError where one can't be read, lacks a channel, or is too slow for a monitor that is ready.
-    """
+    """Read the logs that are asked about, and open them."""
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
     asked, without = _but_heading(asked, read)
     watcher: Detector | Monitor

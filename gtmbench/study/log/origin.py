@@ -49,11 +49,8 @@ def origin_in_logs(
     for a broken gyro says nothing of its attitude. They are taken at the slowest channel's rate, the highest at which
     gyros and attitude can be compared.
 
-    logs: the first is the one that is watched; the others are healthy.
-    mapping: as `open_log` takes it, for all of them.
-    attitude: "auto", or "own" or "driven" where somebody knows.
-    spans: what of the first log is healthy; without it, its first part.
-    Raises InputError where a log can't be read.
+    `logs`: the first is the one that is watched; the others are healthy. `attitude`: "auto", or "own" or "driven" where
+    somebody knows. `spans`: what of the first log is healthy; without it, its first part.
     """
     if check_attitude(attitude) != FROM_LOG:
         return _told(attitude)

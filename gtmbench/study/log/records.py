@@ -106,8 +106,7 @@ def flying_part(log: FlightLog, moving: Sequence[Record], since_s: float = -np.i
     does; or where motion begins that lasts, if that holds twice as much of it.
     Motion is what gyros and attitude both tell of, so that no sensor's fault passes for it.
 
-    moving: the log with gyros and attitude; without any, it is the log's `first_part`.
-    since_s: what comes before isn't taken.
+    `moving`: the log with gyros and attitude; without any, it is the log's `first_part`.
     """
     lively = lively_seconds(moving)
     lively = lively[lively >= since_s]
@@ -198,8 +197,6 @@ def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[R
     """Return some channels of records, cut where one of them misses more than a sample or two: to identify on.
 
     What is left between pauses is as long as a log's segments are, and begins and ends with values that are known.
-
-    Raises InputError where nothing is left.
     """
     parts = [part for record in records for part in _complete(record.select(channels) if channels else record)]
     if not parts:

@@ -49,7 +49,7 @@ class Swap:
 def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
     """Return a bank that was learnt where nobody failed, as far as a swap tells, and that swap; None without one.
 
-    first: where the swap accuses nobody, it stays.
+    `first`: where the swap accuses nobody, it stays.
     """
     swap = swapped(first)
     if swap is None or first.opened.judged is None:

@@ -171,7 +171,7 @@ class _Wiring:
 def guesses(records: Iterable[Record]) -> list[Guess]:
     """Return how some records may have to be read, the likeliest first; empty where nothing moves.
 
-    records: with p, q, r, phi, theta, psi.
+    `records`: with p, q, r, phi, theta, psi.
     """
     records = list(records)
     made, held = _guesses(records), _repeated_channels(records)
@@ -243,8 +243,6 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
     None where nothing is wrong, where nothing makes every live gyro fit, where more than two guesses fit alike, or
     where what fits isn't in all parts of the records: what comes in half-way is a fault, not a matter of how to read.
 
-    tried: as `guesses` returns them.
-
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> turned = [flight.replace("q", -flight["q"])]
@@ -264,11 +262,7 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
 
 
 def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
-    """Tell whether a gyro would read much better in another way, be it that no cause can be named.
-
-    tried: as `guesses` returns them.
-    outputs: the gyros that are asked for.
-    """
+    """Tell whether a gyro would read much better in another way, be it that no cause can be named."""
     as_read = next((guess.fits for guess in tried if not guess.changes), {})
     best = tried[0].fits if tried else {}
     return any(best.get(name, 0.0) > max(_FITS, as_read.get(name, 0.0) + _MUCH_BETTER) for name in outputs)
@@ -276,8 +270,6 @@ def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
 
 def other_scales(tried: Sequence[Guess]) -> dict[str, tuple[float, float]]:
     """Return the gyros that turn much less, or more, than their attitude, and between what their gain on it lies.
-
-    tried: as `guesses` returns them.
 
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
@@ -294,8 +286,6 @@ def small_lags_s(tried: Sequence[Guess]) -> dict[str, float]:
 
     Such a lag is a part of a sample, or hardly more than a filter's: it is no cause that could be named, and yet is
     there. Samples that come seldom tell it by the top of the correlation between them.
-
-    tried: as `guesses` returns them.
 
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=40.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])

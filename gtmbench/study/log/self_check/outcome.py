@@ -131,11 +131,7 @@ class Part:
 
 
 def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str) -> SelfCheck:
-    """Check the channels that a detector reads, before anything is made of them.
-
-    parts: one a log.
-    where: what they are: `IDENTIFIED`, `WATCHED` or `ALL`.
-    """
+    """Check the channels that a detector reads, before anything is made of them."""
     causes: list[Cause] = []
     stops: list[Stop] = []
     doubts: list[Doubt] = []
@@ -208,10 +204,7 @@ def lag_text(gyro: str, late_s: float) -> str:
 
 
 def wrong_wiring(monitor: Monitor, motion: Record) -> str:
-    """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" where nothing is.
-
-    motion: with p, q, r, phi, theta and psi.
-    """
+    """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" if nothing."""
     tried = guesses([motion])
     found = [guess for guess in causes_among(tried, [motion]) if _concerns(monitor, guess)]
     return " or ".join(cause_text(guess.changes) for guess in found)
@@ -258,7 +251,7 @@ def check_watched(
 
     What an impact leaves unexplained says nothing of the flight before and after it.
 
-    spans: what isn't learnt from.
+    `spans`: what isn't learnt from.
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}

@@ -57,7 +57,7 @@ def nothing_found_text() -> str:
 def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     """Return the options under which a log reads as a guess says; "" where none would do.
 
-    sources: which column each channel is read from, and how; ``time``, too, where a column tells it.
+    `sources`: which column each channel is read from, and how; ``time``, too, where a column tells it.
     """
     if any(change.kind in ("held", "euler") for change in guess.changes):
         return ""
