@@ -113,14 +113,12 @@ def conduct(
 ) -> Parts:
     """Fly, break and watch what isn't in the folder yet, and return its parts.
 
-    out: the folder of the parts; made where there is none.
-    jobs, resume, progress: as `campaign` takes them.
-    shard: only these tasks; other shards may be at work in the folder at the same time.
-    scheduler: the address of a Dask scheduler whose workers do the tasks instead.
-    tls: a folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
-    yes: whether more than ten million trials are meant.
+    `out`: the folder of the parts; made where there is none.
+    `shard`: only these tasks; other shards may be at work in the folder at the same time.
+    `scheduler`: the address of a Dask scheduler whose workers do the tasks instead.
+    `tls`: a folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
+    `yes`: whether more than ten million trials are meant.
     Raises InputError if the campaign can't be meant, or the folder is of another one, or in use.
-    Raises GtmbenchError if it ends before its end; what is finished stays.
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)

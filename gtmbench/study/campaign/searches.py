@@ -70,8 +70,6 @@ class Search:
 def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
     """Return the searches of ``[[smallest]]`` tables, on flights of at least so many seconds.
 
-    Raises InputError naming the table, the key, what was given and what is legal.
-
     >>> table = {"kind": "drift", "channels": ["p", "q"], "onset_s": 60.0, "slope": [0.001, 1.0]}
     >>> [search.text for search in searches_of([table], 120.0)]
     ['smallest drift of p, slope 0.001 to 1, from 60 s', 'smallest drift of q, slope 0.001 to 1, from 60 s']

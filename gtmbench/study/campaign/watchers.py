@@ -52,10 +52,7 @@ class Named:
 
 
 def named(campaign: Campaign) -> Named:
-    """Find a campaign's detectors, and refuse those that don't fit its flights.
-
-    Raises InputError where one can't be meant, two have one name, or one is of other sensors than the flights'.
-    """
+    """Find a campaign's detectors, and refuse those that don't fit its flights."""
     detectors: dict[str, Detector | Monitor] = {}
     for source in campaign.detectors:
         if source == OWN:
