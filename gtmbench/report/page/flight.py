@@ -58,7 +58,7 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
     It holds no path, user or machine of where it was made, and no position.
 
-    command: what repeats it, as it is typed where the log lies.
+    `command`: what repeats it, as it is typed where the log lies.
 
     >>> import tempfile
     >>> import numpy as np

@@ -18,9 +18,7 @@ def html_page(
 ) -> str:
     """Return a page of one of the templates beside this file.
 
-    template, script, style: names of files beside this one.
-    said: what becomes of every text before it is escaped.
-    **values: what the template says.
+    `said`: what becomes of every text before it is escaped. **values: what the template says.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup

@@ -109,7 +109,7 @@ class Comparison:
 def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None) -> Comparison:
     """Compare two recordings, as `read_recording` gives them.
 
-    tolerance: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
+    `tolerance`: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
 
     >>> import pandas as pd
     >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})

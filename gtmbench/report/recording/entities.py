@@ -56,8 +56,6 @@ def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
 
     Rerun encodes into memory, and the file is written here: on a full disk its own writer ends without a word, and who
     asks it to flush may wait for ever.
-
-    Raises GtmbenchError where the disk doesn't take all of it.
     """
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side

@@ -50,10 +50,7 @@ _SHOWN_S = 60.0  # in the viewer while it flies
 
 
 class LiveRecording:
-    """A recording of one sender's clock.
-
-    recording: with a place to go to.
-    """
+    """A recording of one sender's clock."""
 
     def __init__(self, monitor: Monitor, recording: rr.RecordingStream) -> None:
         self._monitor, self._recording = monitor, recording

@@ -71,10 +71,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
 
 
 def recording_in(given: Path) -> Path:
-    """Return the recording that is meant: the file, or the one in a folder.
-
-    Raises InputError if a folder holds none, or several.
-    """
+    """Return the recording that is meant: the file, or the one in a folder."""
     if not given.is_dir():
         return given
     there = sorted(given.glob("*.rrd"))

@@ -20,7 +20,7 @@ _BESIDE = {
 def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[str]]:
     """Return a row an equation: what it explains, which surfaces are in it, and what else.
 
-    judged: the surfaces that are; by default all that could be.
+    `judged`: the surfaces that are; by default all that could be.
 
     >>> equation_rows(Flow(forward=True))[1]
     ['change of q', 'elevator throttle', 'angle of attack, pitch rate, inertia']

@@ -263,7 +263,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
 def summary_lines(watched: WatchedLog, width: int = 80, most: int | None = LINES) -> list[str]:
     """Return the verdict, the table of its sensors and the lines that follow, as wide as a screen.
 
-    most: lines in all; None for as many as there are.
+    `most`: lines in all; None for as many as there are.
     """
     return verdict_lines(watched.verdict, labelled(watched), width, most)
 
