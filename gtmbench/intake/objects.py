@@ -29,10 +29,7 @@ def is_address(source: object) -> TypeGuard[str]:
 
 
 def objects_in(address: str) -> list[str]:
-    """Return the addresses of the objects that one means: of a folder or a pattern all that it holds.
-
-    Raises InputError where the store doesn't answer, or has nothing there.
-    """
+    """Return the addresses of the objects that one means: of a folder or a pattern all that it holds."""
     system, path = _opened(address)
 
     def found() -> list[str]:

@@ -52,10 +52,7 @@ class Samples:
 
 
 def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
-    """Return channels of a log, found as `open_log` finds them, sample by sample.
-
-    Raises an InputError where the file can't be read, or a channel isn't there.
-    """
+    """Return channels of a log, found as `open_log` finds them, sample by sample."""
     columns = split_mapping(mapping)
     read = read_log(log)
     raw = read.raw
@@ -84,10 +81,7 @@ def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples
 
 
 def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
-    """Write a log anew with other values of some channels, everything else as it is.
-
-    Raises an InputError where the format isn't written, or a column can't hold a value.
-    """
+    """Write a log anew with other values of some channels, everything else as it is."""
     for channel in values:
         made_of = samples[channel].chosen.series.made_of
         if made_of:

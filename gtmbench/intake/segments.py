@@ -126,10 +126,7 @@ class Cut:
 
 
 def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | None) -> Cut:
-    """Return the records between gaps; where some channels pause and others don't, those are missing.
-
-    Raises an InputError where no stretch is long enough.
-    """
+    """Return the records between gaps; where some channels pause and others don't, those are missing."""
     for track in tracks:
         _check_long(track)
     slowest = max(tracks, key=lambda track: (track.slowness_s, -track.logged_s))
