@@ -25,8 +25,6 @@ class Address:
 def address_of(text: str) -> Address | None:
     """Return the address that a text writes, None where it writes none; without a host it is this machine.
 
-    Raises InputError if there is no such port.
-
     >>> address_of("udp:14550"), address_of("flight.tlog")
     (Address(kind='udp', host='127.0.0.1', port=14550), None)
     """

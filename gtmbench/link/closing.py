@@ -40,10 +40,7 @@ class Closing:
 def verdict_so_far(sensors: Sequence[str], span_s: Span, alarms: Sequence[Alarm], why: str = FLYING) -> LogVerdict:
     """Return a verdict that knows the alarms alone: nobody is clear.
 
-    sensors: those that are watched.
-    span_s: of what has arrived.
-    alarms: the first of each fault.
-    why: why nothing else is judged.
+    `alarms`: the first of each fault.
     """
     claims: dict[str, list[SensorSpan]] = {sensor: [] for sensor in sensors}
     for alarm in alarms:
@@ -63,11 +60,8 @@ def closed(
 ) -> Closing:
     """Judge what has arrived, as ``gtmbench monitor LOG --detector FILE`` does; without a monitor, as ``auto``.
 
-    log: what was kept of it.
-    monitor: the one that was given; None where it was learnt from the link: knowing all of it, another may be better.
-    alarms: the first of each fault, as they were told while it flew.
-    mapping, attitude, progress: as `watch_log` takes them.
-    Raises InputError where it can't be judged.
+    `monitor`: the one that was given; None where it was learnt from the link: knowing all of it, another may be better.
+    `alarms`: the first of each fault, as they were told while it flew.
     """
     watched = watch_log(log, monitor or AUTO, mapping=mapping, attitude=attitude, progress=progress)
     doubtful = tuple(alarm for alarm in alarms if alarm.accuses and not _is_held(alarm, watched.verdict))

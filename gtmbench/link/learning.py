@@ -31,11 +31,7 @@ _MOST = 2_000_000  # packets or lines
 class Lesson:
     """The span of a link that a monitor is learnt from.
 
-    learn_s: how long it has to be, in the sender's time.
-    is_table: whether lines arrive, and not packets.
-    mapping: of a table.
-    system: the watched system.
-    attitude: as `live` takes it.
+    `learn_s`: how long it has to be, in the sender's time. `is_table`: whether lines arrive, and not packets.
     """
 
     def __init__(

@@ -18,10 +18,7 @@ FORMS = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, follow:FILE.csv, - or
 
 
 def source_of(text: str, *, speed: float | None = None, only: str = "") -> Source:
-    """Return the source that a text names, as `FORMS` has them.
-
-    Raises InputError if it names none, or the source can't be opened.
-    """
+    """Return the source that a text names, as `FORMS` has them."""
     source = _of_others(text, only)
     if source is None:
         return _saved(Path(text), speed)

@@ -23,8 +23,6 @@ LONGEST_S = 10.0
 class InOrder:
     """The samples of one message, each once, in order of their stamps.
 
-    period_s: from sample to sample.
-
     >>> order = InOrder(0.01)
     >>> arrived = [0.00, 0.01, 0.03, 0.02, 0.02, 0.04]
     >>> [[each.time_s for each in order.push(Sample(topic="", time_s=at, values=()))] for at in arrived]

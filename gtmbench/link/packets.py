@@ -44,10 +44,7 @@ def dialect() -> ModuleType:
 
 
 def key_of(path: Path) -> bytes:
-    """Return the 32 bytes of a signing key: a file of them, of 64 hexadecimal digits, or of a passphrase.
-
-    Raises InputError if there is no such file, or it is empty.
-    """
+    """Return the 32 bytes of a signing key: a file of them, of 64 hexadecimal digits, or of a passphrase."""
     try:
         if path.exists() and not path.is_file():
             raise OSError(errno.EINVAL, "not a file")
@@ -69,7 +66,7 @@ def key_of(path: Path) -> bytes:
 class Packets:
     """The packets of one sender's bytes.
 
-    key: of 32 bytes: then packets that aren't signed by it are refused.
+    `key`: of 32 bytes: then packets that aren't signed by it are refused.
 
     >>> mavlink = dialect()
     >>> sender = mavlink.MAVLink(None, srcSystem=1)

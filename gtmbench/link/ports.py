@@ -30,8 +30,7 @@ _WAITING_S = 10.0  # for a connection
 class UdpSource(Source):
     """A UDP port: who sends there is answered there.
 
-    host, port: that are listened at.
-    only: the address that is believed; "" for any.
+    `only`: the address that is believed; "" for any.
     """
 
     is_whole = True

@@ -90,8 +90,7 @@ class LinkCounts:
 class Session:
     """A monitor on a link.
 
-    shows: given the rows that are judged.
-    is_own: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
+    `is_own`: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
     """
 
     def __init__(

@@ -64,11 +64,7 @@ class Drawn(NamedTuple):
 
 
 class Pictures:
-    """What is drawn of a watch: a file, the viewer, both or nothing.
-
-    path: the file to record into.
-    views: whether the viewer is opened.
-    """
+    """What is drawn of a watch: a file, the viewer, both or nothing."""
 
     def __init__(self, path: Path | None = None, *, views: bool = False) -> None:
         self._targets = [*([] if path is None else [path]), *([None] if views else [])]
@@ -109,8 +105,7 @@ class Pictures:
 class Showing:
     """Hands what a watch reads and says to a process that draws it.
 
-    path: the file; None for the viewer.
-    waits: whether rows wait for room, as those of a saved link may.
+    `path`: the file; None for the viewer. `waits`: whether rows wait for room, as those of a saved link may.
     """
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:

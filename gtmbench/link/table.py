@@ -25,9 +25,7 @@ _NONE = np.zeros(0)
 class Table:
     """The rows of a table's lines.
 
-    needs: the channels that have to be there.
-    wants: others, which are read where they are there.
-    mapping: as `open_log` takes it.
+    `wants`: others, which are read where they are there.
 
     >>> table = Table(["p"])
     >>> end = bytes([10])

@@ -61,10 +61,7 @@ def wants_of(monitor: Monitor) -> tuple[str, ...]:
 class Watcher:
     """A monitor on one sender's samples, while its clock runs on.
 
-    learner: what is known of the installation, from before a silence.
-    shows: given the rows that are judged.
-    recent: what judges the last of them together.
-    Raises InputError if the monitor has no rate, or no channels, of its own.
+    `learner`: what is known of the installation, from before a silence.
     """
 
     def __init__(
