@@ -66,10 +66,7 @@ def _at_condition(aircraft: Aircraft, altitude_ft: float | None, tas_kt: float |
 
 
 def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
-    """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text.
-
-    Raises InputError where there is no such aircraft.
-    """
+    """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text."""
     from gtmbench.bench.aircraft import facts_of
     from gtmbench.bench.aircraft_file import commented
     from gtmbench.bench.known_aircraft import FACTS, jsbsim_aircraft, load_aircraft, model_folder

@@ -63,10 +63,7 @@ class Keeping:
         return [path for path in found if digest_of(path) not in known]
 
     def airframes(self) -> dict[str, list[Entry]]:
-        """Return the flights of each airframe, or of the one that is named.
-
-        Raises InputError where there is none.
-        """
+        """Return the flights of each airframe, or of the one that is named."""
         found: dict[str, list[Entry]] = {}
         for entry in self._entries():
             found.setdefault(entry.airframe, []).append(entry)

@@ -96,10 +96,7 @@ def typed(message: str, context: click.Context) -> str:
 
 
 def command_line(without: Container[str] = ()) -> str:
-    """Return the running command as it was typed, files by their names alone; some options left out.
-
-    without: names of parameters.
-    """
+    """Return the running command as it was typed, files by their names alone; some options left out."""
     context = click.get_current_context()
     words = ["gtmbench", str(context.command.name)]
     for option in context.command.params:
