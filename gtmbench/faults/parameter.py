@@ -47,10 +47,7 @@ class Parameter:
         return self.per == "s"
 
     def check(self, where: str, value: object) -> None:
-        """Refuse a value that this parameter can't have; None is legal where it is the default.
-
-        Raises InputError naming the place, the parameter, what was given and what is legal.
-        """
+        """Refuse a value that this parameter can't have; None is legal where it is the default."""
         key = f"{where}: {self.name}"
         if value is None and self.default is None:
             return

@@ -146,8 +146,6 @@ def import_package(source: str) -> tuple[str, ...]:
     """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these.
 
     What ``--import`` does. A module that registers none is fine.
-
-    Raises InputError if there is no such module or importing it fails.
     """
     name = load_module(source).__name__
     return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))
