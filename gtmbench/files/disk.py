@@ -111,10 +111,7 @@ def count_lines(path: Path) -> int:
 
 
 def read_toml(path: Path, what: str) -> dict[str, Any]:
-    """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank.
-
-    Raises InputError where it is too large to be meant, can't be read or isn't TOML.
-    """
+    """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank."""
     if path.suffix.lower() in LOGS:
         raise InputError(f"{path} is no {what} but, by its name, a log; watch it: gtmbench monitor {path}")
     try:
@@ -150,7 +147,6 @@ def atomic_write(target: Path) -> Iterator[Path]:
 
     It is on the disk before it gets its name, and whatever fails, what stood there before still stands.
 
-    Raises InputError where the folder doesn't exist.
     Raises GtmbenchError where writing fails: no permission, the disk is full, a quota is used up, the folder is removed
     meanwhile.
     """
@@ -225,11 +221,7 @@ def resolved(target: Path) -> Path:
 
 @contextmanager
 def folder_beside(target: Path) -> Iterator[Path]:
-    """Give a folder beside a file or a folder to write it in; what is in it is removed, unless it is `READY`.
-
-    Raises InputError where there is no such place.
-    Raises GtmbenchError where nothing can be written there.
-    """
+    """Give a folder beside a file or a folder to write it in; what is in it is removed, unless it is `READY`."""
     parent = target.absolute().parent
     if not parent.is_dir():
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")

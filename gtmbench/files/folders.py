@@ -43,7 +43,6 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     leaves the rest to the next one: `settle`.
 
     Raises InputError where a folder stands in a file's place, or a file in a folder's.
-    Raises GtmbenchError where writing fails, as of `atomic_write`.
     """
     meant = target.resolve()
     with folder_beside(meant) as aside, told(target, aside):

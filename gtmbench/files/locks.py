@@ -46,11 +46,9 @@ def lock_beside(target: Path) -> Path:
 def alone(lock: Path, what: str, *, patience_s: float = 0.0) -> Iterator[None]:
     """Keep others out while the block runs.
 
-    lock: the lock's file, in a folder that exists.
-    what: who is at work where, for the one who is kept out: "another run is at work in study".
-    patience_s: how long to wait for a holder that is alive; `FOR_EVER_S`: until it is done.
-    Raises InputError where another one holds it, naming who, where and since when.
-    Raises GtmbenchError afterwards, where somebody else took this one for dead meanwhile.
+    `what`: who is at work where, for the one who is kept out: "another run is at work in study". `patience_s`: how long
+    to wait for a holder that is alive; `FOR_EVER_S`: until it is done. Raises GtmbenchError afterwards, where somebody
+    else took this one for dead meanwhile.
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder, alone(Path(folder, "lock"), "another run is at work"):

@@ -57,10 +57,7 @@ def shipped_benchmarks() -> dict[str, Path]:
 def read_shipped(source: str | Path, what: str, shipped: Mapping[str, Path]) -> tuple[Path, dict[str, Any]]:
     """Return the path and the tables of a TOML file that ships under a name, or that stands where the source says.
 
-    source: a name among the shipped ones, or a file.
-    what: what it should be: a scenario, a bank.
-    shipped: the files that ship, by name.
-    Raises InputError where there is neither, or the file is no such TOML file.
+    `what`: what it should be: a scenario, a bank.
 
     >>> path, tables = read_shipped("jam", "scenario", shipped_scenarios())
     >>> path.name, tables["title"]
