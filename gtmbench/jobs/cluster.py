@@ -47,11 +47,10 @@ def completed_on_cluster(
 
     A task whose worker dies is handed to another.
 
-    work: of a task; workers import it by name.
-    scheduler: its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
-    tls: a folder with ca.pem, cert.pem and key.pem.
-    killed: what a task comes to that has ended every worker it was given to; without it that is an error.
-    Raises InputError where no scheduler answers there.
+    `work`: of a task; workers import it by name.
+    `scheduler`: its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
+    `tls`: a folder with ca.pem, cert.pem and key.pem.
+    `killed`: what a task comes to that has ended every worker it was given to; without it that is an error.
     Raises GtmbenchError where the scheduler is gone, or a task has ended every worker that it was given to.
     """
     distributed = load_extra("distributed", "scale", "--scheduler needs")
@@ -77,8 +76,7 @@ def check_cluster(
 ) -> None:
     """Refuse a scheduler that doesn't answer, and workers that are others: before the long work, not after it.
 
-    versions: what has to be the same here and on every worker; workers import it by name.
-    Raises InputError naming the worker, and what it has.
+    `versions`: what has to be the same here and on every worker; workers import it by name.
     """
     with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls) as client:
         if versions is None:

@@ -212,10 +212,7 @@ class _DamagedError(InputError):
 
 
 def read_parts(folder: Path) -> Parts:
-    """Return the parts that stand in a folder, to be read.
-
-    Raises InputError where it is no such folder.
-    """
+    """Return the parts that stand in a folder, to be read."""
     path = folder / _MANIFEST
     if not is_file(path):
         if not folder.is_dir():
@@ -267,12 +264,11 @@ def parts_in(
 ) -> Iterator[Parts]:
     """Give a folder's parts to go on with, for this run alone; the folder is made where there is none.
 
-    what: what kind of run it is: "campaign".
-    facts: as far as they are known; `hold` adds others.
-    items: of a run that may grow, what each task is of: those that aren't in the folder yet follow those that are, so
+    `facts`: as far as they are known; `hold` adds others.
+    `items`: of a run that may grow, what each task is of: those that aren't in the folder yet follow those that are, so
     the tasks are in the order of the parts' own `items`.
-    resume: whether parts may be there already.
-    shard: this run is one of several, which go on with each other's folder at the same time.
+    `resume`: whether parts may be there already.
+    `shard`: this run is one of several, which go on with each other's folder at the same time.
     Raises InputError where another run is at work there, the folder holds another one's parts, or some and it wasn't to
     be resumed, or can't be written.
     """
@@ -286,10 +282,7 @@ def parts_in(
 
 
 def hold(parts: Parts, **facts: Any) -> Parts:
-    """Return the parts of a run that is this, too: facts that are written down, or held against those that are.
-
-    Raises InputError naming the fact that differs.
-    """
+    """Return the parts of a run that is this, too: facts that are written down, or held against those that are."""
     with waiting_alone(parts.folder):
         known = read_parts(parts.folder)
         new = dict(plain(facts))

@@ -39,15 +39,11 @@ def spread(
 ) -> list[Result]:
     """Return what some work makes of every task, in the tasks' order.
 
-    work: of a task; for other processes picklable, as tasks and results are.
-    processes: how many at most. The caller's main module is imported by each of them, so a script needs its ``if
-    __name__ == "__main__":``. With one, this process does the work, unless there is something to begin with.
-    step: what progress is told.
-    progress: told the step, how many tasks are done, and of how many.
-    begin: called in every process before its first task; arguments (such as large ones that all tasks share) come by
-    `functools.partial`.
-    killed: what is said where a process dies.
-    Raises GtmbenchError where a process was killed from outside. What the work itself raises comes as it is.
+    `work`: of a task; for other processes picklable, as tasks and results are. `processes`: how many at most. The
+    caller's main module is imported by each of them, so a script needs its ``if __name__ == "__main__":``. With one,
+    this process does the work, unless there is something to begin with. `begin`: called in every process before its
+    first task; arguments (such as large ones that all tasks share) come by `functools.partial`. Raises GtmbenchError
+    where a process was killed from outside. What the work itself raises comes as it is.
 
     >>> spread(abs, [-2, 3], processes=1, step="count", progress=print)
     count 0 2

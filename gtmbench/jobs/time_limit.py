@@ -19,8 +19,7 @@ class _TimeIsUpError(BaseException):
 def limited(seconds: float | None) -> Iterator[None]:
     """End the work of a block after so many seconds; outside of a main thread, or without an alarm clock, never.
 
-    seconds: without a number there is no limit.
-    Raises GtmbenchError where it wasn't done in time.
+    `seconds`: without a number there is no limit. Raises GtmbenchError where it wasn't done in time.
 
     >>> with limited(0.01):
     ...     threading.Event().wait()
