@@ -64,10 +64,7 @@ class Reference:
         )
 
     def check_recorded(self) -> None:
-        """Refuse figures that are none of what would be run: before the run, not after it.
-
-        Raises InputError naming what differs.
-        """
+        """Refuse figures that are none of what would be run: before the run, not after it."""
         if self.recorded_seed is None:
             raise InputError(f"{self.path}: it holds no figures yet; --update records them")
         if self.recorded_seed != self.seed:
@@ -105,10 +102,7 @@ def find_baseline(source: str) -> Path:
 
 
 def read_reference(path: Path) -> Reference:
-    """Read a baseline from a file, every key checked.
-
-    Raises InputError naming file, key, what was given and what is legal.
-    """
+    """Read a baseline from a file, every key checked."""
     if not is_file(path):
         known = shipped_baselines()
         raise InputError(
@@ -119,10 +113,7 @@ def read_reference(path: Path) -> Reference:
 
 
 def reference_of(path: Path, table: dict[str, Any]) -> Reference:
-    """Return the baseline of a parsed file, every key checked; `path`: where the file stands, or will.
-
-    Raises InputError as `read_reference`.
-    """
+    """Return the baseline of a parsed file, every key checked; `path`: where the file stands, or will."""
     with naming(path):
         table = keys(table, (*_SETTINGS, "recorded", *KINDS))
         logs = log_paths(path, texts_of("logs", table["logs"])) if "logs" in table else {}
@@ -223,10 +214,7 @@ def _known_keys(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, A
 
 
 def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) -> None:
-    """Put figures into a baseline's text, in the place of those that are there, and write it.
-
-    Raises InputError where it can't be written, or would be too large to be read.
-    """
+    """Put figures into a baseline's text, in the place of those that are there, and write it."""
     from tomlkit.exceptions import TOMLKitError
 
     try:

@@ -24,20 +24,14 @@ _SEPARATOR = ": "
 
 
 def texts_of(key: str, given: Any) -> tuple[str, ...]:
-    """Return a list of texts, as a baseline states it.
-
-    Raises InputError naming the key.
-    """
+    """Return a list of texts, as a baseline states it."""
     if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
         raise InputError(f"{key} is {shown(given)}; it must be a list of texts")
     return tuple(given)
 
 
 def log_paths(baseline: Path, sources: Sequence[str]) -> dict[str, Path]:
-    """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there.
-
-    Raises InputError where there are none.
-    """
+    """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there."""
     folder = baseline.absolute().parent
     found = logs_in([folder / source for source in sources])
     return {Path(os.path.relpath(path, folder)).as_posix(): path for path in found}
@@ -50,10 +44,7 @@ def new_logs(recorded: Mapping[str, object], names: Sequence[str]) -> tuple[list
 
 
 def history_path(baseline: Path, given: Any) -> Path | None:
-    """Return the history that a baseline's flights are judged beside, seen from its folder; None where there is none.
-
-    Raises InputError where it isn't there.
-    """
+    """Return the history that a baseline's flights are judged beside, seen from its folder; None without one."""
     if given is None:
         return None
     path = baseline.absolute().parent / text("history", given)

@@ -38,10 +38,7 @@ class Check:
 def run_reference(
     reference: Reference, *, detector: Detector | Monitor | None = None, progress: Progress = silent
 ) -> tuple[Group, ...]:
-    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states.
-
-    Raises GtmbenchError where that can't be run.
-    """
+    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states."""
     watcher = reference.detector if detector is None else detector
     groups: list[Group] = []
     if reference.scenarios:

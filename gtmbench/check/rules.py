@@ -32,8 +32,6 @@ class Tolerance:
 def parse_tolerance(key: str, given: Any) -> Tolerance:
     """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``.
 
-    Raises InputError naming the key, what was given and what is legal.
-
     >>> parse_tolerance("tolerances.delay_s", ["2 %", 0.1])
     Tolerance(share=0.02, absolute=0.1)
     """
