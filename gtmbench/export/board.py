@@ -54,7 +54,7 @@ class BoardResidual:
 class Board:
     """A calibrated bank as the C code has it; sizes are in samples.
 
-    sensors: the channels, whose places are the bits of masks of sensors.
+    `sensors`: the channels, whose places are the bits of masks of sensors.
     """
 
     name: str
@@ -99,10 +99,7 @@ class Board:
 
 
 def board_of(monitor: object) -> Board:
-    """Return what goes on board of a monitor.
-
-    Raises InputError where it can't go there: which of its parts, and what can.
-    """
+    """Return what goes on board of a monitor."""
     if not isinstance(monitor, CalibratedBank):
         name = str(getattr(monitor, "name", type(monitor).__name__))
         raise InputError(f"a monitor of '{name}' can't be exported: only banks can; {EXPORTABLE}")
