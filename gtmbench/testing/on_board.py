@@ -61,9 +61,7 @@ class Told:
 class Compiled:
     """An exported folder as a library of this machine; every state of `begin` is a monitor of its own.
 
-    folder: as `gtmbench.export_c` wrote it; it isn't written to.
-    aside: a folder for the library.
-    flags: for the compiler, beside strict warnings.
+    `folder`: as `gtmbench.export_c` wrote it; it isn't written to.
     """
 
     def __init__(self, folder: Path, board: Board, aside: Path, *flags: str) -> None:
@@ -91,9 +89,7 @@ class Compiled:
     ) -> Told:
         """Return what a monitor says of rows of the board's channels, shape (rows, channels).
 
-        times_us: by default a period apart.
-        state: of `begin`, which goes on; by default a new one.
-        statistics: whether all else than events is asked for, too.
+        `times_us`: by default a period apart. `state`: of `begin`, which goes on; by default a new one.
         """
         board, rows = self.board, np.ascontiguousarray(values, dtype=np.float32)
         even_us = 1_000_000 + np.arange(len(rows)) * round(board.period_s * 1e6)
@@ -141,9 +137,7 @@ class OnM4:
 def run_on_m4(folder: Path, board: Board, aside: Path, *, optimised: str = "-O2") -> OnM4:
     """Cross-compile an exported folder, run its own test in qemu's M4 machine, and count instructions a call.
 
-    aside: a folder for what is compiled.
-    optimised: how it is compiled where instructions are counted. Flash is always of ``-Os``.
-    Raises GtmbenchError where a tool is missing, or the folder's own test fails there.
+    `optimised`: how it is compiled where instructions are counted. Flash is always of ``-Os``.
     """
     if missing_tools():
         raise GtmbenchError(f"{', '.join(missing_tools())} isn't installed here; {M4_INSTALL}")

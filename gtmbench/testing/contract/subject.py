@@ -67,11 +67,7 @@ class Case:
 def contract_case(
     detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
 ) -> Case:
-    """Return a detector calibrated, and a record with a fault, for the properties of the contract.
-
-    detector, records, fault: as `check_detector` takes them.
-    Raises InputError where an argument can't be meant.
-    """
+    """Return a detector calibrated, and a record with a fault, for the properties of the contract."""
     given = as_detector(detector)
     *healthy, last = standard_records() if records is None else as_records(records)
     if not healthy:
