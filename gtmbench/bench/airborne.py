@@ -88,9 +88,9 @@ class Airborne:
 class Stepping:
     """The one way in which an engine is stepped; it keeps what is read, a row a sample.
 
-    now: the properties of `FLOWN`, as they were last read.
-    step: writes what is given for every entry of `Airborne.write`, runs the engine by one sample and reads it anew.
-    These are the deflections that the aircraft really gets: whoever commands others keeps them himself.
+    `now`: the properties of `FLOWN`, as they were last read. `step`: writes what is given for every entry of
+    `Airborne.write`, runs the engine by one sample and reads it anew. These are the deflections that the aircraft
+    really gets: whoever commands others keeps them himself.
     """
 
     def __init__(self, airborne: Airborne) -> None:

@@ -67,10 +67,7 @@ def name_of(controller: object) -> str:
 
 
 def take_over(controller: Any, trim: Trim) -> Command:
-    """Return what commands one flight: a class is made anew, and what has `start` is told the trim.
-
-    Raises ControllerError where it raises anything.
-    """
+    """Return what commands one flight: a class is made anew, and what has `start` is told the trim."""
     check_controller(controller)
     try:
         made = controller() if isinstance(controller, type) else controller
@@ -95,10 +92,7 @@ def failed(controller: object, when: str, error: Exception) -> ControllerError:
 
 
 def found_controller(source: str) -> object:
-    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before.
-
-    Raises InputError where it hasn't been, or it is no controller.
-    """
+    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before."""
     controller = brought_object(source)
     check_controller(controller)
     return controller

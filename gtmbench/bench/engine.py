@@ -69,9 +69,6 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
 
     Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
-
-    Raises InputError where the model's file is refused.
-    Raises GtmbenchError where JSBSim can't load it.
     """
     # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
     # ends, without Python's lock, and takes the process with it.

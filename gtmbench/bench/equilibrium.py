@@ -59,11 +59,7 @@ def trimmed_engine(
 def standing_again(
     aircraft: Aircraft, known: Trim, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return what `trimmed_engine` returned before, the same bits, without another search where it can.
-
-    known: what it returned for this aircraft and condition.
-    altitude_ft, tas_kt: as they were.
-    """
+    """Return what `trimmed_engine` returned before, the same bits, without another search where it can."""
     fixed = _fixed(
         aircraft,
         aircraft.altitude_ft if altitude_ft is None else altitude_ft,
@@ -100,8 +96,6 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
 
     Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
     on another CPU. Only where a model's controls remember the search (an integrator), it is that one.
-
-    Raises TrimError naming the acceleration that can't be zeroed, and the command at its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 

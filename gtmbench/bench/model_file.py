@@ -23,7 +23,6 @@ def check_model(path: Path) -> tuple[str, ...]:
     """Refuse a model, and what it includes from its folder, that isn't whole or leads out of that folder.
 
     It returns the sections that would write files or open ports, ``input`` or ``output``, one name a section.
-    Raises InputError naming the file and what is wrong with it.
     """
     if not is_file(path):
         others = sorted(there.name for there in path.parent.glob("*.xml"))[:5]

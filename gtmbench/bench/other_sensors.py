@@ -60,8 +60,6 @@ class OtherSensors:
 def gps_of(key: str, value: Any) -> Gps:
     """Return the GPS of a file's table.
 
-    Raises InputError naming the key, what was given and what is legal.
-
     >>> gps_of("gps", {"rate_hz": 10.0}).rate_hz
     10.0
     """
@@ -74,8 +72,6 @@ def gps_of(key: str, value: Any) -> Gps:
 
 def magnetometer_of(key: str, value: Any) -> Magnetometer:
     """Return the magnetometer of a file's table.
-
-    Raises InputError naming the key, what was given and what is legal.
 
     >>> magnetometer_of("magnetometer", {"hard_iron_ut": [1.0, 0.0, -2.0]}).hard_iron_ut
     (1.0, 0.0, -2.0)

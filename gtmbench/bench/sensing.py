@@ -92,14 +92,12 @@ class _Estimate:
 class Sensing:
     """The sensors of one flight.
 
-    seed: of the noise.
-    samples: how many there are at most.
-    faults: those of sensors act; each has its place in the sequence as its index.
-    estimator: what makes the attitude of the gyros; None: a vertical gyro.
-    sensors: the way from motion to readings; None: ideal sensors.
-    yaw_deg: the trim's heading, near which the first reading lies.
-    steep_deg: the estimator's theta, once that is too steep to go on.
-    psi_deg: the true heading, unwrapped.
+    `faults`: those of sensors act; each has its place in the sequence as its index.
+    `estimator`: what makes the attitude of the gyros; None: a vertical gyro.
+    `sensors`: the way from motion to readings; None: ideal sensors.
+    `yaw_deg`: the trim's heading, near which the first reading lies.
+    `steep_deg`: the estimator's theta, once that is too steep to go on.
+    `psi_deg`: the true heading, unwrapped.
     """
 
     def __init__(

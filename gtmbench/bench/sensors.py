@@ -95,9 +95,7 @@ def measure(
 def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
     """Give the noise of every sensor in blocks of samples, shape (block, sensors), as `measure` draws it.
 
-    noise: None: sensors without noise.
-    seed, samples, block: of the noise; how many samples in all; how many at a time.
-    Raises InputError if there is no such noise.
+    `noise`: None: sensors without noise.
 
     >>> [noise.shape for noise in noise_blocks("t2", 1, samples=5, block=3)]
     [(3, 13), (2, 13)]

@@ -603,8 +603,6 @@ def _plan(airborne: Airborne) -> Iterator[tuple[float, list[float]]]:
 def checked_commands(commands: Sequence[float]) -> tuple[float, ...]:
     """Return commands as four plain numbers.
 
-    Raises InputError if they aren't four finite numbers.
-
     >>> checked_commands(np.array([1, 2, 3, 50]))
     (1.0, 2.0, 3.0, 50.0)
     """

@@ -28,8 +28,7 @@ _Sample = tuple[float, Sequence[float], Sequence[float]]
 class Surfaces:
     """The surfaces and engines of one flight.
 
-    faults: those of surfaces act; each has its place in the sequence as its index.
-    limits: the stops.
+    `faults`: those of surfaces act; each has its place in the sequence as its index.
     """
 
     def __init__(self, faults: Sequence[Fault], limits: Mapping[str, Span]) -> None:
@@ -43,8 +42,8 @@ class Surfaces:
     def driven(self, time_s: float, commanded: Sequence[float], now: Sequence[float]) -> Sequence[float]:
         """Return where the servos are driven at a sample.
 
-        commanded: in the order of `COMMANDS`.
-        now: the properties of `FLOWN` at that sample: the flow is what a floating surface follows.
+        `commanded`: in the order of `COMMANDS`. `now`: the properties of `FLOWN` at that sample: the flow is what a
+        floating surface follows.
         """
         self._row += 1
         if self._broken_row is None:

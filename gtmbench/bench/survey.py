@@ -77,10 +77,9 @@ def survey(
     model's surfaces do at full command; trim is looked for at speeds that the wing loading suggests; excitations are
     scaled so that a multisine on one surface turns the aircraft by 2 deg/s (RMS) about that surface's axis.
 
-    folder: with ``NAME/NAME.xml``.
-    without_io: whether input and output sections are left out.
-    at: altitude (ft) and true airspeed (kt) of the trim, instead of looking for one.
-    properties: what is set when the model has been loaded, beside what the survey finds.
+    `without_io`: whether input and output sections are left out. `at`: altitude (ft) and true airspeed (kt) of the
+    trim, instead of looking for one. `properties`: what is set when the model has been loaded, beside what the survey
+    finds.
     """
     facts = outline(folder, without_io=without_io, properties=properties or {})
     tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))
