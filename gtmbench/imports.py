@@ -37,8 +37,6 @@ def load_module(source: str | Path) -> ModuleType:
     but not in the current folder: ``python -m gtmbench`` would search that first, where a downloaded log may lie beside
     a ``numpy.py``. Where the user has put that folder on the path (``PYTHONPATH``, an editable install) it is searched.
 
-    Raises InputError where there is no such file or module, or importing it fails.
-
     >>> load_module("json.decoder").__name__
     'json.decoder'
     """
@@ -58,8 +56,6 @@ def brought_object(source: str) -> object:
     """Return an object that a data file names, ``FILE.py:OBJECT``, of a module that `load_module` has imported before.
 
     A file is found by its name alone, wherever it lies: who imports it decides which one is meant.
-
-    Raises InputError where no such module has been imported, or it has no such object.
 
     >>> brought_object("elsewhere.py:Pilot")
     Traceback (most recent call last):
@@ -99,8 +95,6 @@ def load_files(files: Iterable[str]) -> None:
 
 def load_object(source: str) -> object:
     """Import an object: ``FILE.py:OBJECT`` or ``package.module:OBJECT``, split at the last colon.
-
-    Raises InputError where there is no such module or no such object in it.
 
     >>> load_object("json:JSONDecoder").__name__
     'JSONDecoder'
