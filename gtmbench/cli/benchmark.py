@@ -140,11 +140,12 @@ def _command(
 
 
 def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path, command: str) -> None:
+    from gtmbench.files.plain import plain
     from gtmbench.report.figures.benchmark import benchmark_curves
-    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results, plain_results
+    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results
     from gtmbench.report.words.benchmark import citation
 
-    results = plain_results(benchmark_results(rows, definition, split))
+    results = plain(benchmark_results(rows, definition, split))
     texts = {
         "report.md": benchmark_page(rows, definition, split, command) + "\n![curves](curves.png)\n",
         "results.json": json.dumps(results, indent=1) + "\n",

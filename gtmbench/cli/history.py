@@ -142,9 +142,9 @@ def _write(airframes: dict[str, list[Entry]], record: Path | None, reports: Sequ
     for report in reports:
         with atomic_write(report) as aside:
             if report.suffix.lower() == ".png":
-                from gtmbench.report.figures.airframe import write_airframe_figure
+                from gtmbench.report.figures.airframe import airframe_figure
 
-                write_airframe_figure(airframes, aside)
+                airframe_figure(airframes).savefig(aside, format="png", dpi=120)
             else:
                 from gtmbench.report.page.airframe import airframe_page
 

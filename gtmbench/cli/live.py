@@ -275,13 +275,9 @@ def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
         "monitor": None if link.monitor is None else link.monitor.name,
         "watched_s": link.watched_s,
         "saved": None if save is None or link.unsaved else str(save),
-        "recorded": [str(path) for path in _recorded(link)],
+        "recorded": [str(path) for drawn in link.drawn for path in drawn.paths],
         "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
     }
-
-
-def _recorded(link: Live) -> list[Path]:
-    return [path for drawn in link.drawn for path in drawn.paths]
 
 
 def _found(link: Live) -> list[dict[str, object]]:

@@ -51,10 +51,6 @@ class Chosen:
         """By how many seconds its stamps are late."""
         return 0.0 if self.meaning is None else self.meaning.late_s
 
-    @property
-    def _turn_deg(self) -> float:
-        return math.copysign(_TURN_DEG, self.factor)
-
     @cached_property
     def _runs_from_zero(self) -> bool:
         """Whether it is a bank or a pitch that is counted from 0 to 360 deg, as some loggers do."""
@@ -106,7 +102,7 @@ class Chosen:
         if self.factor != 1.0:
             values *= self.factor
         if self._runs_from_zero:
-            values[np.abs(values) > _HALF_TURN_DEG] -= self._turn_deg
+            values[np.abs(values) > _HALF_TURN_DEG] -= math.copysign(_TURN_DEG, self.factor)
         rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
         outside = values[rows]
         values[rows] = np.nan

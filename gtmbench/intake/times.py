@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.alike_times import finest_of_alike, stands_mostly
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds, origin_of, since_text
 from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
 from gtmbench.intake.names import Guess, is_table_header, stated_unit
 from gtmbench.intake.stamps import FAR_S
@@ -207,7 +207,7 @@ def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _
         raise InputError(
             f"'{fine.name}' isn't what is beyond the whole seconds of '{seconds.name}': --map time=COLUMN:UNIT"
         )
-    origin_s = first_since_1970(whole)
+    origin_s = float(origin_of(whole, 1.0) or 0.0)
     return _Told(
         columns=(seconds, fine), stamps=(whole - origin_s) + beyond, stated="s", per_second=1.0, since_s=origin_s
     )

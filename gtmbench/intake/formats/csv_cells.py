@@ -120,7 +120,7 @@ def _lines(path: Path, layout: Layout) -> Iterator[tuple[str, bool]]:
                 continue
             held += line
             if '"' not in held or not _is_open(held, layout):
-                yield held, bool(held.strip(_blanks(layout)))
+                yield held, bool(held.strip(" \t\r\n".replace(layout.separator, "")))
                 held = ""
         if held:
             yield held, True
@@ -132,10 +132,6 @@ def _coding(path: Path, layout: Layout) -> tuple[str, str]:
         with path.open("rb") as file:
             return ("utf-16-le" if file.read(1) == b"\xff" else "utf-16-be"), "surrogatepass"
     return ("utf-8" if layout.encoding == "utf-8-sig" else layout.encoding), "surrogateescape"
-
-
-def _blanks(layout: Layout) -> str:
-    return " \t\r\n".replace(layout.separator, "")
 
 
 def _pieces(line: str, layout: Layout) -> list[str]:

@@ -165,11 +165,6 @@ def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[d
     return seconds, (since_text(float(origin) / per_second),)
 
 
-def first_since_1970(seconds: FloatArray) -> float:
-    """Return the first of some stamps in seconds that counts from 1970 where most do, else 0."""
-    return float(origin_of(seconds, 1.0) or 0.0)
-
-
 def origin_of(stamps: NDArray[Any], per_second: float) -> Any | None:
     """Return the first of some stamps that counts from 1970, in their unit, where most do; else None."""
     known = stamps[np.isfinite(stamps)] if stamps.dtype.kind == "f" else stamps

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,11 +42,6 @@ def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel("flight")
     return figure
-
-
-def write_airframe_figure(airframes: Mapping[str, Sequence[Entry]], path: Path) -> None:
-    """Write it as a PNG."""
-    airframe_figure(airframes).savefig(path, format="png", dpi=120)
 
 
 def _draw(axis: Axes, each: Overview) -> None:

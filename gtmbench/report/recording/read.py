@@ -64,7 +64,7 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     301.25
     """
     table = _table_of(Path(path), "rows")
-    application = _application(table)
+    application = str(table.schema.metadata[b"application"].decode(errors="replace"))
     if application != "gtmbench":
         raise InputError(f"{path} is a recording of {shown(application)}; give one that `gtmbench run` has written")
     return table.unify_dictionaries().to_pandas()
@@ -85,10 +85,6 @@ def recording_in(given: Path) -> Path:
 def check_recording(path: Path) -> None:
     """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window."""
     _table_of(path)
-
-
-def _application(table: pa.Table) -> str:
-    return str(table.schema.metadata[b"application"].decode(errors="replace"))
 
 
 def _table_of(path: Path, *what: str) -> pa.Table:
