@@ -16,8 +16,7 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
-from gtmbench.bench.propellers import spin_up
-from gtmbench.bench.settling import settle
+from gtmbench.bench.propellers import settle, spin_up
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, Role

@@ -13,8 +13,7 @@ import numpy as np
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
-from gtmbench.bench.propellers import wrong_speeds
-from gtmbench.bench.settling import thrusts_lbs
+from gtmbench.bench.propellers import thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError

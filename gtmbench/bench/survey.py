@@ -19,8 +19,7 @@ from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.propellers import spin_up, wrong_speeds
-from gtmbench.bench.settling import settle, thrusts_lbs
+from gtmbench.bench.propellers import settle, spin_up, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError

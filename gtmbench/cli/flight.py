@@ -146,7 +146,7 @@ def fly_command(
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
     from gtmbench.imports import load_object
-    from gtmbench.report.tables.loop import event_rows
+    from gtmbench.report.tables.results import event_rows
     from gtmbench.values.attitude import estimator_of
 
     check_destination(out, target, speed, force=force)

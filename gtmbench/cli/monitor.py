@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.cluster import check_cluster_options, cluster_options
 from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.history import keeping_of, monitor_history
 from gtmbench.cli.output import (
     F,
+    check_cluster_options,
     claim_file,
+    cluster_options,
     command_line,
     common_options,
     echo,

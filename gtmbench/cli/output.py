@@ -249,3 +249,21 @@ def print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
         shown = [f"{value:.6g}" if math.isfinite(value) else "-" for value in times]
         rows.append([column.name, column.unit, str(column.samples), *shown, column.channel or column.why_not])
     print_table(log.name, names, rows, right=names[2:6])
+
+
+def cluster_options(command: F) -> F:
+    """Give a command ``--scheduler`` and ``--tls``."""
+    tls = click.option(
+        "--tls",
+        type=click.Path(path_type=Path),
+        metavar="FOLDER",
+        help="With --scheduler: the folder of ca.pem, cert.pem and key.pem.",
+    )
+    where = "Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://..."
+    return click.option("--scheduler", metavar="ADDRESS", help=where)(tls(command))
+
+
+def check_cluster_options(scheduler: str | None, tls: Path | None) -> None:
+    """Refuse certificates of no scheduler."""
+    if tls is not None and scheduler is None:
+        raise InputError("--tls is for a --scheduler, and none is given")

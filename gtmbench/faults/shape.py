@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
 
 from gtmbench.checks import listed, number, shown
 from gtmbench.errors import InputError
@@ -171,3 +173,41 @@ class Typical:
     of: str = ""
     certified_s: float | None = None
     largest: str = ""
+
+
+_OF_NOISE = 3.0  # deviations
+
+
+class Same(NamedTuple):
+    """When a fault reads what another kind would: by the readings before it, and those since; and why."""
+
+    reads: Callable[[FloatArray, FloatArray], bool]
+    why: str
+
+
+def is_always(*_: FloatArray) -> bool:
+    """Whatever it reads."""
+    return True
+
+
+def is_beyond(before: FloatArray, since: FloatArray) -> bool:
+    """Whether it reads more than it ever read before."""
+    return len(before) > 0 and bool(abs(since[-1]) > np.abs(before).max())
+
+
+def is_last(before: FloatArray, since: FloatArray) -> bool:
+    """Whether it reads what it read last, within the noise: what changes from one reading to the next."""
+    if len(before) < 2:
+        return False
+    noise = float(np.sqrt(0.5 * np.mean(np.square(np.diff(before)))))
+    return bool(abs(since[-1] - before[-1]) <= _OF_NOISE * noise)
+
+
+def is_constant(_: FloatArray, since: FloatArray) -> bool:
+    """Whether it has read one value ever since."""
+    return bool(np.ptp(since) == 0.0)
+
+
+def is_one_sided(_: FloatArray, since: FloatArray) -> bool:
+    """Whether its readings have never reached zero since."""
+    return bool(np.all(since > 0.0) or np.all(since < 0.0))

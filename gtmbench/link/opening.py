@@ -7,9 +7,8 @@ import stat
 from pathlib import Path
 
 from gtmbench.errors import InputError
-from gtmbench.link.address import address_of
 from gtmbench.link.ports import SerialSource, TcpSource, UdpSource
-from gtmbench.link.source import Source
+from gtmbench.link.source import Source, address_of
 from gtmbench.link.streams import GrowingSource, InputSource, SavedSource
 
 _BAUD = 57600
