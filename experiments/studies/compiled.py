@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +166,7 @@ def run_on_m4(folder: Path, board: Board, aside: Path, *, optimised: str = "-O2"
 
 
 def _file(name: str) -> Path:
-    return Path(str(resources.files("gtmbench.testing").joinpath("c", name)))
+    return Path(__file__).parent / "c" / name
 
 
 def _run(command: list[str]) -> str:
