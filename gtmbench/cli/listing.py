@@ -14,13 +14,7 @@ from gtmbench.cli.command import Command
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files.disk import read_toml
-from gtmbench.files.shipped import (
-    share,
-    shipped_aircraft,
-    shipped_banks,
-    shipped_campaigns,
-    shipped_scenarios,
-)
+from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
 from gtmbench.imports import DETECTORS, FAULTS, installed
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.values.channels import CHANNELS

@@ -10,14 +10,7 @@ import click
 from gtmbench.cli.command import Command
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.monitor import healthy_option, healthy_part
-from gtmbench.cli.output import (
-    common_options,
-    echo,
-    map_option,
-    print_json,
-    print_table,
-    scope_options,
-)
+from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table, scope_options
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:

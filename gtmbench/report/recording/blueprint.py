@@ -13,15 +13,7 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.report.log_findings import (
-    about,
-    faults_of,
-    residuals_of,
-    scores_of,
-    signals_of,
-    told_sensors,
-    whole_of,
-)
+from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, told_sensors, whole_of
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES

@@ -10,13 +10,7 @@ from typing import Any
 import pandas as pd
 
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.benchmark import (
-    DIFFER,
-    QUICKNESS,
-    ROWS,
-    about,
-    data_sheet,
-)
+from gtmbench.report.words.benchmark import DIFFER, QUICKNESS, ROWS, about, data_sheet
 from gtmbench.study.benchmark.definition import Definition
 from gtmbench.study.benchmark.judge import MISSED, Outcome, Row, places
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading

@@ -26,11 +26,7 @@ from gtmbench.study.log.self_check.causes import (
     other_scales,
     small_lags_s,
 )
-from gtmbench.study.log.self_check.explained import (
-    Explained,
-    explained_where_identified,
-    explained_where_watched,
-)
+from gtmbench.study.log.self_check.explained import Explained, explained_where_identified, explained_where_watched
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
 from gtmbench.values.channels import COMMANDS, axis_of
 from gtmbench.values.pieces import pieces
