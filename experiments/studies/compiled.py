@@ -37,7 +37,7 @@ def missing_tools() -> list[str]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told:
+class BoardOutput:
     """What an exported monitor said, a row a sample."""
 
     # alarms, above, possible, involved, missing, flags, backlog: shape (rows,); as the events have them
@@ -85,7 +85,7 @@ class Compiled:
         times_us: Array | None = None,
         state: ctypes.Array[ctypes.c_char] | None = None,
         statistics: bool = True,
-    ) -> Told:
+    ) -> BoardOutput:
         """Return what a monitor says of rows of the board's channels, shape (rows, channels).
 
         `times_us`: by default a period apart. `state`: of `begin`, which goes on; by default a new one.
@@ -107,7 +107,7 @@ class Compiled:
             others.ctypes if statistics else None,
         )
         alarms, above, possible, involved, missing, flags, backlog = events.T.astype(int)
-        return Told(
+        return BoardOutput(
             alarms=alarms,
             above=above,
             possible=possible,

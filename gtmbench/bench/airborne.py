@@ -127,7 +127,7 @@ class Stepping:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outside:
+class OutsideSpans:
     """Where a flight is first outside of some spans."""
 
     row: int
@@ -148,7 +148,7 @@ def beyond(now: Sequence[float], bounds: Sequence[Bound]) -> bool:
     return False
 
 
-def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
+def first_outside(flight: Record, spans: Mapping[str, Span]) -> OutsideSpans | None:
     """Return the first sample of a flight that isn't within spans of channels, or None."""
     found = []
     for channel, (low, high) in spans.items():
@@ -156,7 +156,7 @@ def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
         beyond = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(beyond):
             row = int(beyond[0])
-            found.append(Outside(row=row, channel=channel, value=float(values[row]), low=low, high=high))
+            found.append(OutsideSpans(row=row, channel=channel, value=float(values[row]), low=low, high=high))
     return min(found, key=lambda each: (each.row, each.channel), default=None)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
-from gtmbench.check.figures import Group, Value, trial_names
+from gtmbench.check.figures import FigureGroup, Value, trial_names
 from gtmbench.check.logs import history_path, log_paths, new_logs, texts_of
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.check.template import TOLERATED, is_file_of_detector, quoted
@@ -213,7 +213,7 @@ def _known_keys(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, A
     return keys(table_of(section, given), legal, section=section)
 
 
-def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) -> None:
+def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGroup]) -> None:
     """Put figures into a baseline's text, in the place of those that are there, and write it."""
     from tomlkit.exceptions import TOMLKitError
 
@@ -268,7 +268,7 @@ def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
             old[key] = value
 
 
-def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
+def figures_text(seed: int, groups: Sequence[FigureGroup], settings: str = "") -> str:
     """Return figures as a baseline has them, with digests: a table each, but one line a trial or sensor."""
     head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
     blocks = [_block(group) for group in groups if group.kind not in _IN_LINES]
@@ -281,14 +281,14 @@ def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
     return "\n".join([head + digests, *blocks])
 
 
-def _block(group: Group) -> str:
+def _block(group: FigureGroup) -> str:
     unit = f"  # {group.unit}" if group.unit else ""
     lines = [f"{figure} = {_value(value, group.labels.get(figure, ()))}\n" for figure, value in group.values.items()]
     name = group.name if _BARE.fullmatch(group.name) else quoted(group.name)
     return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
 
 
-def _line(trial: Group) -> str:
+def _line(trial: FigureGroup) -> str:
     figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in trial.values.items())
     return f"{quoted(trial.name)} = {{ {figures} }}\n"
 

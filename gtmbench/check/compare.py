@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from gtmbench.check.figures import Group, Value
+from gtmbench.check.figures import FigureGroup, Value
 from gtmbench.check.rules import RULES, Rule, Tolerance
 from gtmbench.errors import InputError
 
@@ -68,7 +68,9 @@ class Compared(Pair):
         return gone / allowed if allowed > 0.0 and math.isfinite(gone) else math.inf
 
 
-def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str, Tolerance]) -> tuple[Compared, ...]:
+def compare(
+    recorded: Recorded, groups: Sequence[FigureGroup], tolerances: Mapping[str, Tolerance]
+) -> tuple[Compared, ...]:
     """Hold every figure against the recorded one.
 
     Raises InputError where a figure has none, or a recorded one is no longer there: that's no regression, but a
@@ -94,7 +96,7 @@ def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str
     return tuple(held)
 
 
-def pairs(recorded: Recorded, groups: Sequence[Group]) -> Iterator[Pair]:
+def pairs(recorded: Recorded, groups: Sequence[FigureGroup]) -> Iterator[Pair]:
     """Return what was and what is, number by number: the groups of now first, then what is no longer there."""
     for group in groups:
         yield from _of_group(group, recorded.get(group.kind, {}).get(group.name, {}))
@@ -102,10 +104,10 @@ def pairs(recorded: Recorded, groups: Sequence[Group]) -> Iterator[Pair]:
     for kind, names in recorded.items():
         for name, figures in names.items():
             if (kind, name) not in now:
-                yield from _of_group(Group(kind=kind, name=name, values={}), figures)
+                yield from _of_group(FigureGroup(kind=kind, name=name, values={}), figures)
 
 
-def _of_group(group: Group, was: Mapping[str, Value]) -> Iterator[Pair]:
+def _of_group(group: FigureGroup, was: Mapping[str, Value]) -> Iterator[Pair]:
     for figure in dict.fromkeys([*group.values, *was]):
         rule, labels = RULES[figure], group.labels.get(figure, ())
         explained = bool(rule.needs) and False in (was.get(rule.needs), group.values.get(rule.needs))

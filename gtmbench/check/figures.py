@@ -24,7 +24,7 @@ _V = TypeVar("_V", float, tuple[float, ...])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
+class FigureGroup:
     """Figures that belong together: of a residual, of a trial."""
 
     # kind, name: one of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``
@@ -43,7 +43,7 @@ class Group:
         return KINDS[self.kind][0].format(self.name)
 
 
-def figures_of(study: Study) -> tuple[Group, ...]:
+def figures_of(study: Study) -> tuple[FigureGroup, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
     Raises InputError where several detectors watched.
@@ -60,7 +60,7 @@ def figures_of(study: Study) -> tuple[Group, ...]:
     flight = {"false_alarms": base.false_alarms, "hours": rounded(base.healthy_hours)}
     names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)
     return (
-        Group(kind="healthy", name="flight", values=flight),
+        FigureGroup(kind="healthy", name="flight", values=flight),
         *(_residual(base, name, values) for name, values in base.watch.residuals.items()),
         *(_score(base, score) for score in base.watch.scores.values()),
         *(_trial(name, trial) for name, trial in zip(names, study.trials, strict=True)),
@@ -93,7 +93,7 @@ def rounded(value: _V) -> _V:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _score(base: Baseline, score: Score) -> Group:
+def _score(base: Baseline, score: Score) -> FigureGroup:
     """Return the figures of a score; where each of several tests has a threshold of its own, all of them."""
     time_s, monitor = base.watch.record.time_s, base.monitor
     windows, labels = _windows(score.values, time_s, base.setup.alarm.watch_from_s)
@@ -107,11 +107,11 @@ def _score(base: Baseline, score: Score) -> Group:
     start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
     values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
     ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
-    return Group(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
+    return FigureGroup(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
 
 
 @np.errstate(over="ignore")
-def _residual(base: Baseline, name: str, values: FloatArray) -> Group:
+def _residual(base: Baseline, name: str, values: FloatArray) -> FigureGroup:
     time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
     windows, labels = _windows(np.abs(values), time_s, start_s)
     there = values[(time_s >= start_s - 1e-9) & ~np.isnan(values)]
@@ -121,7 +121,7 @@ def _residual(base: Baseline, name: str, values: FloatArray) -> Group:
         "rms": rounded(float(np.sqrt(np.sum(np.square(there)) / max(len(there), 1)))),
         "windows": windows,
     }
-    return Group(kind="residual", name=name, values=figures, labels={"windows": labels}, unit=unit_of(name))
+    return FigureGroup(kind="residual", name=name, values=figures, labels={"windows": labels}, unit=unit_of(name))
 
 
 def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
@@ -139,7 +139,7 @@ def _margin(threshold: float, values: FloatArray) -> float:
         return rounded(float(np.divide(threshold, greatest)))
 
 
-def _trial(name: str, trial: Trial) -> Group:
+def _trial(name: str, trial: Trial) -> FigureGroup:
     values: dict[str, Value] = {}
     if trial.severity:
         values["severity"] = rounded(tuple(trial.severity.values()))
@@ -155,7 +155,7 @@ def _trial(name: str, trial: Trial) -> Group:
     kind = kind_text(trial.kind, {}, {}, "", trial.partner) if trial.kind else ""
     said = ", ".join(part for part in (trial.verdict, kind) if part)
     remark = said if trial.detected else f"missed: {trial.reason}"
-    return Group(
+    return FigureGroup(
         kind="trials",
         name=name,
         values=values,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gtmbench.check.figures import Group, Value, rounded
+from gtmbench.check.figures import FigureGroup, Value, rounded
 from gtmbench.checks import shown, text
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
@@ -55,7 +55,7 @@ def history_path(baseline: Path, given: Any) -> Path | None:
 
 def log_groups(
     logs: Mapping[str, Path], watcher: Detector | Monitor | str, progress: Progress, **how: Any
-) -> list[Group]:
+) -> list[FigureGroup]:
     """Watch logs as `gtmbench monitor` does, how else is as `watch_log` takes it; return the figures of each sensor."""
     from gtmbench.study.log.watch import watch_log
 
@@ -66,7 +66,7 @@ def log_groups(
     return groups
 
 
-def _groups(name: str, watched: WatchedLog) -> list[Group]:
+def _groups(name: str, watched: WatchedLog) -> list[FigureGroup]:
     from gtmbench.report.words.verdict import verdict_text
 
     verdict = watched.verdict
@@ -83,5 +83,5 @@ def _groups(name: str, watched: WatchedLog) -> list[Group]:
         sizes = verdict.sizes_of(sensor)
         values["error"] = math.inf if sizes is None else rounded(sizes.error)  # infinite: it is clear nowhere
         title = f"{name}{_SEPARATOR}{sensor}"
-        groups.append(Group(kind="sensors", name=title, values=values, unit=unit_of(sensor), remark=said))
+        groups.append(FigureGroup(kind="sensors", name=title, values=values, unit=unit_of(sensor), remark=said))
     return groups

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, compare
-from gtmbench.check.figures import Group, figures_of
+from gtmbench.check.figures import FigureGroup, figures_of
 from gtmbench.check.logs import log_groups
 from gtmbench.checks import naming
 from gtmbench.detectors.bank.composed import AUTO
@@ -21,7 +21,7 @@ class Check:
     """A baseline, held against a run."""
 
     reference: Reference
-    groups: tuple[Group, ...]  # what the run gave
+    groups: tuple[FigureGroup, ...]  # what the run gave
     compared: tuple[Compared, ...]  # every figure beside the recorded one
 
     @property
@@ -37,10 +37,10 @@ class Check:
 
 def run_reference(
     reference: Reference, *, detector: Detector | Monitor | None = None, progress: Progress = silent
-) -> tuple[Group, ...]:
+) -> tuple[FigureGroup, ...]:
     """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states."""
     watcher = reference.detector if detector is None else detector
-    groups: list[Group] = []
+    groups: list[FigureGroup] = []
     if reference.scenarios:
         watches = [] if watcher is None else [watcher]
         groups += figures_of(run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress))
@@ -50,7 +50,7 @@ def run_reference(
     return tuple(groups)
 
 
-def check(reference: Reference, groups: Sequence[Group]) -> Check:
+def check(reference: Reference, groups: Sequence[FigureGroup]) -> Check:
     """Hold the figures of a run against a baseline.
 
     Raises InputError where the baseline lacks a figure, or holds one that the run doesn't give.

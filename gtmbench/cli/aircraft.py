@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.output import F, claim_file, common_options, echo, print_json, print_table, write_new
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -79,7 +79,7 @@ def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Pa
     return folder / FACTS, commented(facts_of(craft), model)
 
 
-@click.command("aircraft", cls=Command)
+@click.command("aircraft", cls=HeadedCommand)
 @click.argument("name", default="gtm", metavar="[NAME|FOLDER]")
 @condition_options
 @click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")

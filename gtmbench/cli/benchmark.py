@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gtmbench.study.benchmark.judge import Row
 
 
-@click.command("benchmark", cls=Command)
+@click.command("benchmark", cls=HeadedCommand)
 @click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
 @click.option(
     "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."

@@ -48,7 +48,7 @@ def is_typed(text: str) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chosen:
+class ChosenFaults:
     """The faults that were asked for."""
 
     faults: tuple[Fault, ...] = ()
@@ -80,7 +80,7 @@ def numbered(trials: Sequence[FaultSpec]) -> list[str]:
     return [f"{number} {trial.text}" for number, trial in enumerate(trials, 1)]
 
 
-def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> Chosen:
+def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> ChosenFaults:
     """Return the faults that are typed, or those of a scenario's trial; none where nothing is given.
 
     Raises InputError where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
@@ -95,12 +95,14 @@ def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) 
     if onset is not None and not typed:
         raise InputError("--onset is of typed faults, such as --fault bias:r:size=2; a scenario has its own")
     if not given:
-        return Chosen()
+        return ChosenFaults()
     if typed:
-        return Chosen(faults=tuple(fault(text, onset_s=onset) for text in typed), source=" + ".join(typed))
+        return ChosenFaults(faults=tuple(fault(text, onset_s=onset) for text in typed), source=" + ".join(typed))
     trials = scenario_trials(given)
     number = trial_number(trial, trials, given[0])
-    return Chosen(faults=trials[number - 1].absolute(f"{given[0]}, trial {number}"), source=given[0], trial=number)
+    return ChosenFaults(
+        faults=trials[number - 1].absolute(f"{given[0]}, trial {number}"), source=given[0], trial=number
+    )
 
 
 def scenario_trials(given: Sequence[str]) -> tuple[FaultSpec, ...]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import (
     attitude_option,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _INTERRUPTED, _UNWRITTEN = 130, 2
 
 
-@click.command("live", cls=Command)
+@click.command("live", cls=HeadedCommand)
 @click.argument("source", metavar="SOURCE")
 @map_option
 @attitude_option

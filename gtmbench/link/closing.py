@@ -28,7 +28,7 @@ FLYING = "who is clear is told when the flight is over"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Closing:
+class ClosingWord:
     """What a flight comes to once it is over."""
 
     verdict: LogVerdict
@@ -57,7 +57,7 @@ def closed(
     mapping: Sequence[str],
     attitude: str,
     progress: Progress,
-) -> Closing:
+) -> ClosingWord:
     """Judge what has arrived, as ``gtmbench monitor LOG --detector FILE`` does; without a monitor, as ``auto``.
 
     `monitor`: the one that was given; None where it was learnt from the link: knowing all of it, another may be better.
@@ -65,7 +65,7 @@ def closed(
     """
     watched = watch_log(log, monitor or AUTO, mapping=mapping, attitude=attitude, progress=progress)
     doubtful = tuple(alarm for alarm in alarms if alarm.accuses and not _is_held(alarm, watched.verdict))
-    return Closing(verdict=watched.verdict, watched=watched, unconfirmed=doubtful)
+    return ClosingWord(verdict=watched.verdict, watched=watched, unconfirmed=doubtful)
 
 
 def why_not(error: InputError, log: Path) -> str:

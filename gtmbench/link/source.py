@@ -26,7 +26,7 @@ class Delivery:
     peer: Peer | None = None
 
 
-class Source:
+class LinkSource:
     """Deliveries as they come: `None` now and then while there is none."""
 
     is_table = False
@@ -57,7 +57,7 @@ class Source:
         """Receive no more."""
 
 
-class HeldUp(Source):
+class HeldUp(LinkSource):
     """A source whose sender is held up while nobody takes what it sends: a pipe, a connection, a serial line."""
 
     def __init__(self) -> None:

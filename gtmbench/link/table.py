@@ -12,9 +12,9 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.mapping import Chosen, choose, choose_of, split_mapping
+from gtmbench.intake.mapping import ChosenColumn, choose, choose_of, split_mapping
 from gtmbench.intake.times import time_column
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 from gtmbench.link.telemetry import Message
 
 _LONGEST = 1 << 16  # bytes of a line
@@ -22,7 +22,7 @@ _SINCE_S = 1e8  # stamps beyond count from 1970
 _NONE = np.zeros(0)
 
 
-class Table:
+class TableRows:
     """The rows of a table's lines.
 
     `wants`: others, which are read where they are there.
@@ -110,19 +110,19 @@ class Table:
         """Return the "message" that each channel is read from: the only one."""
         return {name: "" for name in needs if name in self.channels}
 
-    def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
+    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
         """Return what a row reads of some channels."""
         values = message.content
         if tuple(channels) != self.channels:
             values = tuple(values[self.channels.index(name)] for name in channels)
-        return Sample(topic="", time_s=message.time_s, values=values)
+        return LinkSample(topic="", time_s=message.time_s, values=values)
 
     def told(self) -> str:
         """Say what the table holds."""
         return f"it holds {', '.join(self.channels)}"
 
 
-def _factor(choice: Chosen) -> float:
+def _factor(choice: ChosenColumn) -> float:
     """Return what a column's values are multiplied by to be the channel's."""
     if choice.late_s:
         raise InputError(f"--map {choice.channel}: a column that is stamped late (@) isn't read row by row")

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watching:
+class LogQuestion:
     """A log, and how it is watched."""
 
     log: FlightLog | Path
@@ -57,7 +57,7 @@ def is_flight(given: object) -> bool:
     return isinstance(given, (str, Path)) and Path(given).is_file() and is_log(Path(given))
 
 
-def hold_quiet(watching: Watching) -> None:
+def hold_quiet(watching: LogQuestion) -> None:
     """Fail unless nothing is found in a log, and enough of it is judged."""
     __tracebackhide__ = True
     watched = watching.watched()
@@ -65,7 +65,7 @@ def hold_quiet(watching: Watching) -> None:
         _fail(watched, f"{watched.log.path.name}: {verdict_text(watched)} (allowed: nothing found)")
 
 
-def hold_found(watching: Watching, *, sensor: str, from_s: float, within_s: float) -> None:
+def hold_found(watching: LogQuestion, *, sensor: str, from_s: float, within_s: float) -> None:
     """Fail unless a sensor failed from a time on, and no other did."""
     __tracebackhide__ = True
     from_s, within_s = number("from_s", from_s), number("within_s", within_s, 0.0)

@@ -35,7 +35,7 @@ _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, des
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class CsvLayout:
     """How a table is written."""
 
     names: tuple[str, ...]  # names, units: of its columns; without a header their numbers
@@ -49,7 +49,7 @@ class Layout:
     facts: Mapping[str, str] = field(default_factory=dict)  # what other lines there say: a name and a number
 
 
-def layout_of(path: Path) -> Layout:
+def layout_of(path: Path) -> CsvLayout:
     """Find out how a table is written, from its first lines."""
     with path.open("rb") as file:
         head = file.read(LONGEST_LINE_BYTES)
@@ -85,7 +85,7 @@ def layout_of(path: Path) -> Layout:
         raise InputError(more_cells(names, separator))
     above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
     rate = _RATE.search("\n".join(above))
-    return Layout(
+    return CsvLayout(
         names=tuple(names),
         units=tuple((units + [""] * len(names))[: len(names)]),
         encoding=encoding,

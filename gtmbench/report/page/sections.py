@@ -14,7 +14,7 @@ from gtmbench.jobs.parts import Parts
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.scores import delay_curves, price_curves, smallest_figure
 from gtmbench.report.style import strokes
-from gtmbench.report.tables.scores import Table, confusions, tables
+from gtmbench.report.tables.scores import ScoreTable, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
 from gtmbench.report.words.units import counted
 from gtmbench.study.campaign.conduct import flights_of
@@ -64,12 +64,12 @@ class Contents:
         return [*verdict_lines(self.scores), *[unfinished] * bool(missing)]
 
     @cached_property
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[ScoreTable]:
         """All that have rows."""
         return tables(self.scores)
 
     @cached_property
-    def confusions(self) -> list[Table]:
+    def confusions(self) -> list[ScoreTable]:
         """What was told of what was."""
         return confusions(self.scores)
 

@@ -22,7 +22,7 @@ _EDGE = 0.04  # of an axis
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class TraceLine:
     """A line: what it is, how it looks (a class of the page's style) and its path."""
 
     name: str
@@ -54,7 +54,7 @@ class Panel:
 
     title: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[TraceLine, ...]
     # low, high: the axis, in the lines' units; of a logarithmic one the exponents of 10
     low: float
     high: float
@@ -105,7 +105,7 @@ def panel(
     room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     low, high = low - room, high + room
     made = [
-        Line(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
+        TraceLine(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
         for name, look, parts in lines
     ]
     return Panel(

@@ -21,7 +21,7 @@ Line = tuple[npt.NDArray[Any], FloatArray]  # times in s (of a Markov parameter 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tolerance:
+class Closeness:
     """Within `relative` times the series' greatest magnitude, or `absolute`, values are equal; at 0: bit for bit."""
 
     relative: float = 0.0
@@ -33,7 +33,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sample:
+class SamplePair:
     """A sample of two recordings, in the series' unit; `at`: its time in s, of a Markov parameter its lag, in words."""
 
     at: float | str
@@ -54,7 +54,7 @@ class LineDifference:
     # only_a, only_b: samples at times at which the other recording has none
     only_a: int
     only_b: int
-    worst: Sample | None  # the one that differs most; None where only times do
+    worst: SamplePair | None  # the one that differs most; None where only times do
     # its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number
     relative: float
 
@@ -86,7 +86,7 @@ class EventDifference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class RecordingDiff:
     """What two recordings differ in."""
 
     # series, fields, events: how many of each were held against each other
@@ -106,7 +106,7 @@ class Comparison:
         return not (self.only_a or self.only_b or self.lines or self.verdicts or self.told)
 
 
-def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None) -> Comparison:
+def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None) -> RecordingDiff:
     """Compare two recordings, as `read_recording` gives them.
 
     `tolerance`: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
@@ -117,7 +117,7 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None
     >>> compare(a, b).lines[0].worst.at, compare(a, b, Tolerance(relative=0.2)).equal
     (0.1, True)
     """
-    tolerance = tolerance or Tolerance()
+    tolerance = tolerance or Closeness()
     lines_a, lines_b = lines(a), lines(b)
     fields_a, fields_b = _fields(a), _fields(b)
     names_a, names_b = [*lines_a, *fields_a], [*lines_b, *fields_b]
@@ -125,7 +125,7 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None
     differing = [line for name in shared if (line := _line(name, lines_a[name], lines_b[name], tolerance))]
     common = [name for name in fields_a if name in fields_b]
     told_a, told_b = events(a), events(b)
-    return Comparison(
+    return RecordingDiff(
         series=len(shared),
         fields=len(common),
         events=(told_a & told_b).total(),
@@ -183,7 +183,7 @@ def _events_only_in(which: str, told: Counter[Told]) -> Iterator[EventDifference
         yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
 
 
-def _line(name: Name, a: Line, b: Line, tolerance: Tolerance) -> LineDifference | None:
+def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference | None:
     """Return how a series differs, None where it doesn't."""
     at, values_a, values_b = a[0], a[1], b[1]
     if not np.array_equal(a[0], b[0]):
@@ -202,7 +202,7 @@ def _line(name: Name, a: Line, b: Line, tolerance: Tolerance) -> LineDifference 
     if differs.any():
         k = int(np.argmax(np.where(differs, distance, -1.0)))
         place = at[k] if isinstance(at[k], str) else float(at[k])
-        worst = Sample(at=place, a=float(values_a[k]), b=float(values_b[k]), difference=float(distance[k]))
+        worst = SamplePair(at=place, a=float(values_a[k]), b=float(values_b[k]), difference=float(distance[k]))
     return LineDifference(
         entity=name[0],
         series=name[1],
@@ -219,7 +219,7 @@ def _same(a: FloatArray, b: FloatArray) -> npt.NDArray[np.bool_]:
     return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
 
 
-def _alike(a: float | str | None, b: float | str | None, tolerance: Tolerance) -> bool:
+def _alike(a: float | str | None, b: float | str | None, tolerance: Closeness) -> bool:
     if isinstance(a, float) and isinstance(b, float):
         return a == b or abs(a - b) <= tolerance.limit(max(abs(a), abs(b)))
     return a == b

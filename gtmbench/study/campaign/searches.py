@@ -29,7 +29,7 @@ _OWN_KEYS = ("within_s",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class SeveritySearch:
     """A kind of fault of a channel, from an onset on."""
 
     # mildest, severest: they differ in one severity
@@ -67,7 +67,7 @@ class Search:
         return build(self.mildest, {name: resolve(each, reference, channel) for name, each in given.items()})
 
 
-def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
+def searches_of(given: Any, flight_s: float) -> tuple[SeveritySearch, ...]:
     """Return the searches of ``[[smallest]]`` tables, on flights of at least so many seconds.
 
     >>> table = {"kind": "drift", "channels": ["p", "q"], "onset_s": 60.0, "slope": [0.001, 1.0]}
@@ -83,7 +83,7 @@ def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
     return tuple(found)
 
 
-def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search]:
+def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[SeveritySearch]:
     own = {key: block.pop(key) for key in _OWN_KEYS if key in block}
     for key in ("also", "expect"):
         if key in block:
@@ -99,7 +99,7 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
         )
     specs = fault_specs(where, block, flight_s)
     found = [
-        Search(mildest=mildest, severest=severest, parameter=lists[0], within_s=within_s)
+        SeveritySearch(mildest=mildest, severest=severest, parameter=lists[0], within_s=within_s)
         for mildest, severest in zip(specs[::2], specs[1::2], strict=True)
     ]
     for search in found:
@@ -112,7 +112,7 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
     return found
 
 
-def search_row(search: Search, flown: Flown, quiet: Watch, number: int = BROKEN) -> Row:
+def search_row(search: SeveritySearch, flown: Flown, quiet: Watch, number: int = BROKEN) -> Row:
     """Search on a healthy record of a flight (`Flown.sensed` has its number), with the monitor that has watched it.
 
     What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,

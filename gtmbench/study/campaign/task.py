@@ -16,14 +16,14 @@ from gtmbench.faults.fault import Fault
 from gtmbench.files.arrow_table import Row
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.rows import COLUMNS
-from gtmbench.study.campaign.searches import Search, search_row
+from gtmbench.study.campaign.searches import SeveritySearch, search_row
 from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import altered_share, false_alarms, score
-from gtmbench.study.trial import Injection
+from gtmbench.study.trial import InjectedFaults
 from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.record import Record
 
@@ -40,7 +40,9 @@ class Task:
     # the healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks
     noise_seeds: tuple[int, ...] = (1,)
     isolate: bool = True  # whether it is asked what failed
-    searches: tuple[Search, ...] = ()  # for the smallest faults that are detected, on the records that are broken
+    searches: tuple[
+        SeveritySearch, ...
+    ] = ()  # for the smallest faults that are detected, on the records that are broken
 
 
 def rows_of(task: Task, watchers: Watchers) -> list[Row]:
@@ -144,7 +146,7 @@ class _Broken:
         self.faults = flown.faults(spec)
 
     @cached_property
-    def record(self) -> tuple[Injection, Record]:
+    def record(self) -> tuple[InjectedFaults, Record]:
         """The broken record, and what it would have been without."""
         return self._flown.broken(self._scenario, self._spec, self._number)
 
@@ -238,7 +240,7 @@ def _of_fault(scenario: str, spec: FaultSpec) -> Row:
     }
 
 
-def _of_search(search: Search) -> Row:
+def _of_search(search: SeveritySearch) -> Row:
     """Say what is searched for."""
     mildest, severest = search.bounds
     return {

@@ -48,7 +48,7 @@ _JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
+class TriedKind:
     """A kind of fault that is tried, by one parameter."""
 
     fault: type[Fault]
@@ -78,10 +78,10 @@ class Kind:
         return most / within_s if self.shape.how == "linear" and grows(self.fault) else most
 
 
-def kinds() -> tuple[Kind, ...]:
+def kinds() -> tuple[TriedKind, ...]:
     """Return the kinds that certificates have, by what their classes say; noise, which adds no shape, last."""
     found = [
-        Kind(fault=cls, shape=cls.shape, within_s=cls.typical.certified_s)
+        TriedKind(fault=cls, shape=cls.shape, within_s=cls.typical.certified_s)
         for cls in loaded_faults().values()
         if cls.shape is not None and cls.typical is not None and cls.typical.certified_s is not None
     ]
@@ -89,7 +89,7 @@ def kinds() -> tuple[Kind, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Smallest:
+class SmallestSeen:
     """The smallest fault of a kind that would have been seen."""
 
     sensor: str
@@ -116,13 +116,13 @@ class Smallest:
 class Certificate:
     """What a monitor would have seen on a log."""
 
-    rows: tuple[Smallest, ...] = field(default=(), repr=False)  # one a sensor and kind
+    rows: tuple[SmallestSeen, ...] = field(default=(), repr=False)  # one a sensor and kind
     watched_s: float = 0.0  # how long an alarm was possible, of any residual: what shares are of
     is_named: bool = False  # whether it was asked what would have been named
     missing: str = ""  # why there is none, where there are no rows
     unwatched: tuple[str, ...] = ()  # what has no row although it may fail, and why, each in a line
 
-    def of(self, sensor: str, kind: str) -> Smallest | None:
+    def of(self, sensor: str, kind: str) -> SmallestSeen | None:
         """Return the row of a sensor and a kind; None where there is none."""
         return next((row for row in self.rows if (row.sensor, row.kind) == (sensor, kind)), None)
 
@@ -165,7 +165,7 @@ class _Place:
 class _Trial:
     """A fault of a kind at a place, of whatever size up to the largest that makes sense."""
 
-    kind: Kind
+    kind: TriedKind
     place: _Place
     is_turned: bool
     most: float
@@ -249,8 +249,8 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
         offset, loss = max(each.offset for each in least), max(each.loss for each in least)
         seen = SHARE if loss <= 1.0 else min(each.lost_seen for each in least)
         rows += [
-            Smallest(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
-            Smallest(
+            SmallestSeen(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
+            SmallestSeen(
                 sensor=surface,
                 kind=ScaleFactor.kind,
                 size=loss if loss <= 1.0 else None,
@@ -274,8 +274,8 @@ def _estimators(monitor: PredictingMonitor, sensor: str) -> tuple[AttitudeEstima
 
 
 def _trials(
-    monitor: PredictingMonitor, watches: Sequence[Watch], sensor: str, kinds: Sequence[Kind]
-) -> dict[Kind, list[list[_Trial]]]:
+    monitor: PredictingMonitor, watches: Sequence[Watch], sensor: str, kinds: Sequence[TriedKind]
+) -> dict[TriedKind, list[list[_Trial]]]:
     """Return a sensor's trials by kind, on its own residual, put through each of the estimators that may bend it.
 
     No kind has any where too little was watched.
@@ -322,7 +322,7 @@ def _places(
     ]
 
 
-def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
+def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> SmallestSeen:
     """Return the smallest fault of the estimator through which that is the largest."""
     row, trials = _smallest(tried[0]), tried[0]
     for others in tried[1:]:
@@ -362,7 +362,7 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
     return onsets
 
 
-def _smallest(trials: Sequence[_Trial]) -> Smallest:
+def _smallest(trials: Sequence[_Trial]) -> SmallestSeen:
     """Return the size that is seen in so many of some trials: that of the hardest but a few.
 
     What is seen at a smaller size is taken to be seen at a larger one.
@@ -381,7 +381,7 @@ def _smallest(trials: Sequence[_Trial]) -> Smallest:
     largest = trials[0].most
     seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(largest))]
     on = trials[0].place.on
-    return Smallest(
+    return SmallestSeen(
         sensor=on.sensor,
         kind=trials[0].kind.fault.kind,
         size=size,

@@ -57,7 +57,7 @@ class Kept(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watching:
+class FleetQuestion:
     """How every log of a fleet is watched: what `watch_log` takes beside the log."""
 
     detector: Any = AUTO
@@ -195,7 +195,7 @@ def _in_order(path: Source) -> list[tuple[bool, int, str]]:
 
 def conduct(
     logs: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     out: Path,
     *,
     row: Callable[[WatchedLog], Kept],
@@ -237,7 +237,7 @@ def conduct(
 
 def _made(
     logs: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     row: Callable[[WatchedLog], Kept],
     jobs: int,
     scheduler: str | None,
@@ -276,7 +276,7 @@ def _check_rows(out: Path) -> None:
         )
 
 
-def _kept_of(log: Source, *, watching: Watching, row: Callable[[WatchedLog], Kept]) -> Kept:
+def _kept_of(log: Source, *, watching: FleetQuestion, row: Callable[[WatchedLog], Kept]) -> Kept:
     """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
     try:
         with fetched(log) if isinstance(log, str) else nullcontext(log) as path:

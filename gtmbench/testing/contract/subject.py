@@ -26,7 +26,7 @@ _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those o
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
+class ContractCase:
     """One detector under the contract."""
 
     detector: Detector | None  # None where a Monitor is checked, which is calibrated already
@@ -66,7 +66,7 @@ class Case:
 
 def contract_case(
     detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
-) -> Case:
+) -> ContractCase:
     """Return a detector calibrated, and a record with a fault, for the properties of the contract."""
     given = as_detector(detector)
     *healthy, last = standard_records() if records is None else as_records(records)
@@ -76,7 +76,7 @@ def contract_case(
     monitor = recipe.calibrate(healthy) if recipe is not None else cast(Monitor, given)
     channel = next(name for name in (*monitor.channels, *last.channels) if name in last)
     channel = next((name for name in GYROS if name in (monitor.channels or ("p",))), channel)
-    return Case(
+    return ContractCase(
         detector=recipe,
         monitor=monitor,
         healthy=tuple(healthy),

@@ -20,7 +20,7 @@ _LOUDER = 1.5  # times what a residual was where it was identified: less is a ca
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
+class ExplainedMotion:
     """What is left of a sensor's motion."""
 
     output: str
@@ -47,7 +47,7 @@ class Explained:
         return not self.is_shown and not self.is_calm
 
 
-def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Record]) -> list[Explained]:
+def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Record]) -> list[ExplainedMotion]:
     """Return what every residual of a sensor explains of the records that a monitor stands on."""
     found = []
     for sensor in monitor.basis.predicts:
@@ -58,7 +58,7 @@ def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Rec
 
 def explained_where_watched(
     monitor: PredictingMonitor, watches: Sequence[Watch], left_out: Sequence[Span]
-) -> list[Explained]:
+) -> list[ExplainedMotion]:
     """Return what every residual of a sensor explains of what a monitor watched, but for some spans."""
     found = []
     for sensor in monitor.basis.predicts if watches else ():
@@ -94,7 +94,7 @@ def _moments(values: FloatArray, readings: FloatArray) -> tuple[float, float, fl
 
 def _explained(
     monitor: PredictingMonitor, output: str, where: str, residuals: Iterable[FloatArray], signals: Iterable[FloatArray]
-) -> Explained:
+) -> ExplainedMotion:
     squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
         whole = deviation([values])
@@ -108,7 +108,7 @@ def _explained(
     alike = against / max(float(np.sqrt(squares[1] * squares[2])), 1e-300)
     residual, signal, _, whole = np.sqrt(squares / rows).tolist()
     usual = float(np.asarray(monitor.operators[output].rms_residual).ravel()[0])
-    return Explained(
+    return ExplainedMotion(
         output=output,
         where=where,
         share=1.0 - residual / signal if signal > 0.0 else float("nan"),

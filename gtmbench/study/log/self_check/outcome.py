@@ -17,8 +17,8 @@ from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
 from gtmbench.study.log.self_check.causes import (
-    Change,
-    Guess,
+    WiringChange,
+    WiringGuess,
     as_it_is,
     causes_among,
     guesses,
@@ -26,7 +26,7 @@ from gtmbench.study.log.self_check.causes import (
     other_scales,
     small_lags_s,
 )
-from gtmbench.study.log.self_check.explained import Explained, explained_where_identified, explained_where_watched
+from gtmbench.study.log.self_check.explained import ExplainedMotion, explained_where_identified, explained_where_watched
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
 from gtmbench.values.channels import COMMANDS, axis_of
 from gtmbench.values.pieces import pieces
@@ -44,7 +44,7 @@ class Cause:
     """Why a log isn't what a monitor expects."""
 
     log: str  # its name
-    changes: tuple[Change, ...]  # what has to be undone
+    changes: tuple[WiringChange, ...]  # what has to be undone
     text: str
     why: str  # how much of the motion the attitude explains with that undone, and as it is
     to_type: str  # the options under which the log reads as it should; "" where there are none
@@ -93,7 +93,7 @@ class SelfCheck:
     """What the self-check found."""
 
     causes: tuple[Cause, ...] = ()  # of a log that isn't what was expected; two of one log are either-or
-    explained: tuple[Explained, ...] = ()
+    explained: tuple[ExplainedMotion, ...] = ()
     stops: tuple[Stop, ...] = ()  # why nothing is watched
     doubts: tuple[Doubt, ...] = ()  # why silence says nothing, where something was watched
     notes: tuple[str, ...] = ()  # what isn't checked
@@ -206,7 +206,7 @@ def wrong_wiring(monitor: Monitor, motion: Record) -> str:
     return " or ".join(cause_text(guess.changes) for guess in found)
 
 
-def _cause(part: Part, guess: Guess) -> Cause:
+def _cause(part: Part, guess: WiringGuess) -> Cause:
     sources = {source.channel: source for source in part.sources}
     return Cause(
         log=part.log.path.name,
@@ -217,7 +217,7 @@ def _cause(part: Part, guess: Guess) -> Cause:
     )
 
 
-def _better(part: Part, guess: Guess) -> str:
+def _better(part: Part, guess: WiringGuess) -> str:
     now = as_it_is(part.motion)
     said = f"with that undone, the attitude explains {fits_text(guess.fits)} of the motion"
     return said if now is None else f"{said}; as it is, {fits_text(now.fits)}"
@@ -274,7 +274,7 @@ def check_watched(
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 
-def unexplained_text(each: Explained) -> str:
+def unexplained_text(each: ExplainedMotion) -> str:
     """Say how little of a sensor's motion is explained."""
     share = 100.0 * max(each.share, 0.0) if np.isfinite(each.share) else 0.0
     return (
@@ -332,7 +332,7 @@ def _still(records: Sequence[Record], dead: Mapping[str, float]) -> list[Record]
     return still
 
 
-def _concerns(watcher: Detector | Monitor, guess: Guess) -> bool:
+def _concerns(watcher: Detector | Monitor, guess: WiringGuess) -> bool:
     """Tell whether a guess changes a channel that a detector reads, or the time."""
     touched = {name for change in guess.changes for name in change.channels}
     return bool(touched & {*watcher.channels, "time"})
