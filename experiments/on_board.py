@@ -26,7 +26,7 @@ from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.export.vectors import statistics_of
-from gtmbench.testing.on_board import M4_INSTALL, Compiled, missing_tools, run_on_m4
+from studies.compiled import M4_INSTALL, Compiled, missing_tools, run_on_m4
 from studies.conduct import write_report
 
 KINDS = ("jam", "drift", "bias", "deadzone", "noise", "scale_factor", "lag", "oscillation")

@@ -28,7 +28,7 @@ from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.samples import Samples
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.said import Said, course_of
+from gtmbench.study.log.said import Monitored, course_of
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, M_PER_FT, MAGNETOMETER, names_of
 from gtmbench.verdict.timeline import SensorSpan, State, laid_out
 from recorded.groups import studied_groups
@@ -121,7 +121,7 @@ def cases(path: Path) -> list[Row]:
     return rows if end_s - start_s < 2.0 * LEFT_S else [*rows, *put_into(path, told, before)]
 
 
-def put_into(path: Path, told: Said, before: set[str]) -> Iterator[Row]:
+def put_into(path: Path, told: Monitored, before: set[str]) -> Iterator[Row]:
     """Break each channel of a log that compares it; what was accused before doesn't count."""
     clean, readings = told.course, told.learnt.opened.readings
     assert clean is not None
@@ -160,7 +160,7 @@ def said_of(found: CourseJudged, sensor: str, onset_s: float, before: set[str]) 
     return NAMED if {state for _, state, _ in claims} == {State.FAILED} else EITHER
 
 
-def with_readings(told: Said, channel: str, samples: Samples) -> Said:
+def with_readings(told: Monitored, channel: str, samples: Samples) -> Monitored:
     """Return what was said of a log, one of whose channels reads otherwise."""
     opened = told.learnt.opened
     readings = {**opened.readings, channel: samples}

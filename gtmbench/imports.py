@@ -37,13 +37,6 @@ def load_module(source: str | Path) -> ModuleType:
     but not in the current folder: ``python -m gtmbench`` would search that first, where a downloaded log may lie beside
     a ``numpy.py``. Where the user has put that folder on the path (``PYTHONPATH``, an editable install) it is searched.
 
-    Raises
-    ------
-    InputError
-        Where there is no such file or module, or importing it fails.
-
-    Examples
-    --------
     >>> load_module("json.decoder").__name__
     'json.decoder'
     """
@@ -64,13 +57,6 @@ def brought_object(source: str) -> object:
 
     A file is found by its name alone, wherever it lies: who imports it decides which one is meant.
 
-    Raises
-    ------
-    InputError
-        Where no such module has been imported, or it has no such object.
-
-    Examples
-    --------
     >>> brought_object("elsewhere.py:Pilot")
     Traceback (most recent call last):
     gtmbench.errors.InputError: 'elsewhere.py:Pilot' isn't imported, and a file of data imports nothing by itself; ...
@@ -110,13 +96,6 @@ def load_files(files: Iterable[str]) -> None:
 def load_object(source: str) -> object:
     """Import an object: ``FILE.py:OBJECT`` or ``package.module:OBJECT``, split at the last colon.
 
-    Raises
-    ------
-    InputError
-        Where there is no such module or no such object in it.
-
-    Examples
-    --------
     >>> load_object("json:JSONDecoder").__name__
     'JSONDecoder'
     """
@@ -140,8 +119,6 @@ def installed(group: str) -> dict[str, str]:
 
     The values are sources as `load_object` takes them; where packages don't agree, both of them.
 
-    Examples
-    --------
     >>> installed("gtmbench.nothing")
     {}
     """
@@ -157,10 +134,7 @@ def installed(group: str) -> dict[str, str]:
 def load_installed(group: str, name: str) -> object:
     """Import what an installed package announces under a group and a name.
 
-    Raises
-    ------
-    InputError
-        Where none does, several do, or importing it fails.
+    Raises InputError where none does, several do, or importing it fails.
     """
     known = installed(group)
     if name not in known:
@@ -173,13 +147,8 @@ def load_installed(group: str, name: str) -> object:
 def load_extra(module: str, extra: str, needs: str) -> ModuleType:
     """Import a module of a package that only an extra of gtmbench installs; `needs` begins the line that says so.
 
-    Raises
-    ------
-    InputError
-        Where it isn't installed, with how to get it.
+    Raises InputError where it isn't installed, with how to get it.
 
-    Examples
-    --------
     >>> load_extra("json.decoder", "theory", "exact operators need").__name__
     'json.decoder'
     """

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.study.log.self_check.causes import Change, undone
+from gtmbench.study.log.self_check.causes import WiringChange, undone
 from gtmbench.values.record import Record
 
 _DEG = math.degrees(1.0)
@@ -28,8 +28,8 @@ class Mutation:
         The channel that reads one value; "" for none.
     """
 
-    changes: tuple[Change, ...] = ()
-    mirrored: tuple[Change, ...] = ()
+    changes: tuple[WiringChange, ...] = ()
+    mirrored: tuple[WiringChange, ...] = ()
     dead: str = ""
 
     def mutate(self, record: Record) -> Record:
@@ -39,20 +39,20 @@ class Mutation:
         return mutated(record, self.changes)
 
 
-def _signs(*channels: str) -> tuple[Change, ...]:
-    return tuple(Change(kind="sign", channels=(name,)) for name in channels)
+def _signs(*channels: str) -> tuple[WiringChange, ...]:
+    return tuple(WiringChange(kind="sign", channels=(name,)) for name in channels)
 
 
-def _unit(*channels: str, size: float = _DEG) -> tuple[Change, ...]:
-    return (Change(kind="unit", channels=channels, size=size),)
+def _unit(*channels: str, size: float = _DEG) -> tuple[WiringChange, ...]:
+    return (WiringChange(kind="unit", channels=channels, size=size),)
 
 
-def _swap(*channels: str) -> tuple[Change, ...]:
-    return (Change(kind="swap", channels=channels),)
+def _swap(*channels: str) -> tuple[WiringChange, ...]:
+    return (WiringChange(kind="swap", channels=channels),)
 
 
-def _late(size: float, *channels: str) -> tuple[Change, ...]:
-    return (Change(kind="late", channels=channels, size=size),)
+def _late(size: float, *channels: str) -> tuple[WiringChange, ...]:
+    return (WiringChange(kind="late", channels=channels, size=size),)
 
 
 MUTATIONS: dict[str, Mutation] = {
@@ -87,14 +87,16 @@ MORE_MUTATIONS: dict[str, Mutation] = {
     "q 0.3 s late": Mutation(changes=_late(0.3, "q")),
     "psi in rad": Mutation(changes=_unit("psi")),
     "gyros turned round": Mutation(changes=_swap("p", "q", "r")),
-    "steps twice as long": Mutation(changes=(Change(kind="clock", channels=("time",), size=2.0),)),
-    "steps half as long": Mutation(changes=(Change(kind="clock", channels=("time",), size=0.5),)),
-    "attitude held for 0.16 s": Mutation(changes=(Change(kind="held", channels=("phi", "theta", "psi"), size=0.16),)),
+    "steps twice as long": Mutation(changes=(WiringChange(kind="clock", channels=("time",), size=2.0),)),
+    "steps half as long": Mutation(changes=(WiringChange(kind="clock", channels=("time",), size=0.5),)),
+    "attitude held for 0.16 s": Mutation(
+        changes=(WiringChange(kind="held", channels=("phi", "theta", "psi"), size=0.16),)
+    ),
     "psi dead": Mutation(dead="psi"),
 }
 
 
-def mutated(record: Record, changes: Iterable[Change]) -> Record:
+def mutated(record: Record, changes: Iterable[WiringChange]) -> Record:
     """Return a record from which some changes have to be undone.
 
     >>> record = Record([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]], channels=["p", "q"], sample_period_s=0.1)
@@ -103,7 +105,7 @@ def mutated(record: Record, changes: Iterable[Change]) -> Record:
     """
     for change in changes:
         if change.kind in ("unit", "clock"):
-            change = Change(kind=change.kind, channels=change.channels, size=1.0 / change.size)
+            change = WiringChange(kind=change.kind, channels=change.channels, size=1.0 / change.size)
         elif change.kind == "late":
             at_s = record.time_s - change.size
             for name in change.channels:
@@ -115,12 +117,12 @@ def mutated(record: Record, changes: Iterable[Change]) -> Record:
                 record = record.replace(name, record[name][np.arange(len(record)) // every * every])
             continue
         elif change.kind == "swap":
-            change = Change(kind="swap", channels=change.channels[::-1])
+            change = WiringChange(kind="swap", channels=change.channels[::-1])
         record = undone(record, [change])
     return record
 
 
-def is_cause(mutation: Mutation, changes: Iterable[Change], *, room_s: float = 0.08) -> bool:
+def is_cause(mutation: Mutation, changes: Iterable[WiringChange], *, room_s: float = 0.08) -> bool:
     """Tell whether a cause is what was done: the same changes of the same channels, lags and factors about as large."""
     told = sorted(changes, key=_key)
     return any(
@@ -131,11 +133,11 @@ def is_cause(mutation: Mutation, changes: Iterable[Change], *, room_s: float = 0
     )
 
 
-def _key(change: Change) -> tuple[str, tuple[str, ...]]:
+def _key(change: WiringChange) -> tuple[str, tuple[str, ...]]:
     return change.kind, change.channels
 
 
-def _alike(told: Change, meant: Change, room_s: float) -> bool:
+def _alike(told: WiringChange, meant: WiringChange, room_s: float) -> bool:
     if meant.kind == "late":
         return abs(told.size - meant.size) <= room_s
     return abs(told.size - meant.size) <= 0.15 * abs(meant.size)

@@ -26,7 +26,7 @@ from gtmbench.study.log.healthy import chosen
 from gtmbench.study.log.learnt import Learnt, learnt
 from gtmbench.study.log.opened import Opened, OpenedLog, opened
 from gtmbench.study.log.origin import FROM_LOG
-from gtmbench.study.log.said import Said, doubted, first_alarms, listened
+from gtmbench.study.log.said import Monitored, doubted, first_alarms, listened
 from gtmbench.study.log.swap import crossed
 from gtmbench.study.log.watched import WatchedLog, concluded
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -69,7 +69,7 @@ class Whole:
 
     path: Path
     learnt: Learnt
-    said: Said
+    said: Monitored
     watched: WatchedLog
     cpu_s: float
 
@@ -166,7 +166,7 @@ def coverage(watched: WatchedLog) -> tuple[float, float, float]:
     return float(len(whole)), float(len({int(at) for at in whole} & armed)), float(sum(is_judged))
 
 
-def said_of(known: Learnt) -> Said:
+def said_of(known: Learnt) -> Monitored:
     """Return what is said of a log by what was learnt on it."""
     return doubted(listened(known, silent), silent)
 
@@ -249,12 +249,12 @@ def _from(fault: gb.Fault, start_s: float) -> list[gb.Fault]:
     return later
 
 
-def _left(said: Said) -> list[Alarm]:
+def _left(said: Monitored) -> list[Alarm]:
     told = first_alarms(said.watches, said.judged)
     return [alarm for alarm in told if not alarm.has_passed]
 
 
-def alarms_after(said: Said, before: Said, onset_s: float) -> list[Alarm]:
+def alarms_after(said: Monitored, before: Monitored, onset_s: float) -> list[Alarm]:
     """Return the alarms after an onset that weren't there without the fault."""
     was = {(alarm.source, alarm.test, alarm.time_s, alarm.verdict) for alarm in _left(before)}
     late = [alarm for alarm in _left(said) if alarm.time_s >= onset_s]

@@ -48,32 +48,19 @@ class Bound(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Airborne:
-    """An aircraft that is about to fly.
+    """An aircraft that is about to fly."""
 
-    Attributes
-    ----------
-    aircraft, trim, fdm
-        What it is, how it stands, and the engine that stands so.
-    time_s : array, shape (samples,)
-        When it is read.
-    added : array, shape (samples, 4)
-        What the excitation adds to the commands, in the order of `COMMANDS` and in their units.
-    read : list of callable
-        What gives the properties of `FLOWN`, one each.
-    write : list of (int, float, callable)
-        Of every property that a command reaches: the command's column, a factor, and what writes it.
-    bounds : list of Bound
-        The envelope, of what can be told while flying.
-    """
-
+    # aircraft, trim, fdm: what it is, how it stands, and the engine that stands so
     aircraft: Aircraft
     trim: Trim
     fdm: jsbsim.FGFDMExec
-    time_s: FloatArray
+    time_s: FloatArray  # shape (samples,); when it is read
+    # shape (samples, 4); what the excitation adds to the commands, in the order of `COMMANDS` and in their units
     added: FloatArray
-    read: list[Callable[[], float]]
+    read: list[Callable[[], float]]  # what gives the properties of `FLOWN`, one each
+    # of every property that a command reaches: the command's column, a factor, and what writes it
     write: list[tuple[int, float, Callable[[float], object]]]
-    bounds: list[Bound]
+    bounds: list[Bound]  # the envelope, of what can be told while flying
 
     def record(self, read: FloatArray, commands: FloatArray, actual: FloatArray | None = None) -> Record:
         """Return the truth, of the properties read before each step and after the last, and of the commands.
@@ -101,13 +88,9 @@ class Airborne:
 class Stepping:
     """The one way in which an engine is stepped; it keeps what is read, a row a sample.
 
-    Attributes
-    ----------
-    now : list of float
-        The properties of `FLOWN`, as they were last read.
-    step : callable
-        Writes what is given for every entry of `Airborne.write`, runs the engine by one sample and reads it anew.
-        These are the deflections that the aircraft really gets: whoever commands others keeps them himself.
+    `now`: the properties of `FLOWN`, as they were last read. `step`: writes what is given for every entry of
+    `Airborne.write`, runs the engine by one sample and reads it anew. These are the deflections that the aircraft
+    really gets: whoever commands others keeps them himself.
     """
 
     def __init__(self, airborne: Airborne) -> None:
@@ -144,7 +127,7 @@ class Stepping:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outside:
+class OutsideSpans:
     """Where a flight is first outside of some spans."""
 
     row: int
@@ -165,7 +148,7 @@ def beyond(now: Sequence[float], bounds: Sequence[Bound]) -> bool:
     return False
 
 
-def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
+def first_outside(flight: Record, spans: Mapping[str, Span]) -> OutsideSpans | None:
     """Return the first sample of a flight that isn't within spans of channels, or None."""
     found = []
     for channel, (low, high) in spans.items():
@@ -173,7 +156,7 @@ def first_outside(flight: Record, spans: Mapping[str, Span]) -> Outside | None:
         beyond = np.flatnonzero(~((values >= low) & (values <= high)))
         if len(beyond):
             row = int(beyond[0])
-            found.append(Outside(row=row, channel=channel, value=float(values[row]), low=low, high=high))
+            found.append(OutsideSpans(row=row, channel=channel, value=float(values[row]), low=low, high=high))
     return min(found, key=lambda each: (each.row, each.channel), default=None)
 
 

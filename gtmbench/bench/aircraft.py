@@ -148,13 +148,7 @@ class Aircraft:
 
 
 def aircraft_of(folder: Path, facts: dict[str, Any]) -> Aircraft:
-    """Return the aircraft of a model's folder and the tables of an ``aircraft.toml``.
-
-    Raises
-    ------
-    InputError
-        Naming what is missing, or can't be meant.
-    """
+    """Return the aircraft of a model's folder and the tables of an ``aircraft.toml``."""
     trim, limits, envelope = (table_of(key, facts.get(key)) for key in ("trim", "limits", "envelope"))
     guess = table_of("trim.guess", trim.get("guess"))
     for table, wanted, given in (

@@ -152,13 +152,6 @@ class Autopilot:
 def autopilot_of(table: Mapping[str, Any], own: Autopilot | None = None) -> Autopilot:
     """Return the autopilot of a table ``[autopilot]``: what it says, and else what an aircraft's own says.
 
-    Raises
-    ------
-    InputError
-        Naming the key that is unknown, or whose value can't be meant.
-
-    Examples
-    --------
     >>> autopilot_of({"psi_to_phi": 1}, Autopilot(p_to_aileron_s=0.2)).p_to_aileron_s
     0.2
     """

@@ -72,14 +72,8 @@ class Breaking:
 class Breakers:
     """Faults at work one after the other. One that begins in flight sees what came last, as if it had been there.
 
-    Parameters
-    ----------
-    faults : sequence of Fault
-        Those that change other channels than `acts_on` belong to somebody else, and rest.
-    acts_on : sequence of str
-        The channels that may break: the first of a sample's.
-    beside : sequence of str
-        The channels that are only read, behind them.
+    `faults`: those that change other channels than `acts_on` belong to somebody else, and rest. `acts_on`: the channels
+    that may break: the first of a sample's. `beside`: the channels that are only read, behind them.
     """
 
     def __init__(self, faults: Sequence[Fault], acts_on: Sequence[str], beside: Sequence[str] = ()) -> None:

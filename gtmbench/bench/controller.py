@@ -54,12 +54,7 @@ class Controller(Protocol):
 
 
 def check_controller(controller: object) -> None:
-    """Refuse what is no controller.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what is no controller."""
     if not callable(controller) and not callable(getattr(controller, "command", None)):
         raise InputError(f"controller is {shown(controller)}; {_WANTED}")
     if isinstance(controller, type) and not callable(getattr(controller, "command", None)):
@@ -72,13 +67,7 @@ def name_of(controller: object) -> str:
 
 
 def take_over(controller: Any, trim: Trim) -> Command:
-    """Return what commands one flight: a class is made anew, and what has `start` is told the trim.
-
-    Raises
-    ------
-    ControllerError
-        Where it raises anything.
-    """
+    """Return what commands one flight: a class is made anew, and what has `start` is told the trim."""
     check_controller(controller)
     try:
         made = controller() if isinstance(controller, type) else controller
@@ -103,13 +92,7 @@ def failed(controller: object, when: str, error: Exception) -> ControllerError:
 
 
 def found_controller(source: str) -> object:
-    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before.
-
-    Raises
-    ------
-    InputError
-        Where it hasn't been, or it is no controller.
-    """
+    """Return the controller that a scenario names, ``FILE.py:OBJECT``, of a file that has been imported before."""
     controller = brought_object(source)
     check_controller(controller)
     return controller

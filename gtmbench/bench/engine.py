@@ -16,8 +16,7 @@ import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S, Aircraft
 from gtmbench.bench.model_file import loadable
-from gtmbench.bench.propellers import spin_up
-from gtmbench.bench.settling import settle
+from gtmbench.bench.propellers import settle, spin_up
 from gtmbench.checks import one_line
 from gtmbench.errors import GtmbenchError
 from gtmbench.values.channels import CHANNELS, COMMANDS, GYROS, Role
@@ -69,13 +68,6 @@ def engine(aircraft: Aircraft) -> jsbsim.FGFDMExec:
     """Return a fresh JSBSim instance with the aircraft loaded, at 100 Hz.
 
     Fresh, because an instance that has flown before gives another flight for the same turbulence seed.
-
-    Raises
-    ------
-    InputError
-        Where the model's file is refused.
-    GtmbenchError
-        Where JSBSim can't load it.
     """
     # Keeps JSBSim's banner off the terminal. A logger of ours would do that, too, but JSBSim drops it when a thread
     # ends, without Python's lock, and takes the process with it.

@@ -13,8 +13,7 @@ import numpy as np
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, facts_of
 from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
 from gtmbench.bench.jsbsim_trim import trimmed_by_jsbsim
-from gtmbench.bench.propellers import wrong_speeds
-from gtmbench.bench.settling import thrusts_lbs
+from gtmbench.bench.propellers import thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError
@@ -41,10 +40,8 @@ def trimmed_engine(
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
     """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
 
-    Raises
-    ------
-    TrimError
-        Naming the acceleration that couldn't be brought to zero, and a condition in other units where that was meant.
+    Raises TrimError naming the acceleration that couldn't be brought to zero, and a condition in other units where that
+    was meant.
     """
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
@@ -61,16 +58,7 @@ def trimmed_engine(
 def standing_again(
     aircraft: Aircraft, known: Trim, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return what `trimmed_engine` returned before, the same bits, without another search where it can.
-
-    Parameters
-    ----------
-    aircraft : Aircraft
-    known : Trim
-        What it returned for this aircraft and condition.
-    altitude_ft, tas_kt : float, optional
-        As they were.
-    """
+    """Return what `trimmed_engine` returned before, the same bits, without another search where it can."""
     fixed = _fixed(
         aircraft,
         aircraft.altitude_ft if altitude_ft is None else altitude_ft,
@@ -107,11 +95,6 @@ def searched_engine(aircraft: Aircraft, *, altitude_ft: float, tas_kt: float) ->
 
     Not the one that was searched with: the states of a search leave traces in the last bits, and they are other states
     on another CPU. Only where a model's controls remember the search (an integrator), it is that one.
-
-    Raises
-    ------
-    TrimError
-        Naming the acceleration that can't be zeroed, and the command at its limit.
     """
     from scipy.optimize import least_squares  # half a second to import
 

@@ -44,13 +44,6 @@ class Excitation:
 def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:
     """Return a named excitation, or a sum of them, sampled at the given times.
 
-    Raises
-    ------
-    InputError
-        If a part of the name is unknown.
-
-    Examples
-    --------
     >>> both = excitation("multisine+turbulence", np.arange(0.0, 1.0, 0.01), seed=1)
     >>> sorted(both.surfaces), both.turbulence
     (['aileron', 'elevator', 'rudder'], True)

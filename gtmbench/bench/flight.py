@@ -133,12 +133,7 @@ def _fly_broken(airborne: Airborne, commands: FloatArray, surfaces: Surfaces) ->
 
 
 def check_envelope(record: Record, aircraft: Aircraft, what: str, remedy: str) -> None:
-    """Refuse a flight that leaves the range of its aircraft's model: what threw it out, and what to do about it.
-
-    Raises
-    ------
-    EnvelopeError
-    """
+    """Refuse a flight that leaves the range of its aircraft's model: what threw it out, and what to do about it."""
     if outside := first_outside(record, aircraft.envelope):
         raise EnvelopeError(
             f"{what} throws '{aircraft.name}' out of its envelope: {outside} at t = {record.time_s[outside.row]:g} s, "

@@ -131,13 +131,6 @@ def parse_imperfections(text: str) -> Imperfections:
 
     Keys are bias (deg/s), wander (deg/s per sqrt(s)), lag (s) and quantum (deg/s); those left out are zero.
 
-    Raises
-    ------
-    InputError
-        Naming what was given and the legal keys.
-
-    Examples
-    --------
     >>> parse_imperfections("bias=0.5,lag=0.005")
     Imperfections(bias=0.5, wander=0.0, lag_s=0.005, quantum=0.0)
     """

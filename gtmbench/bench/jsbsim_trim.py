@@ -28,11 +28,7 @@ def trimmed_by_jsbsim(aircraft: Aircraft, wanted: dict[str, float]) -> tuple[jsb
     It moves normalised commands and none of another kind. It can't be interrupted, so another process goes before,
     which can.
 
-    Parameters
-    ----------
-    aircraft : Aircraft
-    wanted : dict
-        The condition from which it begins, as for `set_condition`.
+    `wanted`: the condition from which it begins, as for `set_condition`.
     """
     if aircraft.motorless or not all(command.property.endswith(_NORMALISED) for command in aircraft.commands.values()):
         return None

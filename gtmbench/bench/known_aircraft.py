@@ -68,13 +68,7 @@ def load_aircraft(name: str | Path | Aircraft, *, without_io: bool = False) -> A
 
 
 def model_folder(name: str | Path, *, beside: Path | None = None) -> Path:
-    """Return the folder that an aircraft's name or path means; a relative path is `beside` a folder, or here.
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """Return the folder that an aircraft's name or path means; a relative path is `beside` a folder, or here."""
     if str(name) in shipped_aircraft():
         return share() / "aircraft" / str(name)
     if known := jsbsim_aircraft().get(str(name)):

@@ -14,7 +14,7 @@ from gtmbench.values.channels import COMMANDS, SENSORS
 from gtmbench.values.record import Record
 
 if TYPE_CHECKING:
-    from gtmbench.bench.airborne import Outside
+    from gtmbench.bench.airborne import OutsideSpans
 
 DEPARTURE, ENVELOPE, OUT_OF_LOOP = "departure", "envelope", "out of loop"
 SURFACE_FAILED = "surface failed"
@@ -100,7 +100,7 @@ def departed_s(events: Sequence[LoopEvent]) -> float | None:
     return min((event.time_s for event in events if event.kind in (DEPARTURE, ENVELOPE)), default=None)
 
 
-def event_of(kind: str, flight: Record, outside: Outside) -> LoopEvent:
+def event_of(kind: str, flight: Record, outside: OutsideSpans) -> LoopEvent:
     """Return the event of a flight that is first outside of some spans."""
     return LoopEvent(time_s=float(flight.time_s[outside.row]), kind=kind, channel=outside.channel, value=outside.value)
 

@@ -22,15 +22,7 @@ _REACH_OUT = ("input", "output")  # JSBSim would write files anywhere, listen on
 def check_model(path: Path) -> tuple[str, ...]:
     """Refuse a model, and what it includes from its folder, that isn't whole or leads out of that folder.
 
-    Returns
-    -------
-    tuple of str
-        The sections that would write files or open ports, ``input`` or ``output``, one name a section.
-
-    Raises
-    ------
-    InputError
-        Naming the file and what is wrong with it.
+    It returns the sections that would write files or open ports, ``input`` or ``output``, one name a section.
     """
     if not is_file(path):
         others = sorted(there.name for there in path.parent.glob("*.xml"))[:5]
@@ -57,10 +49,7 @@ def check_model(path: Path) -> tuple[str, ...]:
 def loadable(path: Path, *, without_io: bool) -> Iterator[Path]:
     """Give a model's file as JSBSim may load it: itself, or for a while a copy without input and output sections.
 
-    Raises
-    ------
-    InputError
-        As `check_model`, and where there are such sections that aren't to be left out.
+    Raises InputError as `check_model`, and where there are such sections that aren't to be left out.
     """
     reaching_out = check_model(path)
     if not reaching_out:

@@ -20,8 +20,6 @@ _MOST_HZ = 1.0 / SAMPLE_PERIOD_S
 class OtherSensors:
     """A magnetometer and a GPS, or one of them, or none. One magnetometer flies all flights, with the same iron.
 
-    Examples
-    --------
     >>> OtherSensors(gps=Gps()).channels
     ('gps_north', 'gps_east', 'gps_down')
     """
@@ -62,13 +60,6 @@ class OtherSensors:
 def gps_of(key: str, value: Any) -> Gps:
     """Return the GPS of a file's table.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what was given and what is legal.
-
-    Examples
-    --------
     >>> gps_of("gps", {"rate_hz": 10.0}).rate_hz
     10.0
     """
@@ -82,13 +73,6 @@ def gps_of(key: str, value: Any) -> Gps:
 def magnetometer_of(key: str, value: Any) -> Magnetometer:
     """Return the magnetometer of a file's table.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what was given and what is legal.
-
-    Examples
-    --------
     >>> magnetometer_of("magnetometer", {"hard_iron_ut": [1.0, 0.0, -2.0]}).hard_iron_ut
     (1.0, 0.0, -2.0)
     """

@@ -1,4 +1,4 @@
-"""Propellers: how fast they turn in steady flight, where JSBSim's own search for that fails.
+"""Propellers and engines: how fast they turn in steady flight, where JSBSim's own search for that fails.
 
 JSBSim looks for the steady speed of a propeller by steps of half a second, from standstill on, where its torque is the
 engine's power over 0.01 rad/s. A small propeller's inertia is so little that the first step throws it to millions of
@@ -6,6 +6,10 @@ revolutions, and the next one back to none: it stands, and its torque turns the 
 
 Here the aircraft is held while the propeller turns, w' = f(w), by steps h that are found as it goes: w + h f(w) with
 h = -1/f'(w) is Newton's method, and JSBSim itself takes the step.
+
+The governor of a propeller turns its blades by one degree a second for every revolution a minute that is missing, a
+turbine spools up over seconds, and neither follows steps of half a second: the blades are left at a stop, or the engine
+dies. `settle` runs them at the step that they are flown with, the aircraft held, until their thrust doesn't change.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import jsbsim
 
@@ -31,6 +36,8 @@ _NOISE = 1e-9  # of the speed: of smaller changes no slope is taken
 _TRUSTED_S = 1e-4  # a shorter step changes little anyway
 _MOST_STEPS = 2000
 _FASTEST_MACH = 2.0  # of a blade's tip: no propeller turns so
+_LOOKED_S, _STEADY_WITHIN_S = 1.0, 90.0
+_STEADY = 1e-9  # of the thrust, over a second
 
 
 def propellers(fdm: jsbsim.FGFDMExec) -> list[str]:
@@ -105,3 +112,23 @@ def _turn(fdm: jsbsim.FGFDMExec, names: list[str]) -> float:
         last = speed, rate
         step_s = min(max(longest_s, _SHORTEST_S), _LONGEST_S)
     return stiffness
+
+
+def settle(fdm: jsbsim.FGFDMExec) -> bool:
+    """Run all engines until their thrust is steady, the aircraft held; say whether it is within 90 s."""
+    steps = max(round(_LOOKED_S / fdm.get_delta_t()), 1)
+    with held(fdm):
+        before = thrusts_lbs(fdm)
+        for _ in range(round(_STEADY_WITHIN_S / _LOOKED_S)):
+            for _ in range(steps):
+                fdm.run()
+            now = thrusts_lbs(fdm)
+            if all(abs(b - a) <= _STEADY * max(abs(b), 1.0) for a, b in zip(before, now, strict=True)):
+                return True
+            before = now
+    return False
+
+
+def thrusts_lbs(fdm: Any) -> list[float]:
+    """Return the thrust of every engine."""
+    return [fdm[f"propulsion/engine[{motor}]/thrust-lbs"] for motor in range(fdm.get_propulsion().get_num_engines())]

@@ -79,12 +79,7 @@ class _Estimate:
         self._phi = 0.0
 
     def enters(self, time_s: float, sample: list[float], attitude: Sequence[float]) -> None:
-        """Put the estimated attitude into a healthy sample, given the true one, psi unwrapped.
-
-        Raises
-        ------
-        SteepError
-        """
+        """Put the estimated attitude into a healthy sample, given the true one, psi unwrapped."""
         read = sample.copy()
         self.breakers.distort(time_s, read)
         phi, theta, psi = attitude
@@ -97,28 +92,12 @@ class _Estimate:
 class Sensing:
     """The sensors of one flight.
 
-    Parameters
-    ----------
-    noise : "t2" or None
-    seed : int
-        Of the noise.
-    samples : int
-        How many there are at most.
-    faults : sequence of Fault
-        Those of sensors act; each has its place in the sequence as its index.
-    estimator : AttitudeEstimator or None
-        What makes the attitude of the gyros; None: a vertical gyro.
-    sensors : SensorChain or None
-        The way from motion to readings; None: ideal sensors.
-    yaw_deg : float
-        The trim's heading, near which the first reading lies.
-
-    Attributes
-    ----------
-    steep_deg : float or None
-        The estimator's theta, once that is too steep to go on.
-    psi_deg : float
-        The true heading, unwrapped.
+    `faults`: those of sensors act; each has its place in the sequence as its index.
+    `estimator`: what makes the attitude of the gyros; None: a vertical gyro.
+    `sensors`: the way from motion to readings; None: ideal sensors.
+    `yaw_deg`: the trim's heading, near which the first reading lies.
+    `steep_deg`: the estimator's theta, once that is too steep to go on.
+    `psi_deg`: the true heading, unwrapped.
     """
 
     def __init__(

@@ -235,13 +235,6 @@ def _louder(name: str, path: SensorPath) -> float:
 def chain_of_table(table: Mapping[str, Any]) -> SensorChain:
     """Return the chain of a table ``[chain]``: by sensor, what its way is.
 
-    Raises
-    ------
-    InputError
-        Naming the key that is unknown, or whose value can't be meant.
-
-    Examples
-    --------
     >>> chain_of_table({"phi": {"rate_hz": 50, "delay_s": 0.055}}).paths["phi"].rate_hz
     50.0
     """

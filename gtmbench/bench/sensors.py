@@ -95,20 +95,8 @@ def measure(
 def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
     """Give the noise of every sensor in blocks of samples, shape (block, sensors), as `measure` draws it.
 
-    Parameters
-    ----------
-    noise : "t2" or None
-        None: sensors without noise.
-    seed, samples, block : int
-        Of the noise; how many samples in all; how many at a time.
+    `noise`: None: sensors without noise.
 
-    Raises
-    ------
-    InputError
-        If there is no such noise.
-
-    Examples
-    --------
     >>> [noise.shape for noise in noise_blocks("t2", 1, samples=5, block=3)]
     [(3, 13), (2, 13)]
     """

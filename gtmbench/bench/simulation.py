@@ -603,13 +603,6 @@ def _plan(airborne: Airborne) -> Iterator[tuple[float, list[float]]]:
 def checked_commands(commands: Sequence[float]) -> tuple[float, ...]:
     """Return commands as four plain numbers.
 
-    Raises
-    ------
-    InputError
-        If they aren't four finite numbers.
-
-    Examples
-    --------
     >>> checked_commands(np.array([1, 2, 3, 50]))
     (1.0, 2.0, 3.0, 50.0)
     """

@@ -28,12 +28,7 @@ _Sample = tuple[float, Sequence[float], Sequence[float]]
 class Surfaces:
     """The surfaces and engines of one flight.
 
-    Parameters
-    ----------
-    faults : sequence of Fault
-        Those of surfaces act; each has its place in the sequence as its index.
-    limits : mapping of command to (low, high)
-        The stops.
+    `faults`: those of surfaces act; each has its place in the sequence as its index.
     """
 
     def __init__(self, faults: Sequence[Fault], limits: Mapping[str, Span]) -> None:
@@ -47,13 +42,8 @@ class Surfaces:
     def driven(self, time_s: float, commanded: Sequence[float], now: Sequence[float]) -> Sequence[float]:
         """Return where the servos are driven at a sample.
 
-        Parameters
-        ----------
-        time_s : float
-        commanded : sequence of float
-            In the order of `COMMANDS`.
-        now : sequence of float
-            The properties of `FLOWN` at that sample: the flow is what a floating surface follows.
+        `commanded`: in the order of `COMMANDS`. `now`: the properties of `FLOWN` at that sample: the flow is what a
+        floating surface follows.
         """
         self._row += 1
         if self._broken_row is None:

@@ -19,8 +19,7 @@ from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.propellers import spin_up, wrong_speeds
-from gtmbench.bench.settling import settle, thrusts_lbs
+from gtmbench.bench.propellers import settle, spin_up, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError
@@ -77,18 +76,9 @@ def survey(
     model's surfaces do at full command; trim is looked for at speeds that the wing loading suggests; excitations are
     scaled so that a multisine on one surface turns the aircraft by 2 deg/s (RMS) about that surface's axis.
 
-    Parameters
-    ----------
-    folder : Path
-        With ``NAME/NAME.xml``.
-    without_io : bool
-        Whether input and output sections are left out.
-    at : tuple of float, optional
-        Altitude (ft) and true airspeed (kt) of the trim, instead of looking for one.
-    properties : mapping, optional
-        What is set when the model has been loaded, beside what the survey finds.
-
-    Where no trim is found, the likeliest condition stands there, and no ``excitation``: what trims there will say why.
+    `without_io`: whether input and output sections are left out. `at`: altitude (ft) and true airspeed (kt) of the
+    trim, instead of looking for one. `properties`: what is set when the model has been loaded, beside what the survey
+    finds.
     """
     facts = outline(folder, without_io=without_io, properties=properties or {})
     tried = [at] if at else list(_conditions(aircraft_of(folder, facts)))

@@ -181,11 +181,6 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
 
     Where the rudder moves nothing its gain is 0: there is no yaw damper. Where the throttle does nothing, altitude and
     speed aren't held: the attitude of the descent is.
-
-    Raises
-    ------
-    TrimError
-        Naming the command that turns or pushes nothing.
     """
     state, moved = linear.state_matrix, linear.input_matrix
     w, p, q, r, v = (STATES.index(name) for name in ("w", "p", "q", "r", "v"))

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
-from gtmbench.check.figures import Group, Value, trial_names
+from gtmbench.check.figures import FigureGroup, Value, trial_names
 from gtmbench.check.logs import history_path, log_paths, new_logs, texts_of
 from gtmbench.check.rules import KINDS, RULES, Tolerance, parse_tolerance
 from gtmbench.check.template import TOLERATED, is_file_of_detector, quoted
@@ -38,48 +38,22 @@ _REMEDY = "remove what stands from [recorded] on"
 
 @dataclass(frozen=True, kw_only=True)
 class Reference:
-    """A baseline: a file that says what is run, and what its figures were.
-
-    Attributes
-    ----------
-    path : Path
-    scenarios : tuple of Scenario
-    logs : mapping of name to Path
-        Recorded flights, by their names from the file's folder.
-    mapping : tuple of str
-        How their columns are read, as ``--map`` takes it.
-    history : Path or None
-        What their airframe's constants are held against.
-    aircraft_id : str
-        Whose flights they are; "" for what they say themselves.
-    seed : int
-        Of excitation and noise: the file's, else the scenarios'.
-    detector : str or None
-        A name of `gtmbench list`, a bank's or a monitor's file; None: the scenarios' own operator and threshold watch.
-    tolerances : mapping of str to Tolerance
-        By figure.
-    recorded_seed : int or None
-        With which the figures were recorded; None where there are none yet.
-    recorded : mapping
-        The figures by kind, name and figure.
-    altered : bool
-        Whether these aren't those that were recorded, by their digest.
-    note : str
-        What else should be known before they are held against others: settings were edited, there is no digest.
-    """
+    """A baseline: a file that says what is run, and what its figures were."""
 
     path: Path
     scenarios: tuple[Scenario, ...]
-    logs: Mapping[str, Path]
-    mapping: tuple[str, ...]
-    history: Path | None
-    aircraft_id: str
-    seed: int
+    logs: Mapping[str, Path]  # recorded flights, by their names from the file's folder
+    mapping: tuple[str, ...]  # how their columns are read, as ``--map`` takes it
+    history: Path | None  # what their airframe's constants are held against
+    aircraft_id: str  # whose flights they are; "" for what they say themselves
+    seed: int  # of excitation and noise: the file's, else the scenarios'
+    # a name of `gtmbench list`, a bank's or a monitor's file; None: the scenarios' own operator and threshold watch
     detector: str | None
-    tolerances: Mapping[str, Tolerance]
-    recorded_seed: int | None = None
-    recorded: Recorded = field(default_factory=dict, repr=False)
-    altered: bool = False
+    tolerances: Mapping[str, Tolerance]  # by figure
+    recorded_seed: int | None = None  # with which the figures were recorded; None where there are none yet
+    recorded: Recorded = field(default_factory=dict, repr=False)  # the figures by kind, name and figure
+    altered: bool = False  # whether these aren't those that were recorded, by their digest
+    # what else should be known before they are held against others: settings were edited, there is no digest
     note: str = ""
 
     @property
@@ -90,13 +64,7 @@ class Reference:
         )
 
     def check_recorded(self) -> None:
-        """Refuse figures that are none of what would be run: before the run, not after it.
-
-        Raises
-        ------
-        InputError
-            Naming what differs.
-        """
+        """Refuse figures that are none of what would be run: before the run, not after it."""
         if self.recorded_seed is None:
             raise InputError(f"{self.path}: it holds no figures yet; --update records them")
         if self.recorded_seed != self.seed:
@@ -134,13 +102,7 @@ def find_baseline(source: str) -> Path:
 
 
 def read_reference(path: Path) -> Reference:
-    """Read a baseline from a file, every key checked.
-
-    Raises
-    ------
-    InputError
-        Naming file, key, what was given and what is legal.
-    """
+    """Read a baseline from a file, every key checked."""
     if not is_file(path):
         known = shipped_baselines()
         raise InputError(
@@ -151,13 +113,7 @@ def read_reference(path: Path) -> Reference:
 
 
 def reference_of(path: Path, table: dict[str, Any]) -> Reference:
-    """Return the baseline of a parsed file, every key checked; `path`: where the file stands, or will.
-
-    Raises
-    ------
-    InputError
-        As `read_reference`.
-    """
+    """Return the baseline of a parsed file, every key checked; `path`: where the file stands, or will."""
     with naming(path):
         table = keys(table, (*_SETTINGS, "recorded", *KINDS))
         logs = log_paths(path, texts_of("logs", table["logs"])) if "logs" in table else {}
@@ -257,14 +213,8 @@ def _known_keys(section: str, given: Any, legal: tuple[str, ...]) -> dict[str, A
     return keys(table_of(section, given), legal, section=section)
 
 
-def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[Group]) -> None:
-    """Put figures into a baseline's text, in the place of those that are there, and write it.
-
-    Raises
-    ------
-    InputError
-        Where it can't be written, or would be too large to be read.
-    """
+def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGroup]) -> None:
+    """Put figures into a baseline's text, in the place of those that are there, and write it."""
     from tomlkit.exceptions import TOMLKitError
 
     try:
@@ -318,7 +268,7 @@ def _renew(old: MutableMapping[str, Any], new: Mapping[str, Any]) -> None:
             old[key] = value
 
 
-def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
+def figures_text(seed: int, groups: Sequence[FigureGroup], settings: str = "") -> str:
     """Return figures as a baseline has them, with digests: a table each, but one line a trial or sensor."""
     head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
     blocks = [_block(group) for group in groups if group.kind not in _IN_LINES]
@@ -331,14 +281,14 @@ def figures_text(seed: int, groups: Sequence[Group], settings: str = "") -> str:
     return "\n".join([head + digests, *blocks])
 
 
-def _block(group: Group) -> str:
+def _block(group: FigureGroup) -> str:
     unit = f"  # {group.unit}" if group.unit else ""
     lines = [f"{figure} = {_value(value, group.labels.get(figure, ()))}\n" for figure, value in group.values.items()]
     name = group.name if _BARE.fullmatch(group.name) else quoted(group.name)
     return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
 
 
-def _line(trial: Group) -> str:
+def _line(trial: FigureGroup) -> str:
     figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in trial.values.items())
     return f"{quoted(trial.name)} = {{ {figures} }}\n"
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from gtmbench.check.figures import Group, Value
+from gtmbench.check.figures import FigureGroup, Value
 from gtmbench.check.rules import RULES, Rule, Tolerance
 from gtmbench.errors import InputError
 
@@ -17,29 +17,15 @@ Number = bool | int | float
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """One number of a baseline and what it is now; None where there is none.
+    """One number of a baseline and what it is now; None where there is none."""
 
-    Attributes
-    ----------
-    group : str
-        The title of its group: ``healthy residual of r``.
-    figure : str
-        A name of `RULES`.
-    at : str
-        Which of several: ``window 230..240 s``; empty for a figure alone.
-    was, now : bool, int, float or None
-    unit : str
-    remark : str
-        The group's.
-    """
-
-    group: str
-    figure: str
-    at: str
+    group: str  # the title of its group: ``healthy residual of r``
+    figure: str  # a name of `RULES`
+    at: str  # which of several: ``window 230..240 s``; empty for a figure alone
     was: Number | None
     now: Number | None
     unit: str
-    remark: str
+    remark: str  # the group's
     explained: bool
 
     @property
@@ -60,21 +46,14 @@ class Pair:
 
 @dataclass(frozen=True, kw_only=True)
 class Compared(Pair):
-    """A pair that was held against its tolerance.
-
-    Attributes
-    ----------
-    low, high : float
-        What is allowed: low <= now <= high; infinite where any value is.
-    better : bool
-        Whether it is better by more than the tolerance.
-    """
+    """A pair that was held against its tolerance."""
 
     was: Number
     now: Number
+    # low, high: what is allowed: low <= now <= high; infinite where any value is
     low: float
     high: float
-    better: bool
+    better: bool  # whether it is better by more than the tolerance
 
     @property
     def regressed(self) -> bool:
@@ -89,17 +68,14 @@ class Compared(Pair):
         return gone / allowed if allowed > 0.0 and math.isfinite(gone) else math.inf
 
 
-def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str, Tolerance]) -> tuple[Compared, ...]:
+def compare(
+    recorded: Recorded, groups: Sequence[FigureGroup], tolerances: Mapping[str, Tolerance]
+) -> tuple[Compared, ...]:
     """Hold every figure against the recorded one.
 
-    Raises
-    ------
-    InputError
-        Where a figure has none, or a recorded one is no longer there: that's no regression, but a baseline of something
-        else.
+    Raises InputError where a figure has none, or a recorded one is no longer there: that's no regression, but a
+    baseline of something else.
 
-    Examples
-    --------
     >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
     >>> now = Group(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
     >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
@@ -120,7 +96,7 @@ def compare(recorded: Recorded, groups: Sequence[Group], tolerances: Mapping[str
     return tuple(held)
 
 
-def pairs(recorded: Recorded, groups: Sequence[Group]) -> Iterator[Pair]:
+def pairs(recorded: Recorded, groups: Sequence[FigureGroup]) -> Iterator[Pair]:
     """Return what was and what is, number by number: the groups of now first, then what is no longer there."""
     for group in groups:
         yield from _of_group(group, recorded.get(group.kind, {}).get(group.name, {}))
@@ -128,10 +104,10 @@ def pairs(recorded: Recorded, groups: Sequence[Group]) -> Iterator[Pair]:
     for kind, names in recorded.items():
         for name, figures in names.items():
             if (kind, name) not in now:
-                yield from _of_group(Group(kind=kind, name=name, values={}), figures)
+                yield from _of_group(FigureGroup(kind=kind, name=name, values={}), figures)
 
 
-def _of_group(group: Group, was: Mapping[str, Value]) -> Iterator[Pair]:
+def _of_group(group: FigureGroup, was: Mapping[str, Value]) -> Iterator[Pair]:
     for figure in dict.fromkeys([*group.values, *was]):
         rule, labels = RULES[figure], group.labels.get(figure, ())
         explained = bool(rule.needs) and False in (was.get(rule.needs), group.values.get(rule.needs))

@@ -24,32 +24,18 @@ _V = TypeVar("_V", float, tuple[float, ...])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Group:
-    """Figures that belong together: of a residual, of a trial.
+class FigureGroup:
+    """Figures that belong together: of a residual, of a trial."""
 
-    Attributes
-    ----------
-    kind, name : str
-        One of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``.
-    values : mapping of str to flag, count, number or tuple of numbers
-        By the names in `RULES`; reals to five significant digits, as they are written.
-    labels : mapping of str to tuple of str
-        What the numbers of a tuple are: ``window 230..240 s``.
-    unit : str
-        Of its residual.
-    remark : str
-        What the study itself says of it, for people.
-    unexpected : tuple of str
-        Where a trial goes otherwise than its scenario expects.
-    """
-
+    # kind, name: one of `KINDS` and what it's of: the tables that it stands in, ``[residual.r]``
     kind: str
     name: str
-    values: Mapping[str, Value]
+    values: Mapping[str, Value]  # by the names in `RULES`; reals to five significant digits, as they are written
+    # what the numbers of a tuple are: ``window 230..240 s``
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    unit: str = ""
-    remark: str = ""
-    unexpected: tuple[str, ...] = ()
+    unit: str = ""  # of its residual
+    remark: str = ""  # what the study itself says of it, for people
+    unexpected: tuple[str, ...] = ()  # where a trial goes otherwise than its scenario expects
 
     @property
     def title(self) -> str:
@@ -57,16 +43,11 @@ class Group:
         return KINDS[self.kind][0].format(self.name)
 
 
-def figures_of(study: Study) -> tuple[Group, ...]:
+def figures_of(study: Study) -> tuple[FigureGroup, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
-    Raises
-    ------
-    InputError
-        Where several detectors watched.
+    Raises InputError where several detectors watched.
 
-    Examples
-    --------
     >>> from gtmbench.study.run import run_study
     >>> from gtmbench.study.scenario import load_scenario
     >>> groups = figures_of(run_study([load_scenario("jam")]))
@@ -79,7 +60,7 @@ def figures_of(study: Study) -> tuple[Group, ...]:
     flight = {"false_alarms": base.false_alarms, "hours": rounded(base.healthy_hours)}
     names = trial_names((trial.scenario, trial.fault, trial.channel) for trial in study.trials)
     return (
-        Group(kind="healthy", name="flight", values=flight),
+        FigureGroup(kind="healthy", name="flight", values=flight),
         *(_residual(base, name, values) for name, values in base.watch.residuals.items()),
         *(_score(base, score) for score in base.watch.scores.values()),
         *(_trial(name, trial) for name, trial in zip(names, study.trials, strict=True)),
@@ -112,7 +93,7 @@ def rounded(value: _V) -> _V:
     return float(f"{value:.{_DIGITS}g}")
 
 
-def _score(base: Baseline, score: Score) -> Group:
+def _score(base: Baseline, score: Score) -> FigureGroup:
     """Return the figures of a score; where each of several tests has a threshold of its own, all of them."""
     time_s, monitor = base.watch.record.time_s, base.monitor
     windows, labels = _windows(score.values, time_s, base.setup.alarm.watch_from_s)
@@ -126,11 +107,11 @@ def _score(base: Baseline, score: Score) -> Group:
     start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
     values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
     ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
-    return Group(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
+    return FigureGroup(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
 
 
 @np.errstate(over="ignore")
-def _residual(base: Baseline, name: str, values: FloatArray) -> Group:
+def _residual(base: Baseline, name: str, values: FloatArray) -> FigureGroup:
     time_s, start_s = base.watch.record.time_s, base.setup.alarm.watch_from_s
     windows, labels = _windows(np.abs(values), time_s, start_s)
     there = values[(time_s >= start_s - 1e-9) & ~np.isnan(values)]
@@ -140,7 +121,7 @@ def _residual(base: Baseline, name: str, values: FloatArray) -> Group:
         "rms": rounded(float(np.sqrt(np.sum(np.square(there)) / max(len(there), 1)))),
         "windows": windows,
     }
-    return Group(kind="residual", name=name, values=figures, labels={"windows": labels}, unit=unit_of(name))
+    return FigureGroup(kind="residual", name=name, values=figures, labels={"windows": labels}, unit=unit_of(name))
 
 
 def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tuple[float, ...], tuple[str, ...]]:
@@ -158,7 +139,7 @@ def _margin(threshold: float, values: FloatArray) -> float:
         return rounded(float(np.divide(threshold, greatest)))
 
 
-def _trial(name: str, trial: Trial) -> Group:
+def _trial(name: str, trial: Trial) -> FigureGroup:
     values: dict[str, Value] = {}
     if trial.severity:
         values["severity"] = rounded(tuple(trial.severity.values()))
@@ -174,7 +155,7 @@ def _trial(name: str, trial: Trial) -> Group:
     kind = kind_text(trial.kind, {}, {}, "", trial.partner) if trial.kind else ""
     said = ", ".join(part for part in (trial.verdict, kind) if part)
     remark = said if trial.detected else f"missed: {trial.reason}"
-    return Group(
+    return FigureGroup(
         kind="trials",
         name=name,
         values=values,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gtmbench.check.figures import Group, Value, rounded
+from gtmbench.check.figures import FigureGroup, Value, rounded
 from gtmbench.checks import shown, text
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
@@ -24,26 +24,14 @@ _SEPARATOR = ": "
 
 
 def texts_of(key: str, given: Any) -> tuple[str, ...]:
-    """Return a list of texts, as a baseline states it.
-
-    Raises
-    ------
-    InputError
-        Naming the key.
-    """
+    """Return a list of texts, as a baseline states it."""
     if not isinstance(given, list) or not all(isinstance(text, str) for text in given):
         raise InputError(f"{key} is {shown(given)}; it must be a list of texts")
     return tuple(given)
 
 
 def log_paths(baseline: Path, sources: Sequence[str]) -> dict[str, Path]:
-    """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there.
-
-    Raises
-    ------
-    InputError
-        Where there are none.
-    """
+    """Return the logs that folders, patterns and files mean, seen from a baseline's folder, by their names there."""
     folder = baseline.absolute().parent
     found = logs_in([folder / source for source in sources])
     return {Path(os.path.relpath(path, folder)).as_posix(): path for path in found}
@@ -56,13 +44,7 @@ def new_logs(recorded: Mapping[str, object], names: Sequence[str]) -> tuple[list
 
 
 def history_path(baseline: Path, given: Any) -> Path | None:
-    """Return the history that a baseline's flights are judged beside, seen from its folder; None where there is none.
-
-    Raises
-    ------
-    InputError
-        Where it isn't there.
-    """
+    """Return the history that a baseline's flights are judged beside, seen from its folder; None without one."""
     if given is None:
         return None
     path = baseline.absolute().parent / text("history", given)
@@ -73,7 +55,7 @@ def history_path(baseline: Path, given: Any) -> Path | None:
 
 def log_groups(
     logs: Mapping[str, Path], watcher: Detector | Monitor | str, progress: Progress, **how: Any
-) -> list[Group]:
+) -> list[FigureGroup]:
     """Watch logs as `gtmbench monitor` does, how else is as `watch_log` takes it; return the figures of each sensor."""
     from gtmbench.study.log.watch import watch_log
 
@@ -84,7 +66,7 @@ def log_groups(
     return groups
 
 
-def _groups(name: str, watched: WatchedLog) -> list[Group]:
+def _groups(name: str, watched: WatchedLog) -> list[FigureGroup]:
     from gtmbench.report.words.verdict import verdict_text
 
     verdict = watched.verdict
@@ -101,5 +83,5 @@ def _groups(name: str, watched: WatchedLog) -> list[Group]:
         sizes = verdict.sizes_of(sensor)
         values["error"] = math.inf if sizes is None else rounded(sizes.error)  # infinite: it is clear nowhere
         title = f"{name}{_SEPARATOR}{sensor}"
-        groups.append(Group(kind="sensors", name=title, values=values, unit=unit_of(sensor), remark=said))
+        groups.append(FigureGroup(kind="sensors", name=title, values=values, unit=unit_of(sensor), remark=said))
     return groups

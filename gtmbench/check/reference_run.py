@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, compare
-from gtmbench.check.figures import Group, figures_of
+from gtmbench.check.figures import FigureGroup, figures_of
 from gtmbench.check.logs import log_groups
 from gtmbench.checks import naming
 from gtmbench.detectors.bank.composed import AUTO
@@ -18,20 +18,11 @@ from gtmbench.study.run import run_study
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """A baseline, held against a run.
-
-    Attributes
-    ----------
-    reference : Reference
-    groups : tuple of Group
-        What the run gave.
-    compared : tuple of Compared
-        Every figure beside the recorded one.
-    """
+    """A baseline, held against a run."""
 
     reference: Reference
-    groups: tuple[Group, ...]
-    compared: tuple[Compared, ...]
+    groups: tuple[FigureGroup, ...]  # what the run gave
+    compared: tuple[Compared, ...]  # every figure beside the recorded one
 
     @property
     def regressions(self) -> list[Compared]:
@@ -46,16 +37,10 @@ class Check:
 
 def run_reference(
     reference: Reference, *, detector: Detector | Monitor | None = None, progress: Progress = silent
-) -> tuple[Group, ...]:
-    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states.
-
-    Raises
-    ------
-    GtmbenchError
-        Where that can't be run.
-    """
+) -> tuple[FigureGroup, ...]:
+    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states."""
     watcher = reference.detector if detector is None else detector
-    groups: list[Group] = []
+    groups: list[FigureGroup] = []
     if reference.scenarios:
         watches = [] if watcher is None else [watcher]
         groups += figures_of(run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress))
@@ -65,13 +50,10 @@ def run_reference(
     return tuple(groups)
 
 
-def check(reference: Reference, groups: Sequence[Group]) -> Check:
+def check(reference: Reference, groups: Sequence[FigureGroup]) -> Check:
     """Hold the figures of a run against a baseline.
 
-    Raises
-    ------
-    InputError
-        Where the baseline lacks a figure, or holds one that the run doesn't give.
+    Raises InputError where the baseline lacks a figure, or holds one that the run doesn't give.
     """
     with naming(reference.path):
         compared = compare(reference.recorded, groups, reference.tolerances)

@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 
 from gtmbench.check.baseline import Reference
 from gtmbench.check.compare import Compared, Number, Pair
-from gtmbench.check.figures import Group
+from gtmbench.check.figures import FigureGroup
 from gtmbench.check.reference_run import Check
 from gtmbench.checks import printable
 from gtmbench.files.disk import atomic_write
@@ -52,7 +52,7 @@ def check_lines(check: Check) -> list[str]:
     ]
 
 
-def _unexpected(group: Group) -> list[str]:
+def _unexpected(group: FigureGroup) -> list[str]:
     """Say where a trial goes otherwise than its scenario expects: told, but a check fails by its figures only."""
     return [f"{group.title}: {line}" for line in group.unexpected]
 

@@ -32,13 +32,6 @@ class Tolerance:
 def parse_tolerance(key: str, given: Any) -> Tolerance:
     """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what was given and what is legal.
-
-    Examples
-    --------
     >>> parse_tolerance("tolerances.delay_s", ["2 %", 0.1])
     Tolerance(share=0.02, absolute=0.1)
     """
@@ -65,33 +58,17 @@ def _share_or_number(key: str, given: Any) -> Tolerance:
 
 @dataclass(frozen=True)
 class Rule:
-    """One figure.
+    """One figure."""
 
-    Attributes
-    ----------
-    text : str
-        What a report calls it.
-    form : str
-        ``flag`` (true is better), ``count``, ``real``, or ``list`` of reals.
-    worse : str
-        Which way is worse; ``either``: it isn't the monitor's, and must be as it was for a comparison to mean anything.
-    tolerance : str, float or list
-        As a baseline states it, where it states none. A flag has none.
-    meaning : str
-        The comment beside the tolerance.
-    unit : str
-        Its own; ``*`` for that of its residual.
-    needs : str
-        The flag without which there is no such figure: no delay of what is missed.
-    """
-
-    text: str
+    text: str  # what a report calls it
+    # ``flag`` (true is better), ``count``, ``real``, or ``list`` of reals
     form: Literal["flag", "count", "real", "list"]
+    # which way is worse; ``either``: it isn't the monitor's, and must be as it was for a comparison to mean anything
     worse: Literal["higher", "lower", "either"]
-    tolerance: Any = 0
-    meaning: str = ""
-    unit: str = ""
-    needs: str = ""
+    tolerance: Any = 0  # As a baseline states it, where it states none. A flag has none.
+    meaning: str = ""  # the comment beside the tolerance
+    unit: str = ""  # its own; ``*`` for that of its residual
+    needs: str = ""  # the flag without which there is no such figure: no delay of what is missed
 
 
 _DELAY = ["2 %", 0.1]

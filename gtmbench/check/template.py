@@ -50,21 +50,9 @@ def new_baseline(
 ) -> str:
     """Return the text of a baseline without figures.
 
-    Parameters
-    ----------
-    path : Path
-        Where it will stand: its files are named from there.
-    scenarios : sequence of str
-        Shipped names, or files.
-    logs : sequence of str
-        Instead of scenarios: recorded flights, folders of them, or patterns.
-    detector : str, optional
-        A name of `gtmbench list`, a bank's or a monitor's file, or the own name of a detector in Python.
-
-    Raises
-    ------
-    InputError
-        Where the first scenario, whose seed it takes, can't be read.
+    `path`: where it will stand: its files are named from there. `scenarios`: shipped names, or files. `logs`: instead
+    of scenarios: recorded flights, folders of them, or patterns. `detector`: a name of `gtmbench list`, a bank's or a
+    monitor's file, or the own name of a detector in Python.
     """
     if logs:
         seen = ", ".join(quoted(_seen_from(path, source, ())) for source in logs)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.output import F, claim_file, common_options, echo, print_json, print_table, write_new
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -66,13 +66,7 @@ def _at_condition(aircraft: Aircraft, altitude_ft: float | None, tas_kt: float |
 
 
 def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Path, str]:
-    """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text.
-
-    Raises
-    ------
-    InputError
-        Where there is no such aircraft.
-    """
+    """Return where an aircraft's facts go, by default into its own folder if that is the user's, and their text."""
     from gtmbench.bench.aircraft import facts_of
     from gtmbench.bench.aircraft_file import commented
     from gtmbench.bench.known_aircraft import FACTS, jsbsim_aircraft, load_aircraft, model_folder
@@ -85,7 +79,7 @@ def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Pa
     return folder / FACTS, commented(facts_of(craft), model)
 
 
-@click.command("aircraft", cls=Command)
+@click.command("aircraft", cls=HeadedCommand)
 @click.argument("name", default="gtm", metavar="[NAME|FOLDER]")
 @condition_options
 @click.option("--modes", "with_modes", is_flag=True, help="Also print the linear modes: natural frequency and damping.")

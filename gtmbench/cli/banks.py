@@ -21,11 +21,6 @@ def show_bank(source: str, log: Path | None, *, as_json: bool, quiet: bool) -> N
 
     `surfaces`, which knows the commands, has equations of the aircraft's answer instead of residuals. `auto` of a log
     is the bank that the log's channels allow; beside it stands what the log's other sensors are compared with.
-
-    Raises
-    ------
-    InputError
-        Where there is no such bank, or a monitor is none.
     """
     from gtmbench.detectors.bank.bank import load_bank
     from gtmbench.detectors.bank.composed import AUTO

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.output import common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gtmbench.study.benchmark.judge import Row
 
 
-@click.command("benchmark", cls=Command)
+@click.command("benchmark", cls=HeadedCommand)
 @click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
 @click.option(
     "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."
@@ -140,11 +140,12 @@ def _command(
 
 
 def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path, command: str) -> None:
+    from gtmbench.files.plain import plain
     from gtmbench.report.figures.benchmark import benchmark_curves
-    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results, plain_results
+    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results
     from gtmbench.report.words.benchmark import citation
 
-    results = plain_results(benchmark_results(rows, definition, split))
+    results = plain(benchmark_results(rows, definition, split))
     texts = {
         "report.md": benchmark_page(rows, definition, split, command) + "\n![curves](curves.png)\n",
         "results.json": json.dumps(results, indent=1) + "\n",

@@ -12,7 +12,7 @@ import click
 
 from gtmbench.checks import number
 from gtmbench.cli.banks import print_bank_monitor
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option
 from gtmbench.cli.monitor import healthy_option, healthy_part
 from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from gtmbench.values.record import Record
 
 
-@click.command("calibrate", cls=Command)
+@click.command("calibrate", cls=HeadedCommand)
 @click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
 @map_option
 @detector_option("The default is bank C.")

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.cluster import check_cluster_options, cluster_options
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import check_cluster_options, cluster_options, common_options, echo, print_json, print_table
 from gtmbench.cli.report import FORMATS, report_campaign
 from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
@@ -36,7 +35,7 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
     return int(number), int(of)
 
 
-@click.command("campaign", cls=Command)
+@click.command("campaign", cls=HeadedCommand)
 @click.argument("source", metavar="NAME|CAMPAIGN.toml|DIR")
 @click.option(
     "--out",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import claim_file, common_options, echo, print_json, print_table
 from gtmbench.errors import GtmbenchError, InputError
@@ -20,11 +20,11 @@ from gtmbench.jobs.progress import progress_bar
 if TYPE_CHECKING:
     from gtmbench.check.baseline import Reference
     from gtmbench.check.compare import Pair
-    from gtmbench.check.figures import Group
+    from gtmbench.check.figures import FigureGroup
     from gtmbench.detectors.protocol import Detector, Monitor
 
 
-@click.command("check", cls=Command)
+@click.command("check", cls=HeadedCommand)
 @click.argument("baseline", default="dissertation", metavar="[BASELINE.toml]")
 @click.option("--update", is_flag=True, help="Write the figures of this run into the baseline and show the changes.")
 @click.option(
@@ -175,7 +175,7 @@ def _check_target(path: Path) -> None:
     claim_file(path, force=True)
 
 
-def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[Group, ...]:
+def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[FigureGroup, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
     from gtmbench.check.reference_run import run_reference
 

@@ -42,7 +42,7 @@ _MOVED_COMMANDS = {
 }
 
 
-class Command(click.Command):
+class HeadedCommand(click.Command):
     """A command whose help has headings."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
@@ -48,7 +48,7 @@ class _Step:
     lines: list[str]
 
 
-@click.command("demo", cls=Command)
+@click.command("demo", cls=HeadedCommand)
 @click.option(
     "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
 )

@@ -13,7 +13,7 @@ from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.report.recording.diff import Comparison, LineDifference
+    from gtmbench.report.recording.diff import LineDifference, RecordingDiff
 
 
 _MOST = 20  # rows of a table; --json lists all
@@ -30,7 +30,7 @@ def compare_recordings(
     a: Path, b: Path, limits: Limits, overlay: Path | None, *, force: bool, as_json: bool, quiet: bool
 ) -> int:
     """Compare two recordings, print how they differ, and return the exit code."""
-    from gtmbench.report.recording.diff import Tolerance, compare
+    from gtmbench.report.recording.diff import Closeness, compare
     from gtmbench.report.recording.read import read_recording, recording_in
 
     a, b = recording_in(a), recording_in(b)
@@ -44,7 +44,7 @@ def compare_recordings(
         tell(f"reading {b.name}", 1, total)
         frame_b = read_recording(b)
         tell("comparing", 2, total)
-        comparison = compare(frame_a, frame_b, Tolerance(relative=relative, absolute=absolute))
+        comparison = compare(frame_a, frame_b, Closeness(relative=relative, absolute=absolute))
         if overlay is not None:
             from gtmbench.report.recording.overlay import write_overlay
 
@@ -67,7 +67,7 @@ def _check_overlay(overlay: Path, a: Path, b: Path, *, force: bool) -> None:
     claim_file(overlay, force=force, option="--overlay")
 
 
-def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) -> None:
+def _print_json(comparison: RecordingDiff, a: Path, b: Path, overlay: Path | None) -> None:
     overlaid = None if overlay is None else str(overlay)
     own = {"a": str(a), "b": str(b), "overlay": overlaid, "equal": comparison.equal, **asdict(comparison)}
     found = [
@@ -81,12 +81,12 @@ def _print_json(comparison: Comparison, a: Path, b: Path, overlay: Path | None) 
     )
 
 
-def _alone(comparison: Comparison) -> list[tuple[str, tuple[str, str]]]:
+def _alone(comparison: RecordingDiff) -> list[tuple[str, tuple[str, str]]]:
     """Return series and fields that only one recording has."""
     return [("A", name) for name in comparison.only_a] + [("B", name) for name in comparison.only_b]
 
 
-def _print(comparison: Comparison, a: Path, b: Path) -> None:
+def _print(comparison: RecordingDiff, a: Path, b: Path) -> None:
     echo(_summary(comparison))
     echo(f"A: {a}\nB: {b}")
     if said := _other_flight(comparison):
@@ -105,7 +105,7 @@ def _print(comparison: Comparison, a: Path, b: Path) -> None:
         _table("Series and fields in one only", ["in", "entity", "series"], [[which, *name] for which, name in alone])
 
 
-def _other_flight(comparison: Comparison) -> str:
+def _other_flight(comparison: RecordingDiff) -> str:
     """Say where the recordings aren't of one flight, or not of one draw of noise: then nearly every sample differs."""
     flown = [line.name for line in comparison.lines if 2 * line.differing > line.samples]
     if any(entity.startswith("/truth") for entity, _ in flown):
@@ -143,7 +143,7 @@ def _cell(value: float | str | None) -> str:
     return value if isinstance(value, str) else "-" if value is None else f"{value:.10g}"
 
 
-def _summary(comparison: Comparison) -> str:
+def _summary(comparison: RecordingDiff) -> str:
     alone = len(_alone(comparison))
     held = f"{comparison.series} series, {comparison.fields} fields of verdicts, {comparison.events} events"
     if comparison.equal:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.output import claim_folder, common_options, echo, print_json
 from gtmbench.report.tables.envelope import envelope
 
 
-@click.command("export", cls=Command)
+@click.command("export", cls=HeadedCommand)
 @click.argument("monitor", metavar="MONITOR.json", type=click.Path(path_type=Path))
 @click.option(
     "--out", default="on_board", show_default=True, type=click.Path(path_type=Path), help="The folder of C code."

@@ -48,21 +48,12 @@ def is_typed(text: str) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chosen:
-    """The faults that were asked for.
-
-    Attributes
-    ----------
-    faults : tuple of Fault
-    source : str
-        The scenario, or the faults as they were typed.
-    trial : int
-        Which trial of the scenario; 1 of typed ones.
-    """
+class ChosenFaults:
+    """The faults that were asked for."""
 
     faults: tuple[Fault, ...] = ()
-    source: str = ""
-    trial: int = 1
+    source: str = ""  # the scenario, or the faults as they were typed
+    trial: int = 1  # which trial of the scenario; 1 of typed ones
 
     @property
     def text(self) -> str:
@@ -73,10 +64,7 @@ class Chosen:
 def trial_number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) -> int:
     """Return which trial is meant, or list those that there are.
 
-    Raises
-    ------
-    InputError
-        Where there is no such trial, or none is named of several.
+    Raises InputError where there is no such trial, or none is named of several.
     """
     if trial is None and len(trials) == 1:
         return 1
@@ -92,13 +80,10 @@ def numbered(trials: Sequence[FaultSpec]) -> list[str]:
     return [f"{number} {trial.text}" for number, trial in enumerate(trials, 1)]
 
 
-def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> Chosen:
+def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> ChosenFaults:
     """Return the faults that are typed, or those of a scenario's trial; none where nothing is given.
 
-    Raises
-    ------
-    InputError
-        Where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
+    Raises InputError where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
     """
     from gtmbench.faults.typed import fault
 
@@ -110,12 +95,14 @@ def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) 
     if onset is not None and not typed:
         raise InputError("--onset is of typed faults, such as --fault bias:r:size=2; a scenario has its own")
     if not given:
-        return Chosen()
+        return ChosenFaults()
     if typed:
-        return Chosen(faults=tuple(fault(text, onset_s=onset) for text in typed), source=" + ".join(typed))
+        return ChosenFaults(faults=tuple(fault(text, onset_s=onset) for text in typed), source=" + ".join(typed))
     trials = scenario_trials(given)
     number = trial_number(trial, trials, given[0])
-    return Chosen(faults=trials[number - 1].absolute(f"{given[0]}, trial {number}"), source=given[0], trial=number)
+    return ChosenFaults(
+        faults=trials[number - 1].absolute(f"{given[0]}, trial {number}"), source=given[0], trial=number
+    )
 
 
 def scenario_trials(given: Sequence[str]) -> tuple[FaultSpec, ...]:

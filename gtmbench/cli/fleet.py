@@ -14,7 +14,7 @@ from gtmbench.files.disk import is_file, is_pattern
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.log_fleet import Source, Watching
+    from gtmbench.study.log.log_fleet import FleetQuestion, Source
 
 _MOST_ROWS = 40  # on a screen
 
@@ -38,7 +38,7 @@ def is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
 
 def monitor_fleet(
     sources: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     out: Path | None,
     *,
     jobs: int,

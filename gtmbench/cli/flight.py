@@ -11,7 +11,7 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, told_aircraft
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.cli.rescue import fly_twice
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
 
 
-@click.command("fly", cls=Command)
+@click.command("fly", cls=HeadedCommand)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -146,7 +146,7 @@ def fly_command(
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
     from gtmbench.imports import load_object
-    from gtmbench.report.tables.loop import event_rows
+    from gtmbench.report.tables.results import event_rows
     from gtmbench.values.attitude import estimator_of
 
     check_destination(out, target, speed, force=force)

@@ -63,13 +63,7 @@ class Keeping:
         return [path for path in found if digest_of(path) not in known]
 
     def airframes(self) -> dict[str, list[Entry]]:
-        """Return the flights of each airframe, or of the one that is named.
-
-        Raises
-        ------
-        InputError
-            Where there is none.
-        """
+        """Return the flights of each airframe, or of the one that is named."""
         found: dict[str, list[Entry]] = {}
         for entry in self._entries():
             found.setdefault(entry.airframe, []).append(entry)
@@ -101,10 +95,7 @@ def keeping_of(
 ) -> Keeping | None:
     """Return how flights are kept; None where no history is given.
 
-    Raises
-    ------
-    InputError
-        Where an aircraft is named, and no history.
+    Raises InputError where an aircraft is named, and no history.
     """
     if history is None:
         if aircraft_id is not None:
@@ -151,9 +142,9 @@ def _write(airframes: dict[str, list[Entry]], record: Path | None, reports: Sequ
     for report in reports:
         with atomic_write(report) as aside:
             if report.suffix.lower() == ".png":
-                from gtmbench.report.figures.airframe import write_airframe_figure
+                from gtmbench.report.figures.airframe import airframe_figure
 
-                write_airframe_figure(airframes, aside)
+                airframe_figure(airframes).savefig(aside, format="png", dpi=120)
             else:
                 from gtmbench.report.page.airframe import airframe_page
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import import_option
-from gtmbench.cli.faults import Chosen, chosen_faults, fault_options, numbered, scenario_trials
+from gtmbench.cli.faults import ChosenFaults, chosen_faults, fault_options, numbered, scenario_trials
 from gtmbench.cli.output import claim_file, common_options, echo, map_option, print_columns, print_json
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
@@ -20,14 +20,14 @@ from gtmbench.values.channels import ATTITUDE
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
     from gtmbench.study.fault_tables import FaultSpec
-    from gtmbench.study.log.bending import Following
+    from gtmbench.study.log.bending import AttitudeFollowing
     from gtmbench.study.log.injection import ChangedColumn
 
 
 _MOST_NAMED = 12  # columns
 
 
-@click.command("inject", cls=Command)
+@click.command("inject", cls=HeadedCommand)
 @click.argument("log", type=click.Path(path_type=Path))
 @fault_options("The fault: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
@@ -138,9 +138,9 @@ def _list(log: Path, trials: Sequence[FaultSpec], *, as_json: bool, quiet: bool)
 def _summary(
     log: Path,
     out: Path,
-    chosen: Chosen,
+    chosen: ChosenFaults,
     changed: Sequence[ChangedColumn],
-    following: Following,
+    following: AttitudeFollowing,
 ) -> dict[str, object]:
     from gtmbench.study.trial import fault_row
 
@@ -164,7 +164,7 @@ def _print(
     out: Path,
     faults: Sequence[Fault],
     changed: Sequence[ChangedColumn],
-    following: Following,
+    following: AttitudeFollowing,
     without: Sequence[str],
 ) -> None:
     from gtmbench.report.words.judgement import fault_text

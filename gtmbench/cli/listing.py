@@ -10,23 +10,17 @@ from pathlib import Path
 import click
 
 from gtmbench.cli.banks import show_bank
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files.disk import read_toml
-from gtmbench.files.shipped import (
-    share,
-    shipped_aircraft,
-    shipped_banks,
-    shipped_campaigns,
-    shipped_scenarios,
-)
+from gtmbench.files.shipped import share, shipped_aircraft, shipped_banks, shipped_campaigns, shipped_scenarios
 from gtmbench.imports import DETECTORS, FAULTS, installed
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.values.channels import CHANNELS
 
 
-@click.command("list", cls=Command)
+@click.command("list", cls=HeadedCommand)
 @click.argument("name", required=False, metavar="[BANK|FILE.toml|MONITOR.json]")
 @click.option(
     "--of", "log", type=click.Path(path_type=Path), metavar="LOG", help="For bank auto: the log it is made of."

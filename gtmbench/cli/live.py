@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.output import (
     attitude_option,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _INTERRUPTED, _UNWRITTEN = 130, 2
 
 
-@click.command("live", cls=Command)
+@click.command("live", cls=HeadedCommand)
 @click.argument("source", metavar="SOURCE")
 @map_option
 @attitude_option
@@ -275,13 +275,9 @@ def _ended(link: Live, source: str, save: Path | None) -> dict[str, object]:
         "monitor": None if link.monitor is None else link.monitor.name,
         "watched_s": link.watched_s,
         "saved": None if save is None or link.unsaved else str(save),
-        "recorded": [str(path) for path in _recorded(link)],
+        "recorded": [str(path) for drawn in link.drawn for path in drawn.paths],
         "link": {name: getattr(counts, name) for name in counts.__dataclass_fields__},
     }
-
-
-def _recorded(link: Live) -> list[Path]:
-    return [path for drawn in link.drawn for path in drawn.paths]
 
 
 def _found(link: Live) -> list[dict[str, object]]:

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.cluster import check_cluster_options, cluster_options
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.fleet import is_fleet, monitor_fleet
 from gtmbench.cli.history import keeping_of, monitor_history
 from gtmbench.cli.output import (
     F,
+    check_cluster_options,
     claim_file,
+    cluster_options,
     command_line,
     common_options,
     echo,
@@ -66,7 +67,7 @@ def healthy_option(usual: str) -> Callable[[F], F]:
     )
 
 
-@click.command("monitor", cls=Command)
+@click.command("monitor", cls=HeadedCommand)
 @click.argument("logs", nargs=-1, metavar="LOG|DIR|GLOB|ADDRESS...", type=Log())
 @map_option
 @click.option("--rate", type=float, help="Resample to this rate in Hz.  [default: the slowest channel's, 100 at most]")
@@ -166,9 +167,9 @@ def monitor_command(
     if is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
         _refuse(alone, "of one log; several logs have --out")
-        from gtmbench.study.log.log_fleet import LIMIT_S, Watching
+        from gtmbench.study.log.log_fleet import LIMIT_S, FleetQuestion
 
-        watching = Watching(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
+        watching = FleetQuestion(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
         check_cluster_options(scheduler, tls)
         processes = 1 if jobs is None else whole("--jobs", jobs, 1, 1000)
         return monitor_fleet(

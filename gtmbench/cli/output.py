@@ -96,13 +96,7 @@ def typed(message: str, context: click.Context) -> str:
 
 
 def command_line(without: Container[str] = ()) -> str:
-    """Return the running command as it was typed, files by their names alone; some options left out.
-
-    Parameters
-    ----------
-    without : container of str
-        Names of parameters.
-    """
+    """Return the running command as it was typed, files by their names alone; some options left out."""
     context = click.get_current_context()
     words = ["gtmbench", str(context.command.name)]
     for option in context.command.params:
@@ -161,10 +155,7 @@ def map_files(mapping: Sequence[str]) -> list[Path]:
 def _kept_mapping(path: Path) -> list[str]:
     """Return what a file of maps holds; nothing of one that the command is to write.
 
-    Raises
-    ------
-    InputError
-        Where it isn't such a file, or there is none and the command doesn't write it.
+    Raises InputError where it isn't such a file, or there is none and the command doesn't write it.
     """
     if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
@@ -258,3 +249,21 @@ def print_columns(log: Path, columns: Sequence[LogColumn]) -> None:
         shown = [f"{value:.6g}" if math.isfinite(value) else "-" for value in times]
         rows.append([column.name, column.unit, str(column.samples), *shown, column.channel or column.why_not])
     print_table(log.name, names, rows, right=names[2:6])
+
+
+def cluster_options(command: F) -> F:
+    """Give a command ``--scheduler`` and ``--tls``."""
+    tls = click.option(
+        "--tls",
+        type=click.Path(path_type=Path),
+        metavar="FOLDER",
+        help="With --scheduler: the folder of ca.pem, cert.pem and key.pem.",
+    )
+    where = "Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://..."
+    return click.option("--scheduler", metavar="ADDRESS", help=where)(tls(command))
+
+
+def check_cluster_options(scheduler: str | None, tls: Path | None) -> None:
+    """Refuse certificates of no scheduler."""
+    if tls is not None and scheduler is None:
+        raise InputError("--tls is for a --scheduler, and none is given")

@@ -74,7 +74,7 @@ def fly_twice(
         with atomic_write(figure) as aside:
             rescue_figure(rescue).savefig(aside, dpi=150)
     if as_json:
-        from gtmbench.report.tables.loop import event_rows
+        from gtmbench.report.tables.results import event_rows
         from gtmbench.report.words.study import rescue_verdict
 
         told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]

@@ -7,17 +7,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option
 from gtmbench.cli.monitor import healthy_option, healthy_part
-from gtmbench.cli.output import (
-    common_options,
-    echo,
-    map_option,
-    print_json,
-    print_table,
-    scope_options,
-)
+from gtmbench.cli.output import common_options, echo, map_option, print_json, print_table, scope_options
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
@@ -26,7 +19,7 @@ if TYPE_CHECKING:
 _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", "autopilot said")
 
 
-@click.command("score", cls=Command)
+@click.command("score", cls=HeadedCommand)
 @click.argument("log", type=click.Path(path_type=Path))
 @map_option
 @detector_option("The default, auto, uses the relations that the log's channels allow.")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option, import_option, watchers_of
 from gtmbench.cli.faults import chosen_faults, is_typed
 from gtmbench.cli.output import check_screen, claim_folder, common_options, echo, print_json, print_table, write_new
@@ -46,7 +46,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
     return tuple(seeds)
 
 
-@click.command("run", cls=Command)
+@click.command("run", cls=HeadedCommand)
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
 @click.option(
     "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
@@ -268,7 +268,7 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
     echo(f"{' and '.join([', '.join(written[:-1]), written[-1]] if written[1:] else written)}: {out}/{look}")
 
 
-@click.command("view", cls=Command)
+@click.command("view", cls=HeadedCommand)
 @click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
 @click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options

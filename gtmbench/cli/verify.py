@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import click
 
-from gtmbench.cli.command import Command
+from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.diff import Limits, compare_recordings
 from gtmbench.cli.output import common_options, echo, print_json
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
@@ -29,7 +29,7 @@ class _Told(NamedTuple):
     wrong: str
 
 
-@click.command("verify", cls=Command)
+@click.command("verify", cls=HeadedCommand)
 @click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
 @click.option(
     "--against",

@@ -34,81 +34,44 @@ _FLOAT = 1e30  # what a float holds with room for its square root's like
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoardResidual:
-    """One residual as the C code has it.
-
-    Attributes
-    ----------
-    output : str
-    inputs : tuple of str
-    markov : shape (inputs, lags)
-        For the oldest sample first.
-    offset : float
-        Of the prediction, in the output's unit.
-    whitener : shape (n + 1,)
-        For the oldest residual first, over the deviation.
-    ahead : int
-        Rows after its own that a residual is known.
-    is_late : bool
-        Whether its inputs are those of the sample before the last, as derivatives are.
-    suspects : tuple of str
-        Sensors whose fault enters it.
-    mean_thresholds, energy_thresholds : shape (windows,)
-    tolerance : tuple of float
-        Of the mean; low and high of the energy.
-    """
+    """One residual as the C code has it."""
 
     output: str
     inputs: tuple[str, ...]
-    markov: FloatArray = field(repr=False)
-    offset: float
-    whitener: FloatArray = field(repr=False)
-    ahead: int
-    is_late: bool
-    suspects: tuple[str, ...]
+    markov: FloatArray = field(repr=False)  # shape (inputs, lags); for the oldest sample first
+    offset: float  # of the prediction, in the output's unit
+    whitener: FloatArray = field(repr=False)  # shape (n + 1,); for the oldest residual first, over the deviation
+    ahead: int  # rows after its own that a residual is known
+    is_late: bool  # whether its inputs are those of the sample before the last, as derivatives are
+    suspects: tuple[str, ...]  # sensors whose fault enters it
+    # mean_thresholds, energy_thresholds: shape (windows,)
     mean_thresholds: FloatArray = field(repr=False)
     energy_thresholds: FloatArray = field(repr=False)
-    tolerance: tuple[float, float, float]
+    tolerance: tuple[float, float, float]  # of the mean; low and high of the energy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Board:
     """A calibrated bank as the C code has it; sizes are in samples.
 
-    Attributes
-    ----------
-    name : str
-    channels : tuple of str
-    sensors : tuple of str
-        The channels, whose places are the bits of masks of sensors.
-    derived : tuple of str
-        Pseudo inputs.
-    residuals : tuple of BoardResidual
-        In the order of their names, as the bits of masks of residuals.
-    windows : tuple of int
-    baseline, least_baseline : int
-    suspicions : tuple of int
-        Windows of the noise that is learnt.
-    block, order, lasting, echo, apart : int
-        Of the noise that is learnt.
-    lost : int
-        Over so many rows missing samples are counted.
-    period_s : float
+    `sensors`: the channels, whose places are the bits of masks of sensors.
     """
 
     name: str
     channels: tuple[str, ...]
-    derived: tuple[str, ...]
-    residuals: tuple[BoardResidual, ...]
+    derived: tuple[str, ...]  # pseudo inputs
+    residuals: tuple[BoardResidual, ...]  # in the order of their names, as the bits of masks of residuals
     windows: tuple[int, ...]
     baseline: int
     least_baseline: int
-    suspicions: tuple[int, ...]
+    suspicions: tuple[int, ...]  # windows of the noise that is learnt
+    # block, order, lasting, echo, apart: of the noise that is learnt
     block: int
     order: int
     lasting: int
     echo: int
     apart: int
-    lost: int
+    lost: int  # over so many rows missing samples are counted
     period_s: float
 
     @property
@@ -136,13 +99,7 @@ class Board:
 
 
 def board_of(monitor: object) -> Board:
-    """Return what goes on board of a monitor.
-
-    Raises
-    ------
-    InputError
-        Where it can't go there: which of its parts, and what can.
-    """
+    """Return what goes on board of a monitor."""
     if not isinstance(monitor, CalibratedBank):
         name = str(getattr(monitor, "name", type(monitor).__name__))
         raise InputError(f"a monitor of '{name}' can't be exported: only banks can; {EXPORTABLE}")

@@ -27,29 +27,17 @@ _DEVIATIONS = 12.0  # of the residual: the fault that the test puts in
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Vectors:
-    """Readings, and what is expected of them.
+    """Readings, and what is expected of them."""
 
-    Attributes
-    ----------
-    readings : shape (rows, channels)
-        In steps; `MISSING` where one is missing.
-    steps : shape (channels,)
-        In the channels' units.
-    rows : shape (checks,)
-        Rows of the readings after which the rest is compared.
-    statistics : shape (checks, residuals, windows, 2)
-        Of mean and energy, over their thresholds; NaN where there is none.
-    residuals : shape (checks, residuals)
-        In the outputs' units.
-    alarms : shape (residuals,)
-        The row with which each is first above its threshold; -1 where none is.
-    """
-
+    # shape (rows, channels); in steps; `MISSING` where one is missing
     readings: np.ndarray[tuple[int, int], np.dtype[np.int_]] = field(repr=False)
-    steps: FloatArray
+    steps: FloatArray  # shape (channels,); in the channels' units
+    # shape (checks,); rows of the readings after which the rest is compared
     rows: np.ndarray[tuple[int], np.dtype[np.int_]]
+    # shape (checks, residuals, windows, 2); of mean and energy, over their thresholds; NaN where there is none
     statistics: FloatArray = field(repr=False)
-    residuals: FloatArray = field(repr=False)
+    residuals: FloatArray = field(repr=False)  # shape (checks, residuals); in the outputs' units
+    # shape (residuals,); the row with which each is first above its threshold; -1 where none is
     alarms: np.ndarray[tuple[int], np.dtype[np.int_]]
 
 

@@ -21,13 +21,8 @@ _BLOCK = 1024
 def drawn(distribution: Distribution, seed: int, name: str, places: Value) -> Value:
     """Return the numbers at some places, 0, 1, ..., of the sequence of a seed and a name.
 
-    Parameters
-    ----------
-    places : float or array of float
-        Whole numbers, not negative, in rising order.
+    `places`: whole numbers, not negative, in rising order.
 
-    Examples
-    --------
     >>> whole = drawn("random", 7, "noise of p", np.arange(3000.0))
     >>> drawn("random", 7, "noise of p", 2500.0) == whole[2500].item()
     True

@@ -27,10 +27,7 @@ def size_one(cls: type[Fault]) -> dict[str, float]:
 def tried(cls: type[Fault], parameters: dict[str, float], late_s: float = 0.0) -> FloatArray:
     """Return what a fault that has been there for a while adds to a signal that swings; shape (200,).
 
-    Raises
-    ------
-    InputError
-        If that is no number, or the class needs more than these parameters.
+    Raises InputError if that is no number, or the class needs more than these parameters.
     """
     figures: dict[str, Any] = parameters
     lacking = [each.name for each in cls.parameters() if each.is_required and each.name not in parameters]
@@ -74,12 +71,7 @@ def _amid(shape: Shape) -> dict[str, float]:
 
 
 def check_shape(cls: type[Fault]) -> None:
-    """Refuse a class whose shape isn't what it says: of no number, not linear, or one that a healthy sensor has.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a class whose shape isn't what it says: of no number, not linear, or one that a healthy sensor has."""
     shape = cls.shape
     if shape is None:
         return

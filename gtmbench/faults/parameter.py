@@ -12,35 +12,19 @@ from gtmbench.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """A parameter of a kind of fault, beyond what every fault has.
+    """A parameter of a kind of fault, beyond what every fault has."""
 
-    Attributes
-    ----------
-    name : str
-        As the class's field, and as a scenario's key.
-    is_severity : bool
-        Whether it tells how bad the fault is. Settings, seeds, flags and other channels don't.
-    value_type : type
-        float (a number), int (a whole number), bool (a flag) or str (the name of a channel that the fault reads).
-    unit : str or None
-        Of a number: its own unit ("" for none), or None for the channel's, divided by `per`.
-    per : str
-        "", or what the channel's unit is divided by: "s", "sqrt(s)", "g".
-    low, high, above
-        What a number may be: low..high, with `above` more than low.
-    default
-        What it is when nothing is said; `is_required` where something must be.
-    """
-
-    name: str
-    is_severity: bool
+    name: str  # as the class's field, and as a scenario's key
+    is_severity: bool  # Whether it tells how bad the fault is. Settings, seeds, flags and other channels don't.
+    # float (a number), int (a whole number), bool (a flag) or str (the name of a channel that the fault reads)
     value_type: type = float
-    unit: str | None = None
-    per: str = ""
+    unit: str | None = None  # of a number: its own unit ("" for none), or None for the channel's, divided by `per`
+    per: str = ""  # "", or what the channel's unit is divided by: "s", "sqrt(s)", "g"
+    # low, high, above: what a number may be: low..high, with `above` more than low
     low: float = -math.inf
     high: float = math.inf
     above: bool = False
-    default: object = MISSING
+    default: object = MISSING  # what it is when nothing is said; `is_required` where something must be
 
     @property
     def is_required(self) -> bool:
@@ -63,13 +47,7 @@ class Parameter:
         return self.per == "s"
 
     def check(self, where: str, value: object) -> None:
-        """Refuse a value that this parameter can't have; None is legal where it is the default.
-
-        Raises
-        ------
-        InputError
-            Naming the place, the parameter, what was given and what is legal.
-        """
+        """Refuse a value that this parameter can't have; None is legal where it is the default."""
         key = f"{where}: {self.name}"
         if value is None and self.default is None:
             return

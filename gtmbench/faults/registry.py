@@ -119,8 +119,6 @@ def passes_for(kind: str | None, healthy: PassesFor) -> bool:
 def fault_kinds() -> tuple[str, ...]:
     """Return the names of all kinds: built in, registered, and announced by installed packages (not imported).
 
-    Examples
-    --------
     >>> fault_kinds()[:6]
     ('bias', 'drift', 'thermal_bias', 'oscillation', 'random_walk', 'noise')
     """
@@ -130,10 +128,7 @@ def fault_kinds() -> tuple[str, ...]:
 def find_fault(kind: Any) -> type[Fault]:
     """Return the class of a kind; that of an installed package is imported now.
 
-    Raises
-    ------
-    InputError
-        If there is no such kind, or what the package announces is no kind of fault.
+    Raises InputError if there is no such kind, or what the package announces is no kind of fault.
     """
     loaded = loaded_faults()
     if isinstance(kind, str) and kind in loaded:
@@ -151,11 +146,6 @@ def import_package(source: str) -> tuple[str, ...]:
     """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these.
 
     What ``--import`` does. A module that registers none is fine.
-
-    Raises
-    ------
-    InputError
-        If there is no such module or importing it fails.
     """
     name = load_module(source).__name__
     return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
 
 from gtmbench.checks import listed, number, shown
 from gtmbench.errors import InputError
@@ -122,45 +124,22 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class WholeLog:
-    """How a kind shows to the engine that judges a whole log: as an error of a gyro that is linear in its size.
+    """How a kind shows to the engine that judges a whole log: as an error of a gyro that is linear in its size."""
 
-    Attributes
-    ----------
-    wrong : callable
-        From what a gyro reads and the times, each of shape (blocks,), to what it reads too much at size one.
-    name : str
-        As the engine calls it, if not as the kind is called.
-    price : float
-        Minus the log of its odds a priori, in nats.
-    low, high : float
-        Between what its size is.
-    of_motion : bool
-        Whether `high` is times the largest deviation of a gyro, and one more.
-    least : float
-        What is smaller is no failure.
-    shortest_s : float
-        In less it looks like another one, or like chance.
-    is_gain : bool
-        Whether it needs motion to show.
-    mirror : float
-        The size at which a gyro's own noise explains itself; NaN for none.
-    grows_from : str
-        The kind that its beginning looks like, where it grows with the time since its onset.
-    parameter : callable, optional
-        From a size to the class's parameter, where that isn't the size.
-    """
-
+    # from what a gyro reads and the times, each of shape (blocks,), to what it reads too much at size one
     wrong: Callable[[FloatArray, FloatArray], FloatArray] = field(repr=False)
-    name: str = ""
-    price: float = 0.0
+    name: str = ""  # as the engine calls it, if not as the kind is called
+    price: float = 0.0  # minus the log of its odds a priori, in nats
+    # low, high: between what its size is
     low: float = -math.inf
     high: float = math.inf
-    of_motion: bool = False
-    least: float = 0.0
-    shortest_s: float = 0.0
-    is_gain: bool = False
-    mirror: float = math.nan
-    grows_from: str = ""
+    of_motion: bool = False  # whether `high` is times the largest deviation of a gyro, and one more
+    least: float = 0.0  # what is smaller is no failure
+    shortest_s: float = 0.0  # in less it looks like another one, or like chance
+    is_gain: bool = False  # whether it needs motion to show
+    mirror: float = math.nan  # the size at which a gyro's own noise explains itself; NaN for none
+    grows_from: str = ""  # the kind that its beginning looks like, where it grows with the time since its onset
+    # from a size to the class's parameter, where that isn't the size
     parameter: Callable[[float], float] | None = field(default=None, repr=False)
 
 
@@ -194,3 +173,41 @@ class Typical:
     of: str = ""
     certified_s: float | None = None
     largest: str = ""
+
+
+_OF_NOISE = 3.0  # deviations
+
+
+class Same(NamedTuple):
+    """When a fault reads what another kind would: by the readings before it, and those since; and why."""
+
+    reads: Callable[[FloatArray, FloatArray], bool]
+    why: str
+
+
+def is_always(*_: FloatArray) -> bool:
+    """Whatever it reads."""
+    return True
+
+
+def is_beyond(before: FloatArray, since: FloatArray) -> bool:
+    """Whether it reads more than it ever read before."""
+    return len(before) > 0 and bool(abs(since[-1]) > np.abs(before).max())
+
+
+def is_last(before: FloatArray, since: FloatArray) -> bool:
+    """Whether it reads what it read last, within the noise: what changes from one reading to the next."""
+    if len(before) < 2:
+        return False
+    noise = float(np.sqrt(0.5 * np.mean(np.square(np.diff(before)))))
+    return bool(abs(since[-1] - before[-1]) <= _OF_NOISE * noise)
+
+
+def is_constant(_: FloatArray, since: FloatArray) -> bool:
+    """Whether it has read one value ever since."""
+    return bool(np.ptp(since) == 0.0)
+
+
+def is_one_sided(_: FloatArray, since: FloatArray) -> bool:
+    """Whether its readings have never reached zero since."""
+    return bool(np.all(since > 0.0) or np.all(since < 0.0))

@@ -17,24 +17,13 @@ _MOST_LETTERS = 100  # of a test's name in a file's
 
 @dataclass(kw_only=True)
 class Artefacts:
-    """Where the test that runs leaves what.
+    """Where the test that runs leaves what."""
 
-    Attributes
-    ----------
-    folder : Path
-        Of recordings.
-    name : str
-        Of this test's recordings, as `file_name` makes it.
-    flights : Path or None
-        The folder where the processes of a session share flights; None where there is one process.
-    recordings : list of Path
-        Those that were written so far.
-    """
-
-    folder: Path = Path("gtmbench-artefacts")
-    name: str = "failed"
+    folder: Path = Path("gtmbench-artefacts")  # of recordings
+    name: str = "failed"  # of this test's recordings, as `file_name` makes it
+    # the folder where the processes of a session share flights; None where there is one process
     flights: Path | None = None
-    recordings: list[Path] = field(default_factory=list)
+    recordings: list[Path] = field(default_factory=list)  # those that were written so far
 
     def record(self, write: Callable[[Path], None]) -> str:
         """Write a recording; say where it is, or why there is none: what failed must be told in any case."""

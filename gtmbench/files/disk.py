@@ -92,24 +92,14 @@ def no_file(source: object, what: str, shipped: Iterable[str]) -> str:
 
 
 def check_size(path: Path, what: str, largest_bytes: int) -> None:
-    """Refuse a file that is too large to be meant, before it is read; `what` it should be: a scenario, a bank.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a file that is too large to be meant, before it is read; `what` it should be: a scenario, a bank."""
     size = path.stat().st_size
     if size > largest_bytes:
         raise InputError(f"{path} has {size} bytes; a {what} has at most {largest_bytes}")
 
 
 def count_lines(path: Path) -> int:
-    """Return how many lines a text has at most, however they end; refuse one that nobody writes.
-
-    Raises
-    ------
-    InputError
-    """
+    """Return how many lines a text has at most, however they end; refuse one that nobody writes."""
     count = 1
     with path.open("rb") as file:
         while block := file.read(_LONGEST_LINE_BYTES):
@@ -121,13 +111,7 @@ def count_lines(path: Path) -> int:
 
 
 def read_toml(path: Path, what: str) -> dict[str, Any]:
-    """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank.
-
-    Raises
-    ------
-    InputError
-        Where it is too large to be meant, can't be read or isn't TOML.
-    """
+    """Return the tables of a small TOML file; `what` says what it should be: a scenario, a bank."""
     if path.suffix.lower() in LOGS:
         raise InputError(f"{path} is no {what} but, by its name, a log; watch it: gtmbench monitor {path}")
     try:
@@ -148,10 +132,7 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
     """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
 
-    Raises
-    ------
-    InputError
-        Before the long work, not after it.
+    Raises InputError before the long work, not after it.
     """
     meant = resolved(target)
     if meant.exists() and not force:
@@ -166,12 +147,8 @@ def atomic_write(target: Path) -> Iterator[Path]:
 
     It is on the disk before it gets its name, and whatever fails, what stood there before still stands.
 
-    Raises
-    ------
-    InputError
-        Where the folder doesn't exist.
-    GtmbenchError
-        Where writing fails: no permission, the disk is full, a quota is used up, the folder is removed meanwhile.
+    Raises GtmbenchError where writing fails: no permission, the disk is full, a quota is used up, the folder is removed
+    meanwhile.
     """
     meant = resolved(target)
     with folder_beside(meant) as aside, told(target, aside):
@@ -182,12 +159,7 @@ def atomic_write(target: Path) -> Iterator[Path]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder of results, and those above it, where there is none.
-
-    Raises
-    ------
-    UnwrittenError
-    """
+    """Make a folder of results, and those above it, where there is none."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -249,15 +221,7 @@ def resolved(target: Path) -> Path:
 
 @contextmanager
 def folder_beside(target: Path) -> Iterator[Path]:
-    """Give a folder beside a file or a folder to write it in; what is in it is removed, unless it is `READY`.
-
-    Raises
-    ------
-    InputError
-        Where there is no such place.
-    GtmbenchError
-        Where nothing can be written there.
-    """
+    """Give a folder beside a file or a folder to write it in; what is in it is removed, unless it is `READY`."""
     parent = target.absolute().parent
     if not parent.is_dir():
         raise InputError(f"can't write {target}: folder {parent} doesn't exist; create it first")

@@ -23,10 +23,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM)
 def check_folder(target: Path, *, force: bool) -> None:
     """Refuse a folder of results that can't be written, or that exists and isn't to be written into.
 
-    Raises
-    ------
-    InputError
-        Before the long work, not after it.
+    Raises InputError before the long work, not after it.
     """
     if target.is_dir() and not force:
         raise InputError(f"{target} exists; give another --out, or --force to replace its files of the same names")
@@ -45,12 +42,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
     every file, as ``sha256sum -c`` reads it. A process that is killed while it moves files into a folder that exists
     leaves the rest to the next one: `settle`.
 
-    Raises
-    ------
-    InputError
-        Where a folder stands in a file's place, or a file in a folder's.
-    GtmbenchError
-        Where writing fails, as of `atomic_write`.
+    Raises InputError where a folder stands in a file's place, or a file in a folder's.
     """
     meant = target.resolve()
     with folder_beside(meant) as aside, told(target, aside):
@@ -69,10 +61,7 @@ def atomic_folder(target: Path) -> Iterator[Path]:
 def settle(target: Path) -> None:
     """Move the rest of the files of a process that was killed while it moved them into a folder.
 
-    Raises
-    ------
-    GtmbenchError
-        Where they can't be moved: the folder has new files and old ones then.
+    Raises GtmbenchError where they can't be moved: the folder has new files and old ones then.
     """
     meant = target.resolve()
     if _left_for(meant):

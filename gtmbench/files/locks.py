@@ -46,24 +46,10 @@ def lock_beside(target: Path) -> Path:
 def alone(lock: Path, what: str, *, patience_s: float = 0.0) -> Iterator[None]:
     """Keep others out while the block runs.
 
-    Parameters
-    ----------
-    lock : Path
-        The lock's file, in a folder that exists.
-    what : str
-        Who is at work where, for the one who is kept out: "another run is at work in study".
-    patience_s : float
-        How long to wait for a holder that is alive; `FOR_EVER_S`: until it is done.
+    `what`: who is at work where, for the one who is kept out: "another run is at work in study". `patience_s`: how long
+    to wait for a holder that is alive; `FOR_EVER_S`: until it is done. Raises GtmbenchError afterwards, where somebody
+    else took this one for dead meanwhile.
 
-    Raises
-    ------
-    InputError
-        Where another one holds it, naming who, where and since when.
-    GtmbenchError
-        Afterwards, where somebody else took this one for dead meanwhile.
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder, alone(Path(folder, "lock"), "another run is at work"):
     ...     with alone(Path(folder, "lock"), "another run is at work"):

@@ -44,12 +44,6 @@ def seal(document: Mapping[str, Any]) -> dict[str, Any]:
 def check_seal(document: Mapping[str, Any], remedy: str) -> dict[str, Any]:
     """Return a table without its digest, which has to fit; `remedy` says what to do where it doesn't.
 
-    Raises
-    ------
-    InputError
-
-    Examples
-    --------
     >>> check_seal(seal({"threshold": 1.5}), "calibrate anew")
     {'threshold': 1.5}
     >>> check_seal({**seal({"threshold": 1.5}), "threshold": 2.5}, "calibrate anew")

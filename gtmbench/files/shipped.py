@@ -57,22 +57,8 @@ def shipped_benchmarks() -> dict[str, Path]:
 def read_shipped(source: str | Path, what: str, shipped: Mapping[str, Path]) -> tuple[Path, dict[str, Any]]:
     """Return the path and the tables of a TOML file that ships under a name, or that stands where the source says.
 
-    Parameters
-    ----------
-    source : str or Path
-        A name among the shipped ones, or a file.
-    what : str
-        What it should be: a scenario, a bank.
-    shipped : mapping of str to Path
-        The files that ship, by name.
+    `what`: what it should be: a scenario, a bank.
 
-    Raises
-    ------
-    InputError
-        Where there is neither, or the file is no such TOML file.
-
-    Examples
-    --------
     >>> path, tables = read_shipped("jam", "scenario", shipped_scenarios())
     >>> path.name, tables["title"]
     ('jam.toml', 'Jam of a rate gyro')

@@ -15,7 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.fresh import tracks_of
-from gtmbench.intake.mapping import Chosen, choose_of, judged, of_words, split_mapping
+from gtmbench.intake.mapping import ChosenColumn, choose_of, judged, of_words, split_mapping
 from gtmbench.intake.names import guess, stated_unit
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import cleaned
@@ -147,7 +147,7 @@ def log_contents(path: str | Path | ReadLog, *, mapping: Sequence[str] = ()) -> 
         )
 
 
-def _channels(chosen: Sequence[Chosen], raw: RawLog) -> tuple[tuple[LogChannel, ...], Span | None]:
+def _channels(chosen: Sequence[ChosenColumn], raw: RawLog) -> tuple[tuple[LogChannel, ...], Span | None]:
     """Return what there is to say of channels, one clock at a time, and from when until when those of use run."""
     no_use = of_no_use(chosen, raw)
     told, spans = [], []

@@ -81,27 +81,15 @@ class Unread:
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Which column of a log a channel is, and how it is read; of the channel ``time``, which column tells it.
-
-    Attributes
-    ----------
-    channel, column, unit : str
-    sign : float
-        -1 where it is read with its sign turned.
-    period_s : float, optional
-        How far apart its samples are, at the median, whatever the record's rate.
-    late_s : float
-        By how many seconds its stamps are late.
-    guessed : str
-        What shows that it is this channel in this unit, where neither a name nor anybody says so; "" where one does.
-    """
+    """Which column of a log a channel is, and how it is read; of the channel ``time``, which column tells it."""
 
     channel: str
     column: str
     unit: str
-    sign: float = 1.0
-    period_s: float | None = None
-    late_s: float = 0.0
+    sign: float = 1.0  # -1 where it is read with its sign turned
+    period_s: float | None = None  # how far apart its samples are, at the median, whatever the record's rate
+    late_s: float = 0.0  # by how many seconds its stamps are late
+    # what shows that it is this channel in this unit, where neither a name nor anybody says so; "" where one does
     guessed: str = ""
 
     @property

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Remark, remark
 from gtmbench.intake.formats.limits import check_values
-from gtmbench.intake.mapping import Chosen
+from gtmbench.intake.mapping import ChosenColumn
 from gtmbench.intake.stamps import Clock, own_rows, single
 from gtmbench.intake.tracks import Track
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
@@ -35,7 +35,10 @@ _Groups = dict[tuple[bytes | str, float], tuple[FloatArray, dict[str, FloatArray
 
 
 def tracks_of(
-    chosen: Sequence[Chosen], clocks: Mapping[str, Clock], breaks_s: Sequence[float], witnesses: Sequence[Chosen] = ()
+    chosen: Sequence[ChosenColumn],
+    clocks: Mapping[str, Clock],
+    breaks_s: Sequence[float],
+    witnesses: Sequence[ChosenColumn] = (),
 ) -> tuple[list[Track], list[Track], list[Remark], list[OutOfRange]]:
     """Return the channels by their stamps, every sample once and none that only repeats another; and remarks.
 
@@ -80,7 +83,7 @@ def _remark_on(found: OutOfRange) -> Remark:
     return remark("out of range", found.first_s, last_s, found.text, found.channel)
 
 
-def _group(choice: Chosen, clocks: Mapping[str, Clock], groups: _Groups) -> OutOfRange | None:
+def _group(choice: ChosenColumn, clocks: Mapping[str, Clock], groups: _Groups) -> OutOfRange | None:
     """Put a channel's samples to those of the same stamps; return which readings are out of range."""
     clock = clocks[choice.series.clock]
     values, outside, found = choice.at(clock)

@@ -24,7 +24,7 @@ from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.fresh import SENSORS, fresh_rows
 from gtmbench.intake.lattice import GRAINS_S, JITTER, is_rounded, typical_period
 from gtmbench.intake.laying import Laying, Rows
-from gtmbench.intake.mapping import Chosen, Turns, choose, choose_of, split_mapping
+from gtmbench.intake.mapping import ChosenColumn, Turns, choose, choose_of, split_mapping
 from gtmbench.intake.resampling import PAUSE, nominal
 from gtmbench.intake.stamps import LATEST_S, NEAR, in_their_places, is_waited_for, own_rows
 from gtmbench.intake.times import beyond_seconds, time_column
@@ -272,7 +272,7 @@ def _batches(raw: RawLog, names: Sequence[str]) -> Iterator[Mapping[str, NDArray
     return raw.batches(list(dict.fromkeys(names)))
 
 
-def _brought(choice: Chosen, batch: Mapping[str, NDArray[Any]], turns: Turns) -> FloatArray:
+def _brought(choice: ChosenColumn, batch: Mapping[str, NDArray[Any]], turns: Turns) -> FloatArray:
     """Return a batch of a channel, in its unit."""
     values: FloatArray = batch[choice.series.name].astype(np.float64)
     choice.bring(values, turns)
@@ -280,8 +280,8 @@ def _brought(choice: Chosen, batch: Mapping[str, NDArray[Any]], turns: Turns) ->
 
 
 def _shared(
-    chosen: Sequence[Chosen], needs: Sequence[str], stamps: NDArray[Any], values: FloatArray
-) -> tuple[list[Chosen], FloatArray]:
+    chosen: Sequence[ChosenColumn], needs: Sequence[str], stamps: NDArray[Any], values: FloatArray
+) -> tuple[list[ChosenColumn], FloatArray]:
     """Return the channels that share the table's stamps, as far as their first piece shows; a needed one has to."""
     at = stamps.astype(np.float64)
     own = [own_rows(at, np.isfinite(column)) is not None for column in values.T]

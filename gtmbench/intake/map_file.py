@@ -16,10 +16,7 @@ _HEAD = "# CHANNEL = COLUMN:UNIT, as --map takes them; gtmbench monitor LOG --ma
 
 
 def read_map_file(path: Path) -> list[str]:
-    """Return a file's columns as texts ``CHANNEL=COLUMN:UNIT``.
-
-    Raises an InputError where it isn't a table of texts.
-    """
+    """Return a file's columns as texts ``CHANNEL=COLUMN:UNIT``."""
     if not is_file(path):
         raise InputError(no_such(path))
     check_size(path, "file of columns", _LARGEST_BYTES)

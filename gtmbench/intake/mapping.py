@@ -17,7 +17,7 @@ from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.frames import in_frame
 from gtmbench.intake.gravity import forces_told
-from gtmbench.intake.names import Guess, asked, guess, is_table_header, known_as, stated_unit
+from gtmbench.intake.names import NameGuess, asked, guess, is_table_header, known_as, stated_unit
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.stamps import Clock
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
@@ -37,7 +37,7 @@ _HALF_TURN_DEG, _TURN_DEG = 180.0, 360.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Chosen:
+class ChosenColumn:
     """A channel: a column of the log, what its values are multiplied by, and how late its stamps are."""
 
     channel: str
@@ -50,10 +50,6 @@ class Chosen:
     def late_s(self) -> float:
         """By how many seconds its stamps are late."""
         return 0.0 if self.meaning is None else self.meaning.late_s
-
-    @property
-    def _turn_deg(self) -> float:
-        return math.copysign(_TURN_DEG, self.factor)
 
     @cached_property
     def _runs_from_zero(self) -> bool:
@@ -106,7 +102,7 @@ class Chosen:
         if self.factor != 1.0:
             values *= self.factor
         if self._runs_from_zero:
-            values[np.abs(values) > _HALF_TURN_DEG] -= self._turn_deg
+            values[np.abs(values) > _HALF_TURN_DEG] -= math.copysign(_TURN_DEG, self.factor)
         rows = np.flatnonzero(np.abs(values) > limit_of(self.channel))
         outside = values[rows]
         values[rows] = np.nan
@@ -156,13 +152,15 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
     return columns
 
 
-def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[Chosen]:
+def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[ChosenColumn]:
     """Return the channels of a log: the needed ones, or all.
 
     Raises an InputError where a mapped or a needed one can't be found, with what is there and what looks like it.
     """
     chosen = _mapped_or_recognised(raw, mapped)
-    own = {series.name: Chosen(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)}
+    own = {
+        series.name: ChosenColumn(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)
+    }
     if needs is not None:
         lacking = [channel for channel in needs if channel not in chosen and channel not in own]
         if lacking:
@@ -176,13 +174,13 @@ def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) 
     return list(chosen.values())
 
 
-def choose_of(names: Sequence[str], raw: RawLog, mapped: Mapping[str, str]) -> list[Chosen]:
+def choose_of(names: Sequence[str], raw: RawLog, mapped: Mapping[str, str]) -> list[ChosenColumn]:
     """Return those of some channels that a log has."""
     chosen = _mapped_or_recognised(raw, mapped)
     return [chosen[name] for name in names if name in chosen]
 
 
-def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
+def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, ChosenColumn]:
     """Return the channels that are settled: as mapped, else by documentation or name, else by physics."""
     units, sure = _units(mapped), _sure(raw, mapped)
     by_name = {series.name: series for series in raw.series}
@@ -196,7 +194,7 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
     return {name: choice for name, choice in settled.items() if mapped.get(name) != NONE}
 
 
-def _sure(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, Chosen]:
+def _sure(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, ChosenColumn]:
     by_mapping = {
         channel: _by_mapping(raw, channel, column)
         for channel, column in mapped.items()
@@ -213,7 +211,7 @@ def _units(mapped: Mapping[str, str]) -> str:
     return units
 
 
-def _in_units(raw: RawLog, units: str) -> dict[str, Chosen]:
+def _in_units(raw: RawLog, units: str) -> dict[str, ChosenColumn]:
     """Return the gyros and angles that state no unit, in the one that somebody says; of two columns neither."""
     looks: dict[str, list[RawSeries]] = {}
     for series in raw.series if units and raw.by_name else ():
@@ -236,7 +234,7 @@ def _in_units(raw: RawLog, units: str) -> dict[str, Chosen]:
 _TRIED: WeakKeyDictionary[RawSeries, dict[object, Found]] = WeakKeyDictionary()  # by a log's first column
 
 
-def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
+def _tried(raw: RawLog, sure: Mapping[str, ChosenColumn], units: str) -> Found:
     """Return what physics say of a log's open columns; once, however often it is asked."""
     if not (raw.by_name and raw.series):
         return NOTHING
@@ -252,10 +250,10 @@ def _tried(raw: RawLog, sure: Mapping[str, Chosen], units: str) -> Found:
     return before[key]
 
 
-_SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, Chosen]]] = WeakKeyDictionary()
+_SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, ChosenColumn]]] = WeakKeyDictionary()
 
 
-def _by_motion(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
+def _by_motion(raw: RawLog, settled: Mapping[str, ChosenColumn]) -> dict[str, ChosenColumn]:
     """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked.
 
     A column that is named as this package names it says which way it points.
@@ -279,7 +277,7 @@ def _by_motion(raw: RawLog, settled: Mapping[str, Chosen]) -> dict[str, Chosen]:
     return before[key]
 
 
-def _recognised(raw: RawLog) -> dict[str, Chosen]:
+def _recognised(raw: RawLog) -> dict[str, ChosenColumn]:
     """Return the channels that documentation or names tell without doubt.
 
     A documented format has an order in which its topics are preferred, and a known source one of its columns; else of
@@ -302,7 +300,7 @@ def _recognised(raw: RawLog) -> dict[str, Chosen]:
     return recognised
 
 
-def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
+def _unknown(raw: RawLog, chosen: Mapping[str, ChosenColumn]) -> list[RawSeries]:
     """Return the columns that may stand under their own names: no channel, and not named as one."""
     taken = {id(choice.series) for choice in chosen.values()}
     return [
@@ -315,16 +313,16 @@ def _unknown(raw: RawLog, chosen: Mapping[str, Chosen]) -> list[RawSeries]:
     ]
 
 
-def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> Chosen:
+def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> ChosenColumn:
     meaning = judged(series, raw).meaning
     assert meaning is not None  # the caller looked
     turned = meaning.sign < 0 and series.meaning is None
     return _as_told(series, meaning, (" (taken to point down)" if turned else "") + rather)
 
 
-def _as_told(series: RawSeries, meaning: Meaning, why: str) -> Chosen:
+def _as_told(series: RawSeries, meaning: Meaning, why: str) -> ChosenColumn:
     known = unit(meaning.unit)
-    return Chosen(
+    return ChosenColumn(
         channel=meaning.channel,
         series=series,
         factor=meaning.sign * (known.factor if known else 1.0),
@@ -333,7 +331,7 @@ def _as_told(series: RawSeries, meaning: Meaning, why: str) -> Chosen:
     )
 
 
-def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
+def _by_mapping(raw: RawLog, channel: str, column: str) -> ChosenColumn:
     series, meaning = mapped_column(raw, channel, column)
     known = unit(meaning.unit) if channel in CHANNELS else None
     turned = "-" if meaning.sign < 0 else ""
@@ -342,7 +340,7 @@ def _by_mapping(raw: RawLog, channel: str, column: str) -> Chosen:
     late = f", stamped {meaning.late_s:g} s late" if meaning.late_s else ""
     how = f"{turned}'{series.name}'{f' in {meaning.unit}' if meaning.unit else ''}{late}, as mapped{but}"
     factor = meaning.sign * (known.factor if known else 1.0)
-    return Chosen(channel=channel, series=series, factor=factor, how=how, meaning=meaning)
+    return ChosenColumn(channel=channel, series=series, factor=factor, how=how, meaning=meaning)
 
 
 def mapped_column(raw: RawLog, channel: str, text: str) -> tuple[RawSeries, Meaning]:
@@ -394,14 +392,14 @@ def _late(channel: str, given: str) -> tuple[str, float]:
     return stated, seconds
 
 
-def judged(series: RawSeries, raw: RawLog) -> Guess:
+def judged(series: RawSeries, raw: RawLog) -> NameGuess:
     """Return what a column is: by the format's documentation, else by its name where names may be believed."""
     if series.meaning is not None:
-        return Guess(channel=series.meaning.channel, meaning=series.meaning)
+        return NameGuess(channel=series.meaning.channel, meaning=series.meaning)
     meaning = documented(series.name) if raw.by_name else None
     if meaning is not None:  # an autopilot's, in anybody's table
-        return Guess(channel=meaning.channel, meaning=meaning)
-    return guess(series.name, series.unit) if raw.by_name else Guess()
+        return NameGuess(channel=meaning.channel, meaning=meaning)
+    return guess(series.name, series.unit) if raw.by_name else NameGuess()
 
 
 def not_taken(raw: RawLog, channels: Sequence[str]) -> list[str]:
@@ -465,7 +463,7 @@ def there(raw: RawLog) -> str:
     return f"{numbers}; no numbers are in {_named(raw.ignored)}" if raw.ignored else numbers
 
 
-def _doubt(raw: RawLog, series: RawSeries, told: Guess) -> str:
+def _doubt(raw: RawLog, series: RawSeries, told: NameGuess) -> str:
     if told.why_not:
         return f"column '{series.name}' {told.why_not}"
     rivals = [

@@ -42,7 +42,7 @@ _BRACKETS = re.compile(r"^(?P<base>.*?)[\s_,]*[\[({<]\s*(?P<unit>[^\[\](){}<>]*[
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guess:
+class NameGuess:
     """What a column's name says."""
 
     channel: str = ""  # which channel it looks like, ``time`` for the time, "" for none
@@ -72,7 +72,7 @@ def stated_unit(header: str, unit_beside: str = "") -> tuple[str, str]:
     return header, ""
 
 
-def guess(header: str, unit_beside: str = "") -> Guess:
+def guess(header: str, unit_beside: str = "") -> NameGuess:
     """Return what a column is by its name and unit.
 
     >>> guess("gyro_x (deg/s)").meaning
@@ -86,7 +86,7 @@ def guess(header: str, unit_beside: str = "") -> Guess:
     parts = re.split(r"[./:]", base)
     field = parts[-1]
     if _NOT_MEASURED.search(base):
-        return Guess()
+        return NameGuess()
     for key in (_key(base), _key("".join(parts[-2:])), _key(field)):
         if key in _KNOWN:
             channel, sign = _KNOWN[key]
@@ -95,8 +95,8 @@ def guess(header: str, unit_beside: str = "") -> Guess:
             return _judged(header, "tas", stated, 1.0)
         if key in _OPEN:
             channel, why = _OPEN[key]
-            return Guess(channel=channel, why_not=f"{why}: {asked(channel, header)} if it is {channel}")
-    return Guess()
+            return NameGuess(channel=channel, why_not=f"{why}: {asked(channel, header)} if it is {channel}")
+    return NameGuess()
 
 
 def known_as(name: str) -> str:
@@ -108,14 +108,14 @@ def known_as(name: str) -> str:
     return _KNOWN.get(_key(name), ("", 0.0))[0]
 
 
-def _judged(header: str, channel: str, stated: str, sign: float) -> Guess:
+def _judged(header: str, channel: str, stated: str, sign: float) -> NameGuess:
     known = unit(stated) if stated else None
     if known is not None and known.dimension == dimension_of(channel):
-        return Guess(channel=channel, meaning=Meaning(channel=channel, unit=stated, sign=sign))
+        return NameGuess(channel=channel, meaning=Meaning(channel=channel, unit=stated, sign=sign))
     if known is not None and channel == "time":
-        return Guess()  # T in degrees is a temperature
+        return NameGuess()  # T in degrees is a temperature
     said = f"states '{stated}', not a unit of {dimension_of(channel)} that is known" if stated else "states no unit"
-    return Guess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
+    return NameGuess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
 
 
 def asked(channel: str, header: str) -> str:

@@ -29,13 +29,7 @@ def is_address(source: object) -> TypeGuard[str]:
 
 
 def objects_in(address: str) -> list[str]:
-    """Return the addresses of the objects that one means: of a folder or a pattern all that it holds.
-
-    Raises
-    ------
-    InputError
-        Where the store doesn't answer, or has nothing there.
-    """
+    """Return the addresses of the objects that one means: of a folder or a pattern all that it holds."""
     system, path = _opened(address)
 
     def found() -> list[str]:
@@ -59,10 +53,7 @@ def object_digest(address: str) -> str:
 def fetched(address: str) -> Iterator[Path]:
     """Give an object as a file of its name, which vanishes with the block.
 
-    Raises
-    ------
-    InputError
-        Where it isn't there, or is larger than a log may be.
+    Raises InputError where it isn't there, or is larger than a log may be.
     """
     system, path = _opened(address)
     size = _asked(address, lambda: system.size(path))

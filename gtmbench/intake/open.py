@@ -19,7 +19,7 @@ from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.imus import imus_of
 from gtmbench.intake.injections import Injection, in_time
-from gtmbench.intake.mapping import AS_IT_IS, Chosen, choose, choose_of, not_taken, split_mapping
+from gtmbench.intake.mapping import AS_IT_IS, ChosenColumn, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.segments import Cut, cut, laid_beside
@@ -221,7 +221,7 @@ def _time_source(raw: RawLog) -> list[Source]:
 
 
 def _clocks_of(
-    witnesses: Sequence[Chosen], raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...]
+    witnesses: Sequence[ChosenColumn], raw: RawLog, clocks: Mapping[str, Clock], breaks_s: tuple[float, ...]
 ) -> dict[str, Clock]:
     """Return clocks with those of the witnesses beside them; without those that were set back."""
     known = dict(clocks)

@@ -21,7 +21,7 @@ from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
-from gtmbench.intake.mapping import NONE, Chosen, choose_of, mapped_column, split_mapping
+from gtmbench.intake.mapping import NONE, ChosenColumn, choose_of, mapped_column, split_mapping
 from gtmbench.intake.read import ReadLog
 from gtmbench.intake.stamps import cleaned
 from gtmbench.intake.times import with_time
@@ -185,7 +185,7 @@ def _sensors(raw: RawLog, mapped: Mapping[str, str]) -> Iterator[_Columns]:
             yield _Columns(channels, tuple(each.series.name for each in chosen), chosen[0].series.clock, values)
 
 
-def _as_read(choice: Chosen) -> FloatArray:
+def _as_read(choice: ChosenColumn) -> FloatArray:
     """Return a channel in its unit, whatever stands there."""
     values, rows, beyond = choice.readings()
     values[rows] = beyond

@@ -14,7 +14,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import Cells, IntArray
 from gtmbench.intake.formats.registry import rewrite_raw
 from gtmbench.intake.lattice import find_lattice
-from gtmbench.intake.mapping import Chosen, choose, split_mapping
+from gtmbench.intake.mapping import ChosenColumn, choose, split_mapping
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.stamps import Clock, cleaned, single
 from gtmbench.intake.times import with_time
@@ -25,10 +25,10 @@ from gtmbench.values.record import Span
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Samples:
+class ChannelSamples:
     """A channel's samples that are there: rows without a number, or without a time, are none."""
 
-    chosen: Chosen = field(repr=False)  # the column, and how the channel is made of it
+    chosen: ChosenColumn = field(repr=False)  # the column, and how the channel is made of it
     rows: IntArray = field(repr=False)  # of the column, in order of time
     time_s: FloatArray  # when they are, on the clock that `open_log` gives a record
     values: FloatArray  # in the channel's unit
@@ -51,11 +51,8 @@ class Samples:
         return Cells(column=self.chosen.series, rows=self.rows[is_new], values=new)
 
 
-def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, Samples]:
-    """Return channels of a log, found as `open_log` finds them, sample by sample.
-
-    Raises an InputError where the file can't be read, or a channel isn't there.
-    """
+def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[str] = ()) -> dict[str, ChannelSamples]:
+    """Return channels of a log, found as `open_log` finds them, sample by sample."""
     columns = split_mapping(mapping)
     read = read_log(log)
     raw = read.raw
@@ -66,14 +63,14 @@ def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[
         return {each.channel: _samples(each, clocks[each.series.clock], breaks_s) for each in chosen}
 
 
-def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples:
+def _samples(chosen: ChosenColumn, clock: Clock, breaks_s: Sequence[float]) -> ChannelSamples:
     values, _, beyond = chosen.at(clock)
     rows = np.arange(len(values)) if isinstance(clock.rows, slice) else clock.rows
     there = np.flatnonzero(np.isfinite(values))
     if len(there) < 2:
         raise InputError(f"column '{chosen.series.name}' holds {len(there)} numbers; a channel has more")
     kept, time_s, _, _ = single("", clock.time_s[there], values[there, np.newaxis], breaks_s)
-    return Samples(
+    return ChannelSamples(
         chosen=chosen,
         rows=rows[there[kept]],
         time_s=time_s - chosen.late_s,
@@ -83,11 +80,10 @@ def _samples(chosen: Chosen, clock: Clock, breaks_s: Sequence[float]) -> Samples
     )
 
 
-def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
-    """Write a log anew with other values of some channels, everything else as it is.
-
-    Raises an InputError where the format isn't written, or a column can't hold a value.
-    """
+def write_samples(
+    path: Path, out: Path, samples: Mapping[str, ChannelSamples], values: Mapping[str, FloatArray]
+) -> None:
+    """Write a log anew with other values of some channels, everything else as it is."""
     for channel in values:
         made_of = samples[channel].chosen.series.made_of
         if made_of:
@@ -97,7 +93,7 @@ def write_samples(path: Path, out: Path, samples: Mapping[str, Samples], values:
     rewrite_raw(path, out, [samples[channel].cells(new) for channel, new in values.items()])
 
 
-def write_table(out: Path, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> None:
+def write_table(out: Path, samples: Mapping[str, ChannelSamples], values: Mapping[str, FloatArray]) -> None:
     """Write channels as a CSV of our own headers: a row a time, empty where a channel has no sample then."""
     times = np.unique(np.concatenate([each.time_s for each in samples.values()]))
     columns = [np.full(len(times), np.nan) for _ in samples]

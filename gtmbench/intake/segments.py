@@ -26,7 +26,7 @@ from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resample
 from gtmbench.intake.spans import end_of, met, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
-from gtmbench.intake.unread import Layout, Living, unread_of
+from gtmbench.intake.unread import GapReasons, Living, unread_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.pieces import beside, joined
@@ -126,10 +126,7 @@ class Cut:
 
 
 def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | None) -> Cut:
-    """Return the records between gaps; where some channels pause and others don't, those are missing.
-
-    Raises an InputError where no stretch is long enough.
-    """
+    """Return the records between gaps; where some channels pause and others don't, those are missing."""
     for track in tracks:
         _check_long(track)
     slowest = max(tracks, key=lambda track: (track.slowness_s, -track.logged_s))
@@ -161,7 +158,7 @@ def cut(tracks: Sequence[Track], *, breaks_s: Sequence[float], rate_hz: float | 
             f"them and has no gap: {names}; leave out a channel, or give a lower rate"
         )
     made.unread = unread_of(
-        Layout(
+        GapReasons(
             living=[Living(track=parts.track, spans=parts.spans, slow=parts.slow) for parts in all_parts],
             read=[(record.start_s, record.end_s) for record in made.records],
             short=made.short,

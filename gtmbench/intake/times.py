@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.alike_times import finest_of_alike, stands_mostly
-from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, first_since_1970, in_seconds, since_text
-from gtmbench.intake.mapping import Chosen, judged, mapped_column, there
-from gtmbench.intake.names import Guess, is_table_header, stated_unit
+from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries, in_seconds, origin_of, since_text
+from gtmbench.intake.mapping import ChosenColumn, judged, mapped_column, there
+from gtmbench.intake.names import NameGuess, is_table_header, stated_unit
 from gtmbench.intake.stamps import FAR_S
 from gtmbench.intake.tracks import FEWEST
 from gtmbench.intake.units import unit
@@ -207,7 +207,7 @@ def _in_two_columns(seconds: RawSeries, fine: RawSeries, per_second: float) -> _
         raise InputError(
             f"'{fine.name}' isn't what is beyond the whole seconds of '{seconds.name}': --map time=COLUMN:UNIT"
         )
-    origin_s = first_since_1970(whole)
+    origin_s = float(origin_of(whole, 1.0) or 0.0)
     return _Told(
         columns=(seconds, fine), stamps=(whole - origin_s) + beyond, stated="s", per_second=1.0, since_s=origin_s
     )
@@ -247,7 +247,7 @@ def _time_column(raw: RawLog) -> tuple[RawSeries, Meaning]:
     raise InputError(f"no column tells the time: --map time=COLUMN:UNIT{said}; {there(raw)}")
 
 
-def _sure(raw: RawLog, looks: Sequence[tuple[RawSeries, Guess]]) -> list[tuple[RawSeries, Meaning]]:
+def _sure(raw: RawLog, looks: Sequence[tuple[RawSeries, NameGuess]]) -> list[tuple[RawSeries, Meaning]]:
     """Return the columns that tell the time by their names and units, or by what stands in them."""
     named = [(series, told.meaning) for series, told in looks if told.meaning is not None]
     known = {series.name for series, _ in named}
@@ -355,7 +355,7 @@ def rises_evenly(series: RawSeries) -> Meaning | None:
     return by_steps(series) if even > _ORDERLY else None
 
 
-def _without_unit(series: RawSeries, told: Guess) -> str:
+def _without_unit(series: RawSeries, told: NameGuess) -> str:
     """Say what is open about a column that looks like the time, or what its steps make of it."""
     hint = unit_hint(series.name, _usual_step(series))
     return f"column '{series.name}' " + (told.why_not.partition(": --map")[0] + hint if hint else told.why_not)
@@ -421,7 +421,7 @@ def main_span(time_s: FloatArray) -> Span:
     return float(most.min()), float(most.max())
 
 
-def of_no_use(chosen: Sequence[Chosen], raw: RawLog) -> dict[str, str]:
+def of_no_use(chosen: Sequence[ChosenColumn], raw: RawLog) -> dict[str, str]:
     """Return the channels that can't be brought to the others' clock, and why: another time, or hardly a sample."""
     clocks = {choice.series.clock for choice in chosen} & raw.clocks.keys()
     away = elsewhere({name: time_s for name, time_s in raw.clocks.items() if name in clocks})

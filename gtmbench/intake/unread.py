@@ -44,7 +44,7 @@ class Living:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Layout:
+class GapReasons:
     """All that says why a moment isn't in a segment."""
 
     living: Sequence[Living]  # of each track
@@ -108,7 +108,7 @@ class Layout:
         return " and ".join(dict.fromkeys(self.living[i].name for i in which))
 
 
-def unread_of(layout: Layout) -> tuple[Unread, ...]:
+def unread_of(layout: GapReasons) -> tuple[Unread, ...]:
     """Return the spans of a log that are in no segment, in time, with a reason each."""
     first_s = min(each.spans[0][0] for each in layout.living)
     last_s = max(each.spans[-1][1] for each in layout.living)

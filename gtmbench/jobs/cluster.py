@@ -47,24 +47,11 @@ def completed_on_cluster(
 
     A task whose worker dies is handed to another.
 
-    Parameters
-    ----------
-    work : callable
-        Of a task; workers import it by name.
-    tasks : iterable
-    scheduler : str
-        Its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
-    tls : Path, optional
-        A folder with ca.pem, cert.pem and key.pem.
-    killed : callable, optional
-        What a task comes to that has ended every worker it was given to; without it that is an error.
-
-    Raises
-    ------
-    InputError
-        Where no scheduler answers there.
-    GtmbenchError
-        Where the scheduler is gone, or a task has ended every worker that it was given to.
+    `work`: of a task; workers import it by name.
+    `scheduler`: its address, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
+    `tls`: a folder with ca.pem, cert.pem and key.pem.
+    `killed`: what a task comes to that has ended every worker it was given to; without it that is an error.
+    Raises GtmbenchError where the scheduler is gone, or a task has ended every worker that it was given to.
     """
     distributed = load_extra("distributed", "scale", "--scheduler needs")
     with _client(distributed, scheduler, tls) as client:
@@ -89,17 +76,7 @@ def check_cluster(
 ) -> None:
     """Refuse a scheduler that doesn't answer, and workers that are others: before the long work, not after it.
 
-    Parameters
-    ----------
-    scheduler : str
-    tls : Path, optional
-    versions : callable, optional
-        What has to be the same here and on every worker; workers import it by name.
-
-    Raises
-    ------
-    InputError
-        Naming the worker, and what it has.
+    `versions`: what has to be the same here and on every worker; workers import it by name.
     """
     with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls) as client:
         if versions is None:

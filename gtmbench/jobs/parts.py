@@ -62,29 +62,16 @@ class Shard(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """A folder of parts.
-
-    Attributes
-    ----------
-    folder : Path
-    what : str
-        What kind of run it is: "campaign".
-    tasks : int
-        Of how many tasks it consists; their numbers are 0, 1, ...
-    facts : dict
-        What the run is, as plain values: whatever changes a row has to change a fact.
-    items : tuple
-        Of a run that may grow, what each task is of, as plain values; the tasks of others are told by their number.
-    version : int
-        Of the folder's format.
-    """
+    """A folder of parts."""
 
     folder: Path
-    what: str
-    tasks: int
+    what: str  # what kind of run it is: "campaign"
+    tasks: int  # of how many tasks it consists; their numbers are 0, 1, ...
+    # what the run is, as plain values: whatever changes a row has to change a fact
     facts: dict[str, Any] = field(default_factory=dict, repr=False)
+    # of a run that may grow, what each task is of, as plain values; the tasks of others are told by their number
     items: tuple[Any, ...] = field(default=(), repr=False)
-    version: int = VERSION
+    version: int = VERSION  # of the folder's format
 
     def digest(self, task: int) -> str:
         """Return a digest of all that a task's rows hang on, which its part holds: of items, its own."""
@@ -98,10 +85,7 @@ class Parts:
     def done(self) -> tuple[int, ...]:
         """Return the tasks that are finished, in order.
 
-        Raises
-        ------
-        InputError
-            Where a part isn't what was written, or is of another run.
+        Raises InputError where a part isn't what was written, or is of another run.
         """
         return tuple(number for number, _ in self._opened())
 
@@ -140,10 +124,7 @@ class Parts:
     def write(self, task: int, rows: pa.Table) -> None:
         """Keep what a task gave: on the disk, and there whole, when this returns.
 
-        Raises
-        ------
-        GtmbenchError
-            Where it can't be written; what is finished stays.
+        Raises GtmbenchError where it can't be written; what is finished stays.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -231,13 +212,7 @@ class _DamagedError(InputError):
 
 
 def read_parts(folder: Path) -> Parts:
-    """Return the parts that stand in a folder, to be read.
-
-    Raises
-    ------
-    InputError
-        Where it is no such folder.
-    """
+    """Return the parts that stand in a folder, to be read."""
     path = folder / _MANIFEST
     if not is_file(path):
         if not folder.is_dir():
@@ -289,27 +264,13 @@ def parts_in(
 ) -> Iterator[Parts]:
     """Give a folder's parts to go on with, for this run alone; the folder is made where there is none.
 
-    Parameters
-    ----------
-    folder : Path
-    what : str
-        What kind of run it is: "campaign".
-    tasks : int
-    facts : mapping
-        As far as they are known; `hold` adds others.
-    items : sequence
-        Of a run that may grow, what each task is of: those that aren't in the folder yet follow those that are, so the
-        tasks are in the order of the parts' own `items`.
-    resume : bool
-        Whether parts may be there already.
-    shard : Shard, optional
-        This run is one of several, which go on with each other's folder at the same time.
-
-    Raises
-    ------
-    InputError
-        Where another run is at work there, the folder holds another one's parts, or some and it wasn't to be resumed,
-        or can't be written.
+    `facts`: as far as they are known; `hold` adds others.
+    `items`: of a run that may grow, what each task is of: those that aren't in the folder yet follow those that are, so
+    the tasks are in the order of the parts' own `items`.
+    `resume`: whether parts may be there already.
+    `shard`: this run is one of several, which go on with each other's folder at the same time.
+    Raises InputError where another run is at work there, the folder holds another one's parts, or some and it wasn't to
+    be resumed, or can't be written.
     """
     _check_folder(folder, what)
     _make(folder)
@@ -321,13 +282,7 @@ def parts_in(
 
 
 def hold(parts: Parts, **facts: Any) -> Parts:
-    """Return the parts of a run that is this, too: facts that are written down, or held against those that are.
-
-    Raises
-    ------
-    InputError
-        Naming the fact that differs.
-    """
+    """Return the parts of a run that is this, too: facts that are written down, or held against those that are."""
     with waiting_alone(parts.folder):
         known = read_parts(parts.folder)
         new = dict(plain(facts))

@@ -39,31 +39,12 @@ def spread(
 ) -> list[Result]:
     """Return what some work makes of every task, in the tasks' order.
 
-    Parameters
-    ----------
-    work : callable
-        Of a task; for other processes picklable, as tasks and results are.
-    tasks : sequence
-    processes : int
-        How many at most. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``. With one, this process does the work, unless there is something to begin with.
-    step : str
-        What progress is told.
-    progress : callable
-        Told the step, how many tasks are done, and of how many.
-    begin : callable, optional
-        Called in every process before its first task; arguments (such as large ones that all tasks share) come by
-        `functools.partial`.
-    killed : str
-        What is said where a process dies.
+    `work`: of a task; for other processes picklable, as tasks and results are. `processes`: how many at most. The
+    caller's main module is imported by each of them, so a script needs its ``if __name__ == "__main__":``. With one,
+    this process does the work, unless there is something to begin with. `begin`: called in every process before its
+    first task; arguments (such as large ones that all tasks share) come by `functools.partial`. Raises GtmbenchError
+    where a process was killed from outside. What the work itself raises comes as it is.
 
-    Raises
-    ------
-    GtmbenchError
-        Where a process was killed from outside. What the work itself raises comes as it is.
-
-    Examples
-    --------
     >>> spread(abs, [-2, 3], processes=1, step="count", progress=print)
     count 0 2
     count 1 2
@@ -91,8 +72,6 @@ def completed(
 
     Tasks are taken as processes become free, so there may be any number of them; `spread` has what is left out here.
 
-    Examples
-    --------
     >>> dict(completed(abs, [-2, 3], processes=1))
     {0: 2, 1: 3}
     """
@@ -138,8 +117,6 @@ def survived(
 
     Every task has a process for itself meanwhile, and so much time.
 
-    Examples
-    --------
     >>> dict(survived(abs, [-2, 3], processes=1, limit_s=60.0))
     {0: 2, 1: 3}
     """

@@ -19,18 +19,8 @@ class _TimeIsUpError(BaseException):
 def limited(seconds: float | None) -> Iterator[None]:
     """End the work of a block after so many seconds; outside of a main thread, or without an alarm clock, never.
 
-    Parameters
-    ----------
-    seconds : float, optional
-        Without a number there is no limit.
+    `seconds`: without a number there is no limit. Raises GtmbenchError where it wasn't done in time.
 
-    Raises
-    ------
-    GtmbenchError
-        Where it wasn't done in time.
-
-    Examples
-    --------
     >>> with limited(0.01):
     ...     threading.Event().wait()
     Traceback (most recent call last):

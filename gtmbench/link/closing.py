@@ -28,36 +28,19 @@ FLYING = "who is clear is told when the flight is over"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Closing:
-    """What a flight comes to once it is over.
-
-    Attributes
-    ----------
-    verdict : LogVerdict
-    watched : WatchedLog or None
-        The log of what arrived, as `gtmbench monitor` watches it; None where that can't be judged.
-    unconfirmed : tuple of Alarm
-        Those that accused a sensor while it flew, and that the verdict doesn't hold.
-    """
+class ClosingWord:
+    """What a flight comes to once it is over."""
 
     verdict: LogVerdict
+    # the log of what arrived, as `gtmbench monitor` watches it; None where that can't be judged
     watched: WatchedLog | None = field(default=None, repr=False)
-    unconfirmed: tuple[Alarm, ...] = ()
+    unconfirmed: tuple[Alarm, ...] = ()  # those that accused a sensor while it flew, and that the verdict doesn't hold
 
 
 def verdict_so_far(sensors: Sequence[str], span_s: Span, alarms: Sequence[Alarm], why: str = FLYING) -> LogVerdict:
     """Return a verdict that knows the alarms alone: nobody is clear.
 
-    Parameters
-    ----------
-    sensors : sequence of str
-        Those that are watched.
-    span_s : (start, end)
-        Of what has arrived.
-    alarms : sequence of Alarm
-        The first of each fault.
-    why : str
-        Why nothing else is judged.
+    `alarms`: the first of each fault.
     """
     claims: dict[str, list[SensorSpan]] = {sensor: [] for sensor in sensors}
     for alarm in alarms:
@@ -74,28 +57,15 @@ def closed(
     mapping: Sequence[str],
     attitude: str,
     progress: Progress,
-) -> Closing:
+) -> ClosingWord:
     """Judge what has arrived, as ``gtmbench monitor LOG --detector FILE`` does; without a monitor, as ``auto``.
 
-    Parameters
-    ----------
-    log : Path
-        What was kept of it.
-    monitor : Monitor or None
-        The one that was given; None where it was learnt from the link: knowing all of it, another may be better.
-    alarms : sequence of Alarm
-        The first of each fault, as they were told while it flew.
-    mapping, attitude, progress
-        As `watch_log` takes them.
-
-    Raises
-    ------
-    InputError
-        Where it can't be judged.
+    `monitor`: the one that was given; None where it was learnt from the link: knowing all of it, another may be better.
+    `alarms`: the first of each fault, as they were told while it flew.
     """
     watched = watch_log(log, monitor or AUTO, mapping=mapping, attitude=attitude, progress=progress)
     doubtful = tuple(alarm for alarm in alarms if alarm.accuses and not _is_held(alarm, watched.verdict))
-    return Closing(verdict=watched.verdict, watched=watched, unconfirmed=doubtful)
+    return ClosingWord(verdict=watched.verdict, watched=watched, unconfirmed=doubtful)
 
 
 def why_not(error: InputError, log: Path) -> str:

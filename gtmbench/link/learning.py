@@ -31,18 +31,7 @@ _MOST = 2_000_000  # packets or lines
 class Lesson:
     """The span of a link that a monitor is learnt from.
 
-    Parameters
-    ----------
-    learn_s : float
-        How long it has to be, in the sender's time.
-    is_table : bool
-        Whether lines arrive, and not packets.
-    mapping : sequence of str
-        Of a table.
-    system : int, optional
-        The watched system.
-    attitude : str
-        As `live` takes it.
+    `learn_s`: how long it has to be, in the sender's time. `is_table`: whether lines arrive, and not packets.
     """
 
     def __init__(

@@ -17,7 +17,7 @@ from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.link.closing import Closing, closed, verdict_so_far, why_not
+from gtmbench.link.closing import ClosingWord, closed, verdict_so_far, why_not
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.learning import Lesson
 from gtmbench.link.opening import source_of
@@ -25,9 +25,9 @@ from gtmbench.link.packets import dialect
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.saying import Saying
 from gtmbench.link.session import LinkCounts, Session
-from gtmbench.link.showing import Drawn, Pictures
-from gtmbench.link.source import Delivery, Source
-from gtmbench.link.table import Table
+from gtmbench.link.showing import DrawnFiles, Pictures
+from gtmbench.link.source import Delivery, LinkSource
+from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.warming import warm
 from gtmbench.link.watcher import wants_of
@@ -92,13 +92,13 @@ class Live:
     0 Cannot tell: nothing moves. 1000 messages read
     """
 
-    def __init__(self, source: Source, monitor: Monitor | None, options: LinkOptions) -> None:
+    def __init__(self, source: LinkSource, monitor: Monitor | None, options: LinkOptions) -> None:
         self._source, self._options = source, options
         with ExitStack() as stack:
             stack.callback(source.close)  # also where nothing can be watched
             self.monitor = monitor
             self._given = monitor
-            self._closing: Closing | None = None
+            self._closing: ClosingWord | None = None
             self._is_over = False
             self._reader = self._reader_of(monitor)
             self._session: Session | None = None
@@ -131,12 +131,12 @@ class Live:
         is_own = self._options.attitude == OWN
         return Session(monitor, self._reader, self._pictures.rows, is_own=is_own)
 
-    def _reader_of(self, monitor: Monitor | None) -> Telemetry | Table:
+    def _reader_of(self, monitor: Monitor | None) -> Telemetry | TableRows:
         if not self._source.is_table:
             dialect()  # without its library, that is said before anybody waits
             return Telemetry(self._options.system, self._options.key)
         needs = _LEARNT if monitor is None else monitor.channels
-        return Table(needs, () if monitor is None else wants_of(monitor), self._options.mapping)
+        return TableRows(needs, () if monitor is None else wants_of(monitor), self._options.mapping)
 
     def __iter__(self) -> Iterator[LiveEvent]:
         """Return itself: events are given once."""
@@ -180,13 +180,13 @@ class Live:
         self._is_over = True
 
     @property
-    def closing(self) -> Closing | None:
+    def closing(self) -> ClosingWord | None:
         """What the flight comes to; None while it lasts."""
         if self._closing is None and self._is_over:
             self._closing = self._closed(silent)
         return self._closing
 
-    def _closed(self, progress: Progress) -> Closing:
+    def _closed(self, progress: Progress) -> ClosingWord:
         """Return what the flight comes to; where its log can't be judged, what the alarms say, and why."""
         options, kept = self._options, self._kept
         if kept.failure:
@@ -203,13 +203,13 @@ class Live:
         except KeyboardInterrupt:  # nobody wants to wait for it
             return self._unjudged("it was ended before all that arrived was judged")
 
-    def _unjudged(self, why: str) -> Closing:
+    def _unjudged(self, why: str) -> ClosingWord:
         if self._session is None:
-            return Closing(verdict=verdict_so_far(GYROS, (0.0, 0.0), (), why))
-        return Closing(verdict=self._session.verdict(why))
+            return ClosingWord(verdict=verdict_so_far(GYROS, (0.0, 0.0), (), why))
+        return ClosingWord(verdict=self._session.verdict(why))
 
     @property
-    def drawn(self) -> tuple[Drawn, ...]:
+    def drawn(self) -> tuple[DrawnFiles, ...]:
         """The recordings, once it is closed: their files, and what they lack."""
         return self._pictures.drawn
 
@@ -345,7 +345,7 @@ class Live:
         text = f"{why}: {title_text(monitor)}; {later}"
         yield self._event(LiveKind.LEARNING, text)
         self._begin(monitor)
-        if isinstance(reader, Table):
+        if isinstance(reader, TableRows):
             kept = reader.channels
             missing = [name for name in monitor.channels if name not in kept]
             if missing:
@@ -364,7 +364,7 @@ class Live:
 
 
 def live(
-    source: str | Source,
+    source: str | LinkSource,
     monitor: Monitor | str | Path | None = None,
     *,
     learn_s: float = 60.0,
@@ -466,10 +466,7 @@ def live(
 def ready(monitor: Monitor | Detector | None) -> Monitor | None:
     """Return what watches a link as it is, or refuse it.
 
-    Raises
-    ------
-    InputError
-        If it isn't calibrated, or has no sample period or no channels of its own.
+    Raises InputError if it isn't calibrated, or has no sample period or no channels of its own.
     """
     if monitor is None:
         return None

@@ -7,9 +7,8 @@ import stat
 from pathlib import Path
 
 from gtmbench.errors import InputError
-from gtmbench.link.address import address_of
 from gtmbench.link.ports import SerialSource, TcpSource, UdpSource
-from gtmbench.link.source import Source
+from gtmbench.link.source import LinkSource, address_of
 from gtmbench.link.streams import GrowingSource, InputSource, SavedSource
 
 _BAUD = 57600
@@ -17,14 +16,8 @@ _SERIAL = re.compile(r"serial:(?P<device>.+?)(?::(?P<baud>\d+))?")
 FORMS = "udp:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD, follow:FILE.csv, - or a telemetry log (.tlog)"
 
 
-def source_of(text: str, *, speed: float | None = None, only: str = "") -> Source:
-    """Return the source that a text names, as `FORMS` has them.
-
-    Raises
-    ------
-    InputError
-        If it names none, or the source can't be opened.
-    """
+def source_of(text: str, *, speed: float | None = None, only: str = "") -> LinkSource:
+    """Return the source that a text names, as `FORMS` has them."""
     source = _of_others(text, only)
     if source is None:
         return _saved(Path(text), speed)
@@ -34,7 +27,7 @@ def source_of(text: str, *, speed: float | None = None, only: str = "") -> Sourc
     return source
 
 
-def _of_others(text: str, only: str) -> Source | None:
+def _of_others(text: str, only: str) -> LinkSource | None:
     """Return the source that sends by itself; None where the text names a file that was saved."""
     if text == "-":
         return InputSource()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bisect
 from collections import deque
 
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 
 BOUND_S = 0.1
 """How long a missing sample is waited for, in the sender's time."""
@@ -23,13 +23,6 @@ LONGEST_S = 10.0
 class InOrder:
     """The samples of one message, each once, in order of their stamps.
 
-    Parameters
-    ----------
-    period_s : float
-        From sample to sample.
-
-    Examples
-    --------
     >>> order = InOrder(0.01)
     >>> arrived = [0.00, 0.01, 0.03, 0.02, 0.02, 0.04]
     >>> [[each.time_s for each in order.push(Sample(topic="", time_s=at, values=()))] for at in arrived]
@@ -40,12 +33,12 @@ class InOrder:
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
-        self._waiting: list[Sample] = []
+        self._waiting: list[LinkSample] = []
         self._given: deque[float] = deque(maxlen=_REMEMBERED)
         self.last_s: float | None = None
         self.doubled = self.late = self.lost = 0
 
-    def push(self, sample: Sample) -> list[Sample]:
+    def push(self, sample: LinkSample) -> list[LinkSample]:
         """Return the samples whose turn has come with this one."""
         near_s = _SAME * self._period_s
         if self.last_s is not None and sample.time_s <= self.last_s + near_s:
@@ -60,12 +53,12 @@ class InOrder:
         self._waiting.insert(place, sample)
         return self._due(self._waiting[-1].time_s)
 
-    def rest(self) -> list[Sample]:
+    def rest(self) -> list[LinkSample]:
         """Return what still waits, now that nothing follows."""
         return self._due(float("inf"))
 
-    def _due(self, newest_s: float) -> list[Sample]:
-        due: list[Sample] = []
+    def _due(self, newest_s: float) -> list[LinkSample]:
+        due: list[LinkSample] = []
         while self._waiting:
             first = self._waiting[0]
             if self.last_s is not None:
@@ -80,5 +73,5 @@ class InOrder:
         return due
 
 
-def _time_s(sample: Sample) -> float:
+def _time_s(sample: LinkSample) -> float:
     return sample.time_s

@@ -27,25 +27,14 @@ HEARTBEAT = "HEARTBEAT"
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Packet:
-    """A message that is used, and whose it is.
-
-    Attributes
-    ----------
-    system, component, sequence : int
-    topic : str
-        The message's name.
-    message : object
-        As pymavlink decodes it.
-    content : bytes
-        The packet as it arrived.
-    """
+    """A message that is used, and whose it is."""
 
     system: int
     component: int
     sequence: int
-    topic: str
-    message: Any = field(repr=False)
-    content: bytes = field(repr=False)
+    topic: str  # the message's name
+    message: Any = field(repr=False)  # as pymavlink decodes it
+    content: bytes = field(repr=False)  # the packet as it arrived
 
 
 def dialect() -> ModuleType:
@@ -55,13 +44,7 @@ def dialect() -> ModuleType:
 
 
 def key_of(path: Path) -> bytes:
-    """Return the 32 bytes of a signing key: a file of them, of 64 hexadecimal digits, or of a passphrase.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is empty.
-    """
+    """Return the 32 bytes of a signing key: a file of them, of 64 hexadecimal digits, or of a passphrase."""
     try:
         if path.exists() and not path.is_file():
             raise OSError(errno.EINVAL, "not a file")
@@ -83,13 +66,8 @@ def key_of(path: Path) -> bytes:
 class Packets:
     """The packets of one sender's bytes.
 
-    Parameters
-    ----------
-    key : bytes, optional
-        Of 32 bytes: then packets that aren't signed by it are refused.
+    `key`: of 32 bytes: then packets that aren't signed by it are refused.
 
-    Examples
-    --------
     >>> mavlink = dialect()
     >>> sender = mavlink.MAVLink(None, srcSystem=1)
     >>> packet = mavlink.MAVLink_attitude_message(5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).pack(sender)

@@ -18,7 +18,7 @@ from contextlib import suppress
 
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
-from gtmbench.link.source import MOST_BYTES, TICK_S, Delivery, HeldUp, Peer, Source
+from gtmbench.link.source import MOST_BYTES, TICK_S, Delivery, HeldUp, LinkSource, Peer
 
 _MOST = 8192  # datagrams that wait
 _AT_ONCE = 256  # of them that are taken until the first is looked at
@@ -27,15 +27,10 @@ _LOOKED_S, _BEHIND_S = 0.05, 0.005  # how often the thread looks after the port;
 _WAITING_S = 10.0  # for a connection
 
 
-class UdpSource(Source):
+class UdpSource(LinkSource):
     """A UDP port: who sends there is answered there.
 
-    Parameters
-    ----------
-    host, port
-        That are listened at.
-    only : str
-        The address that is believed; "" for any.
+    `only`: the address that is believed; "" for any.
     """
 
     is_whole = True

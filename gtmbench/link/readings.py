@@ -38,22 +38,12 @@ Get = Callable[[Any], float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sample:
-    """What one message, or one line, read at a time.
+class LinkSample:
+    """What one message, or one line, read at a time."""
 
-    Attributes
-    ----------
-    topic : str
-        The message's name; "" of a line.
-    time_s : float
-        By the sender's clock.
-    values : tuple of float
-        In the units of the channel table; NaN where there is none.
-    """
-
-    topic: str
-    time_s: float
-    values: tuple[float, ...]
+    topic: str  # the message's name; "" of a line
+    time_s: float  # by the sender's clock
+    values: tuple[float, ...]  # in the units of the channel table; NaN where there is none
 
 
 def _getters() -> dict[str, dict[str, Get]]:
@@ -94,11 +84,11 @@ def channels_of(topic: str, autopilot: int | None) -> tuple[str, ...]:
     return () if topic == "RAW_IMU" and autopilot != _ARDUPILOT else tuple(_GETTERS[topic])
 
 
-def sample_of(topic: str, time_s: float, channels: Sequence[str], message: Any) -> Sample:
+def sample_of(topic: str, time_s: float, channels: Sequence[str], message: Any) -> LinkSample:
     """Return what a message of a time reads of some channels."""
     getters = _GETTERS[topic]
     values = tuple(getters[name](message) for name in channels)
-    return Sample(topic=topic, time_s=time_s, values=values)
+    return LinkSample(topic=topic, time_s=time_s, values=values)
 
 
 def chosen(rates_hz: dict[str, float], needs: Iterable[str], autopilot: int | None, least_hz: float) -> dict[str, str]:
@@ -121,6 +111,6 @@ def chosen(rates_hz: dict[str, float], needs: Iterable[str], autopilot: int | No
     return by_channel
 
 
-def is_finite(sample: Sample) -> bool:
+def is_finite(sample: LinkSample) -> bool:
     """Tell whether a sample's stamp is a time at all."""
     return math.isfinite(sample.time_s) and abs(sample.time_s) < 1e11

@@ -30,10 +30,7 @@ class Recent:
     It is done beside the watch, so that no alarm of a monitor comes later by it, and told a fixed time later, so that a
     saved link tells the same.
 
-    Parameters
-    ----------
-    is_driven, is_assumed : bool
-        Whether the gyros drive the attitude, and whether that is only assumed.
+    `is_driven`, `is_assumed`: whether the gyros drive the attitude, and whether that is only assumed.
     """
 
     def __init__(self, *, is_driven: bool, is_assumed: bool) -> None:

@@ -19,7 +19,7 @@ from gtmbench.intake.live import EvenStamps
 from gtmbench.intake.mapping import Turns
 from gtmbench.intake.resampling import HALF, nominal, oversampling
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.record import BoolArray, Record
 
@@ -53,7 +53,7 @@ class _Lane:
         self._route, self._start_s, self._period_s, self._filtered = route, start_s, period_s, filtered
         self._typical_s = nominal(route.period_s, period_s)
         self.order = InOrder(self._typical_s)
-        self._due: list[Sample] = []
+        self._due: list[LinkSample] = []
         self._turns = Turns()
         self._stamps = EvenStamps(period_s) if same_period(self._typical_s, period_s) else None
         self._laying: Laying | None = None
@@ -62,7 +62,7 @@ class _Lane:
         self._values: list[FloatArray] = []
         self._there: list[BoolArray] = []
 
-    def put(self, sample: Sample) -> None:
+    def put(self, sample: LinkSample) -> None:
         """Put a sample in order, to be laid."""
         self._due += self.order.push(sample)
 
@@ -95,7 +95,7 @@ class _Lane:
         self._values, self._there = [values[count:]], [there[count:]]
         return values[:count], there[:count]
 
-    def _lay(self, samples: Sequence[Sample]) -> None:
+    def _lay(self, samples: Sequence[LinkSample]) -> None:
         if not samples:
             return
         time_s = np.array([sample.time_s for sample in samples])
@@ -125,14 +125,8 @@ class _Lane:
 class LinkRows:
     """The rows of one stretch of a link, on an even clock.
 
-    Parameters
-    ----------
-    routes : sequence of Route
-    start_s, period_s : float
-        The first row's time by the sender's clock, and the monitor's period.
+    `start_s`, `period_s`: the first row's time by the sender's clock, and the monitor's period.
 
-    Examples
-    --------
     >>> rows = LinkRows([Route(topic="", channels=("p",), period_s=0.1)], 5.0, 0.1)
     >>> [rows.push([Sample(topic="", time_s=at, values=(at,))]) for at in (5.0, 5.1)]
     [Record(1 samples, 5..5 s, every 0.1 s: p), Record(1 samples, 5.1..5.1 s, every 0.1 s: p)]
@@ -154,7 +148,7 @@ class LinkRows:
         """What was counted of each message."""
         return {topic: lane.order for topic, lane in self._lanes.items()}
 
-    def push(self, samples: Sequence[Sample]) -> Record | None:
+    def push(self, samples: Sequence[LinkSample]) -> Record | None:
         """Return the rows that some samples complete, None where they complete none; the same in whatever pieces."""
         for sample in samples:
             lane = self._lanes.get(sample.topic)

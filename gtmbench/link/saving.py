@@ -14,11 +14,7 @@ _FLUSHED_S = 1.0
 class SavedLink:
     """A log of what arrives that is being written; what can't be written any more is told once, and the watch goes on.
 
-    Parameters
-    ----------
-    path : Path
-    is_table : bool
-        Whether lines arrive, header first, and not packets.
+    `is_table`: whether lines arrive, header first, and not packets.
     """
 
     def __init__(self, path: Path, *, is_table: bool = False) -> None:

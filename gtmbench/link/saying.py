@@ -29,12 +29,7 @@ _SET_MESSAGE_INTERVAL = 511
 class Saying:
     """Sends a heartbeat every second, and what is new, on a link.
 
-    Parameters
-    ----------
-    send : function
-        Takes the bytes.
-    system : int
-        The watched system, whose ground station is to show it.
+    `system`: the watched system, whose ground station is to show it.
     """
 
     def __init__(self, send: Callable[[bytes], None], system: int) -> None:

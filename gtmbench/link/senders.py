@@ -16,8 +16,6 @@ _WINDOW, _ODD = 60, 12  # messages; of them such that step further back
 class SenderClock:
     """The newest stamp of a sender, and whether its clock was set anew.
 
-    Examples
-    --------
     >>> clock = SenderClock()
     >>> [clock.push(at) for at in (100.0, 100.1, 0.1, 0.2, 0.3, 0.4, 0.5)]
     [True, True, False, False, False, False, False]
@@ -58,8 +56,6 @@ class SenderClock:
 class Numbering:
     """The sequence numbers of one sender: those of two, mixed, don't continue each other.
 
-    Examples
-    --------
     >>> one, two = Numbering(), Numbering()
     >>> for number in range(100):
     ...     one.push(number)

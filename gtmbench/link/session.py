@@ -19,7 +19,7 @@ from gtmbench.link.order import LONGEST_S
 from gtmbench.link.recent import Recent
 from gtmbench.link.senders import SenderClock
 from gtmbench.link.story import Story
-from gtmbench.link.table import Table
+from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
@@ -90,20 +90,13 @@ class LinkCounts:
 class Session:
     """A monitor on a link.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    reader : Telemetry or Table
-    shows : callable, optional
-        Given the rows that are judged.
-    is_own : bool
-        Whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
+    `is_own`: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
     """
 
     def __init__(
         self,
         monitor: Monitor,
-        reader: Telemetry | Table,
+        reader: Telemetry | TableRows,
         shows: Callable[[Record], object] | None = None,
         *,
         is_own: bool = False,
@@ -336,7 +329,7 @@ class Session:
         """Return what judges the last minutes; None where nothing rests on gyros and attitude."""
         if not rests_on_motion(self._monitor):
             return None
-        is_assumed = isinstance(self._reader, Table) and not self._is_own  # MAVLink's attitude is an estimator's
+        is_assumed = isinstance(self._reader, TableRows) and not self._is_own  # MAVLink's attitude is an estimator's
         return Recent(is_driven=not self._is_own, is_assumed=is_assumed)
 
     def _jumped(self) -> Iterator[LiveEvent]:

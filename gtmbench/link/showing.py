@@ -45,7 +45,7 @@ _SEVERITY = {
 }
 
 
-class Told(NamedTuple):
+class DrawnEvent(NamedTuple):
     """What is drawn of an event."""
 
     time_s: float
@@ -54,7 +54,7 @@ class Told(NamedTuple):
     alarm: Alarm | None
 
 
-class Drawn(NamedTuple):
+class DrawnFiles(NamedTuple):
     """What became of a recording: the files, one for each clock; rows left out; what went wrong; the file asked for."""
 
     paths: tuple[Path, ...] = ()
@@ -64,21 +64,13 @@ class Drawn(NamedTuple):
 
 
 class Pictures:
-    """What is drawn of a watch: a file, the viewer, both or nothing.
-
-    Parameters
-    ----------
-    path : Path or None
-        The file to record into.
-    views : bool
-        Whether the viewer is opened.
-    """
+    """What is drawn of a watch: a file, the viewer, both or nothing."""
 
     def __init__(self, path: Path | None = None, *, views: bool = False) -> None:
         self._targets = [*([] if path is None else [path]), *([None] if views else [])]
         self._showings: list[Showing] = []
         self._before: list[LiveEvent] = []  # before anything is watched
-        self.drawn: tuple[Drawn, ...] = ()
+        self.drawn: tuple[DrawnFiles, ...] = ()
         """What became of each, at the end."""
 
     def begin(self, monitor: Monitor, *, waits: bool) -> None:
@@ -113,13 +105,7 @@ class Pictures:
 class Showing:
     """Hands what a watch reads and says to a process that draws it.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    path : Path or None
-        The file; None for the viewer.
-    waits : bool
-        Whether rows wait for room, as those of a saved link may.
+    `path`: the file; None for the viewer. `waits`: whether rows wait for room, as those of a saved link may.
     """
 
     def __init__(self, monitor: Monitor, path: Path | None, *, waits: bool) -> None:
@@ -146,9 +132,11 @@ class Showing:
         """Hand over an event, behind the rows before it."""
         self._flush()
         if event.time_s is not None:
-            self._put(Told(event.time_s, _SEVERITY.get(event.kind, "INFO"), f"{event.kind}: {event.text}", event.alarm))
+            self._put(
+                DrawnEvent(event.time_s, _SEVERITY.get(event.kind, "INFO"), f"{event.kind}: {event.text}", event.alarm)
+            )
 
-    def end(self, verdict: Mapping[str, object]) -> Drawn:
+    def end(self, verdict: Mapping[str, object]) -> DrawnFiles:
         """Hand over the verdict, and wait until all is drawn."""
         self._flush()
         with suppress(queue.Full):
@@ -156,12 +144,12 @@ class Showing:
         with suppress(queue.Full):
             self._queue.put(None, timeout=_END_S)
         self._carrier.join(_END_S)
-        drawn = Drawn(failure=_STUCK)
+        drawn = DrawnFiles(failure=_STUCK)
         try:
             if not self._carrier.is_alive() and self._pipe.poll(_END_S):
                 drawn = self._pipe.recv()
         except (EOFError, OSError):
-            drawn = Drawn(failure=_DIED)
+            drawn = DrawnFiles(failure=_DIED)
         self._process.join(1.0)
         if self._process.is_alive():
             self._process.terminate()
@@ -209,9 +197,9 @@ def draw(pipe: Connection, monitor: Monitor, path: Path | None) -> None:
     with suppress(OSError), Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 2)  # rerun's own complaints; what matters of them is said at the end
     try:
-        drawn = Drawn(_Drawing(monitor, path).run(pipe))
+        drawn = DrawnFiles(_Drawing(monitor, path).run(pipe))
     except Exception as error:  # whatever it is, the watch goes on, and says it at the end
-        drawn = Drawn(failure=one_line(str(error)) or type(error).__name__)
+        drawn = DrawnFiles(failure=one_line(str(error)) or type(error).__name__)
     with suppress(OSError):
         pipe.send(drawn)
 
@@ -269,8 +257,8 @@ class _Drawing:
         self._finish(verdict)
         return tuple(self._paths)
 
-    def _take(self, frame: Told | list[Record]) -> None:
-        if isinstance(frame, Told):
+    def _take(self, frame: DrawnEvent | list[Record]) -> None:
+        if isinstance(frame, DrawnEvent):
             self._drawn.tell(*frame)
             return
         for rows in frame:

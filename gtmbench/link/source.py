@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import select
 from collections.abc import Iterator
 from dataclasses import dataclass
+
+from gtmbench.errors import InputError
 
 TICK_S = 0.25
 """How long a source waits for bytes until it says that there are none."""
@@ -23,7 +26,7 @@ class Delivery:
     peer: Peer | None = None
 
 
-class Source:
+class LinkSource:
     """Deliveries as they come: `None` now and then while there is none."""
 
     is_table = False
@@ -54,7 +57,7 @@ class Source:
         """Receive no more."""
 
 
-class HeldUp(Source):
+class HeldUp(LinkSource):
     """A source whose sender is held up while nobody takes what it sends: a pipe, a connection, a serial line."""
 
     def __init__(self) -> None:
@@ -91,3 +94,33 @@ class HeldUp(Source):
     def _received(self) -> Delivery | None:
         """Return what came; None at the end."""
         raise NotImplementedError
+
+
+_PORT = re.compile(
+    r"(?P<kind>udp|tcp):(?P<host>\[[0-9a-fA-F:.]+\]|[^:]*):(?P<port>\d{1,5})|(?P<plain>udp):(?P<own>\d{1,5})"
+)
+_LOOPBACK = "127.0.0.1"
+
+
+@dataclass(frozen=True)
+class Address:
+    """A port: ``udp`` or ``tcp``, a host, a number."""
+
+    kind: str
+    host: str
+    port: int
+
+
+def address_of(text: str) -> Address | None:
+    """Return the address that a text writes, None where it writes none; without a host it is this machine.
+
+    >>> address_of("udp:14550"), address_of("flight.tlog")
+    (Address(kind='udp', host='127.0.0.1', port=14550), None)
+    """
+    found = _PORT.fullmatch(text)
+    if found is None:
+        return None
+    kind, port = found["kind"] or found["plain"], int(found["port"] or found["own"])
+    if not 0 <= port < 1 << 16 or (kind == "tcp" and port == 0):
+        raise InputError(f"'{text}' names port {port}, which doesn't exist; ports are 1 to 65535")
+    return Address(kind, (found["host"] or _LOOPBACK).strip("[]"), port)

@@ -11,7 +11,7 @@ from pathlib import Path
 from gtmbench.errors import InputError
 from gtmbench.files.disk import no_such
 from gtmbench.link.packets import in_tlog
-from gtmbench.link.source import MOST_BYTES, TICK_S, Delivery, HeldUp, Source
+from gtmbench.link.source import MOST_BYTES, TICK_S, Delivery, HeldUp, LinkSource
 
 _LOOKED_S = 0.02  # how often a file is looked at that grows
 
@@ -65,7 +65,7 @@ class GrowingSource(HeldUp):
         return Delivery(time.time(), self._file.read(MOST_BYTES))
 
 
-class SavedSource(Source):
+class SavedSource(LinkSource):
     """A link that was saved as a telemetry log: as fast as it is read, or at so many times its own speed."""
 
     is_live, is_whole = False, True

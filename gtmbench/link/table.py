@@ -12,9 +12,9 @@ import numpy as np
 
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.mapping import Chosen, choose, choose_of, split_mapping
+from gtmbench.intake.mapping import ChosenColumn, choose, choose_of, split_mapping
 from gtmbench.intake.times import time_column
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 from gtmbench.link.telemetry import Message
 
 _LONGEST = 1 << 16  # bytes of a line
@@ -22,20 +22,11 @@ _SINCE_S = 1e8  # stamps beyond count from 1970
 _NONE = np.zeros(0)
 
 
-class Table:
+class TableRows:
     """The rows of a table's lines.
 
-    Parameters
-    ----------
-    needs : sequence of str
-        The channels that have to be there.
-    wants : sequence of str
-        Others, which are read where they are there.
-    mapping : sequence of str
-        As `open_log` takes it.
+    `wants`: others, which are read where they are there.
 
-    Examples
-    --------
     >>> table = Table(["p"])
     >>> end = bytes([10])
     >>> [message.time_s for message in table.read(b"time_s,p_deg_s" + end + b"0.0,1.5" + end + b"0.1,")], table.broken
@@ -64,10 +55,7 @@ class Table:
     def read(self, data: bytes, _peer: object = None, *, is_whole: bool = False) -> list[Message]:
         """Return the rows that some bytes complete; with the last of them where they are whole.
 
-        Raises
-        ------
-        InputError
-            If the header doesn't name the channels that are needed.
+        Raises InputError if the header doesn't name the channels that are needed.
         """
         *lines, self._rest = (self._rest + data + (b"\n" if is_whole else b"")).split(b"\n")
         if self._skips and lines:
@@ -122,19 +110,19 @@ class Table:
         """Return the "message" that each channel is read from: the only one."""
         return {name: "" for name in needs if name in self.channels}
 
-    def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
+    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
         """Return what a row reads of some channels."""
         values = message.content
         if tuple(channels) != self.channels:
             values = tuple(values[self.channels.index(name)] for name in channels)
-        return Sample(topic="", time_s=message.time_s, values=values)
+        return LinkSample(topic="", time_s=message.time_s, values=values)
 
     def told(self) -> str:
         """Say what the table holds."""
         return f"it holds {', '.join(self.channels)}"
 
 
-def _factor(choice: Chosen) -> float:
+def _factor(choice: ChosenColumn) -> float:
     """Return what a column's values are multiplied by to be the channel's."""
     if choice.late_s:
         raise InputError(f"--map {choice.channel}: a column that is stamped late (@) isn't read row by row")

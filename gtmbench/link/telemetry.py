@@ -9,7 +9,7 @@ from typing import Any
 from gtmbench.checks import listed
 from gtmbench.intake.formats.tlog import SINCE_1970_S, SYSTEM_TIME, boot_s
 from gtmbench.link.packets import HEARTBEAT, Packet, Packets
-from gtmbench.link.readings import MOTION, Sample, channels_of, chosen, is_finite, sample_of, stamp_s
+from gtmbench.link.readings import MOTION, LinkSample, channels_of, chosen, is_finite, sample_of, stamp_s
 from gtmbench.link.senders import Numbering
 
 _NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
@@ -28,11 +28,7 @@ class Message:
 class Telemetry:
     """The messages of the system that is watched: the only one that flies, or the one whose number is given.
 
-    Parameters
-    ----------
-    system : int, optional
-    key : bytes, optional
-        Then messages that aren't signed by it are refused.
+    `key`: then messages that aren't signed by it are refused.
     """
 
     unit = "message"
@@ -136,7 +132,7 @@ class Telemetry:
         """Return the message that each channel is read from."""
         return chosen(rates_hz, needs, self.autopilot, least_hz)
 
-    def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
+    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
         """Return what a message reads of some channels; None where its stamp is no time."""
         sample = sample_of(message.topic, message.time_s, channels, message.content)
         return sample if is_finite(sample) else None

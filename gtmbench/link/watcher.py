@@ -22,7 +22,7 @@ from gtmbench.detectors.protocol import Monitor, Stream
 from gtmbench.errors import InputError
 from gtmbench.intake.live import is_too_seldom
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 from gtmbench.link.recent import Recent
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
@@ -36,7 +36,7 @@ _PATIENCE_S = 2.5  # until a message that is needed has to be there
 _MOST = 50_000  # messages until then
 
 
-class Reader(Protocol):
+class SampleReader(Protocol):
     """What makes samples of messages: `Telemetry`, or `Table`."""
 
     unit: str
@@ -44,7 +44,7 @@ class Reader(Protocol):
     def routes(self, rates_hz: dict[str, float], needs: Sequence[str], least_hz: float) -> dict[str, str]:
         """Return the message that each channel is read from."""
 
-    def sample(self, message: Message, channels: Sequence[str]) -> Sample | None:
+    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
         """Return what a message reads of some channels."""
 
     def told(self) -> str:
@@ -61,27 +61,13 @@ def wants_of(monitor: Monitor) -> tuple[str, ...]:
 class Watcher:
     """A monitor on one sender's samples, while its clock runs on.
 
-    Parameters
-    ----------
-    monitor : Monitor
-    reader : Reader
-    learner : Learner, optional
-        What is known of the installation, from before a silence.
-    shows : callable, optional
-        Given the rows that are judged.
-    recent : Recent, optional
-        What judges the last of them together.
-
-    Raises
-    ------
-    InputError
-        If the monitor has no rate, or no channels, of its own.
+    `learner`: what is known of the installation, from before a silence.
     """
 
     def __init__(
         self,
         monitor: Monitor,
-        reader: Reader,
+        reader: SampleReader,
         learner: Learner | None = None,
         shows: Callable[[Record], object] | None = None,
         recent: Recent | None = None,
@@ -103,7 +89,7 @@ class Watcher:
         self._probed: list[Message] = []
         self._channels: dict[str, tuple[str, ...]] = {}
         self._rows: LinkRows | None = None
-        self.pending: list[Sample] = []
+        self.pending: list[LinkSample] = []
         """Samples that wait for others, to be taken together."""
         self.watched = self.heard = 0
         """Rows that could have alarmed, and all rows."""
@@ -212,12 +198,12 @@ class Watcher:
             "(--request-rates asks an autopilot for it), or take a monitor calibrated at the link's rate"
         )
 
-    def _samples(self, messages: Sequence[Message]) -> list[Sample]:
+    def _samples(self, messages: Sequence[Message]) -> list[LinkSample]:
         read = ((message, self._channels.get(message.topic)) for message in messages)
         made = (self._reader.sample(message, channels) for message, channels in read if channels is not None)
         return [self._inside(sample) for sample in made if sample is not None]
 
-    def _inside(self, sample: Sample) -> Sample:
+    def _inside(self, sample: LinkSample) -> LinkSample:
         """Return a sample without readings that no sensor reads, and count these."""
         channels = self._channels[sample.topic]
         outside = [abs(value) > limit_of(name) for value, name in zip(sample.values, channels, strict=True)]

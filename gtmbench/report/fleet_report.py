@@ -23,7 +23,7 @@ from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.page.fleet import fleet_page
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.fleet import COLUMNS, fleet_row
-from gtmbench.study.log.log_fleet import LIMIT_S, Kept, Source, Watching, conduct
+from gtmbench.study.log.log_fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import judge_text
@@ -98,7 +98,7 @@ def watch_fleet(
     ['healthy']
     """
     parted = tuple(Path(each) if isinstance(each, str) else each for each in healthy)
-    watching = Watching(
+    watching = FleetQuestion(
         detector=detector,
         healthy=parted,
         mapping=tuple(mapping),
@@ -117,7 +117,7 @@ def watch_fleet(
 
 def written(
     logs: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     out: Path,
     *,
     jobs: int = 1,
@@ -158,7 +158,7 @@ def _keep_page(pages: Path, log: Source, page: str) -> None:
         aside.write_text(page, encoding="utf-8")
 
 
-def _options(watching: Watching) -> list[str]:
+def _options(watching: FleetQuestion) -> list[str]:
     """Return what makes one log be watched as the fleet's are."""
     detector = watching.detector
     named = ["--detector", Path(detector).name] if isinstance(detector, (str, Path)) and str(detector) != AUTO else []

@@ -55,23 +55,13 @@ AIRCRAFT = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """A flight to be seen in space.
-
-    Attributes
-    ----------
-    flight : Record
-    name : str
-        What it is called among others; empty where it is the only one.
-    tint : str
-        Of the way flown, and of the wing where there are several.
-    moments : sequence of (float, str)
-        Times that are marked on its way, and what happened then.
-    """
+    """A flight to be seen in space."""
 
     flight: Record
-    name: str = ""
+    name: str = ""  # what it is called among others; empty where it is the only one
+    # of the way flown, and of the wing where there are several
     tint: str = "#78a0dc"
-    moments: Sequence[tuple[float, str]] = ()
+    moments: Sequence[tuple[float, str]] = ()  # times that are marked on its way, and what happened then
 
     @property
     def place_ft(self) -> FloatArray:

@@ -36,13 +36,7 @@ def _rerun(*options: str) -> list[str]:
 
 
 def opened_viewer() -> str:
-    """Return where a viewer takes recordings: the one that is open, or else a new one, which outlives this process.
-
-    Raises
-    ------
-    GtmbenchError
-        If none opens.
-    """
+    """Return where a viewer takes recordings: the one that is open, or else a new one, which outlives this process."""
     address = f"rerun+http://127.0.0.1:{_PORT}/proxy"
     if _listens():
         return address

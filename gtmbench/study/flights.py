@@ -25,7 +25,7 @@ from gtmbench.faults.kinds.replacing import Delay
 from gtmbench.jobs.progress import Tell
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.scenario import Scenario, Setup
-from gtmbench.study.trial import Injection
+from gtmbench.study.trial import InjectedFaults
 from gtmbench.values.attitude import OWN
 from gtmbench.values.channels import ATTITUDE, COMMANDS, GYROS, OF_OWN_RATE, SENSORS, unit_of
 from gtmbench.values.record import Record
@@ -94,7 +94,7 @@ class Flown:
         truth = _flown_open(replace(self.setup, excitation=excitation, duration_s=duration_s, seed=seed))
         return self._read(truth, number)
 
-    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[InjectedFaults, Record]:
         """Break a record by a trial's faults, their severities resolved against the flight.
 
         Return it, and what the sensors would have read without their faults; with a fault of a surface both are of a
@@ -172,7 +172,7 @@ class FlownInLoop(Flown):
         other = replace(self.setup, excitation=excitation, duration_s=duration_s)
         return self._read_in_loop(_flown_healthy(other, number, seed), number)
 
-    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[Injection, Record]:
+    def broken(self, scenario: str, spec: FaultSpec, number: int = BROKEN) -> tuple[InjectedFaults, Record]:
         """Fly a record anew with a trial's faults in the loop; it ends where the aircraft leaves its envelope.
 
         Nobody in the loop reads the magnetometer and the GPS: their faults are put into their readings.
@@ -267,9 +267,9 @@ def _flown_healthy(setup: Setup, number: int, seed: int | None = None) -> LoopFl
 
 def _injection(
     scenario: str, faults: Sequence[Fault], flight: Record, record: Record, events: Sequence[LoopEvent] = ()
-) -> Injection:
+) -> InjectedFaults:
     first, *also = faults
-    return Injection(
+    return InjectedFaults(
         scenario=scenario,
         fault=first.kind,
         channel=first.channel,

@@ -37,7 +37,7 @@ from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.errors import InputError
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.registry import FAULTS, how_of
-from gtmbench.faults.same import Same
+from gtmbench.faults.shape import Same
 from gtmbench.values.channels import COMMANDS, OF_OWN_RATE, axis_of, names_of
 from gtmbench.values.notebook import card, figure
 from gtmbench.values.record import BoolArray, FloatArray, Record

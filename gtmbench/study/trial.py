@@ -59,7 +59,7 @@ class Baseline:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Injection:
+class InjectedFaults:
     """A fault put into healthy measurements, or several.
 
     Attributes
@@ -108,7 +108,7 @@ class Injection:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Trial(Injection, Verdict):
+class Trial(InjectedFaults, Verdict):
     """One fault, or several in one record, watched by one detector: the verdict and its evidence.
 
     Attributes

@@ -20,7 +20,7 @@ from gtmbench.method.residual import Residual, residual
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.judgement import fault_text
 from gtmbench.study.score import NO_ALARM, altered_share, false_alarms, first_after, score
-from gtmbench.testing.on_logs import Watching, hold_found, hold_quiet, is_flight
+from gtmbench.testing.on_logs import LogQuestion, hold_found, hold_quiet, is_flight
 from gtmbench.testing.shared_flights import calibration_records, standard_record
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Record, check_record
@@ -172,18 +172,15 @@ def assert_quiet(
         _fail_watch(watch, "healthy record: no alarm was possible, for no score exists; give a longer, complete record")
 
 
-def _on_log(detector: object, record: object, **how: Any) -> Watching | None:
+def _on_log(detector: object, record: object, **how: Any) -> LogQuestion | None:
     """Return how a recorded flight is watched, where one was given; None where none was.
 
-    Raises
-    ------
-    InputError
-        Where what is of recorded flights was given without one.
+    Raises InputError where what is of recorded flights was given without one.
     """
     if is_flight(record):
-        return Watching(log=_as_log(record), detector=detector, **how)
+        return LogQuestion(log=_as_log(record), detector=detector, **how)
     if record is None and is_flight(detector):
-        return Watching(log=_as_log(detector), **how)
+        return LogQuestion(log=_as_log(detector), **how)
     if isinstance(record, str | Path):
         raise InputError(no_such(Path(record)) if not Path(record).exists() else f"{record} is no log")
     if isinstance(detector, str | Path) and Path(detector).suffix.lower() in LOGS and not Path(detector).exists():

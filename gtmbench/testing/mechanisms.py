@@ -33,28 +33,16 @@ Draw = np.random.Generator
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Synthetic:
-    """A healthy log.
+    """A healthy log."""
 
-    Attributes
-    ----------
-    record : Record
-        p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g.
-    events : tuple of Event
-        What an autopilot would have logged.
-    spans : tuple of Span
-        When the mechanism shows, in seconds.
-    """
-
-    record: Record
-    events: tuple[Event, ...] = ()
-    spans: tuple[Span, ...] = ()
+    record: Record  # p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g
+    events: tuple[Event, ...] = ()  # what an autopilot would have logged
+    spans: tuple[Span, ...] = ()  # when the mechanism shows, in seconds
 
 
 def plain(seed: int) -> Synthetic:
     """Return a log without any mechanism: noise, a small bias, an estimator that wanders.
 
-    Examples
-    --------
     >>> plain(3).record
     Record(2001 samples, 0..200 s, every 0.1 s: p, q, r, phi, theta, psi, nx, ny, nz)
     """

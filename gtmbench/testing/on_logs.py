@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watching:
+class LogQuestion:
     """A log, and how it is watched."""
 
     log: FlightLog | Path
@@ -57,7 +57,7 @@ def is_flight(given: object) -> bool:
     return isinstance(given, (str, Path)) and Path(given).is_file() and is_log(Path(given))
 
 
-def hold_quiet(watching: Watching) -> None:
+def hold_quiet(watching: LogQuestion) -> None:
     """Fail unless nothing is found in a log, and enough of it is judged."""
     __tracebackhide__ = True
     watched = watching.watched()
@@ -65,7 +65,7 @@ def hold_quiet(watching: Watching) -> None:
         _fail(watched, f"{watched.log.path.name}: {verdict_text(watched)} (allowed: nothing found)")
 
 
-def hold_found(watching: Watching, *, sensor: str, from_s: float, within_s: float) -> None:
+def hold_found(watching: LogQuestion, *, sensor: str, from_s: float, within_s: float) -> None:
     """Fail unless a sensor failed from a time on, and no other did."""
     __tracebackhide__ = True
     from_s, within_s = number("from_s", from_s), number("within_s", within_s, 0.0)
@@ -74,7 +74,7 @@ def hold_found(watching: Watching, *, sensor: str, from_s: float, within_s: floa
     if sensor not in timeline.sensors:
         raise InputError(f"{watched.log.path}: nothing judges '{sensor}'; there are {', '.join(timeline.sensors)}")
     failed = timeline.of(sensor, State.FAILED)
-    complaints = [] if any(_begins(span, from_s, within_s) for span in failed) else [_missed(failed)]
+    complaints = [] if any(abs(span.start_s - from_s) <= within_s for span in failed) else [_missed(failed)]
     others = [name for name, _ in watched.verdict.failed if name != sensor]
     if others:
         complaints.append(f"{', '.join(dict.fromkeys(others))} failed, too")
@@ -82,10 +82,6 @@ def hold_found(watching: Watching, *, sensor: str, from_s: float, within_s: floa
         allowed = f"{sensor} failed from {from_s:g} s on, give or take {within_s:g} s, and nothing else"
         said = f"{'; '.join(complaints)} (allowed: {allowed})"
         _fail(watched, f"{watched.log.path.name}: {said}. {verdict_text(watched)}")
-
-
-def _begins(span: SensorSpan, from_s: float, within_s: float) -> bool:
-    return abs(span.start_s - from_s) <= within_s
 
 
 def _missed(failed: Sequence[SensorSpan]) -> str:

@@ -22,7 +22,7 @@ from gtmbench.check.baseline import (
     write_figures,
 )
 from gtmbench.check.compare import pairs
-from gtmbench.check.figures import Group, rounded
+from gtmbench.check.figures import FigureGroup, rounded
 from gtmbench.check.reference_run import check, run_reference
 from gtmbench.check.rules import KINDS, OF_LOGS, RULES
 from gtmbench.check.template import TOLERATED, new_baseline
@@ -31,15 +31,15 @@ from gtmbench.files.disk import LARGEST_TOML_BYTES
 from gtmbench.files.shipped import shipped_baselines
 from gtmbench.study.scenario import load_scenario
 
-HEALTHY = Group(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})
-NORM = Group(
+HEALTHY = FigureGroup(kind="healthy", name="flight", values={"false_alarms": 0, "hours": 0.5})
+NORM = FigureGroup(
     kind="score",
     name="E(k)",
     values={"threshold": 6.25, "margin": 1.5, "windows": (4.0, 3.5, float("nan"))},
     labels={"windows": ("window 25..35 s", "window 35..45 s", "window 45..50 s")},
     unit="deg/s",
 )
-JAM = Group(kind="trials", name="jam of p", values={"detected": True, "delay_s": 6.14, "peak_ratio": 5.0})
+JAM = FigureGroup(kind="trials", name="jam of p", values={"detected": True, "delay_s": 6.14, "peak_ratio": 5.0})
 
 
 @cache
@@ -146,7 +146,7 @@ def groups(draw):
     )
     values = {name: draw(FIGURES[RULES[name].form]) for name in names}
     labels = {name: tuple("x" * len(value)) for name, value in values.items() if isinstance(value, tuple)}
-    return Group(kind=kind, name=of, values=values, labels=labels)
+    return FigureGroup(kind=kind, name=of, values=values, labels=labels)
 
 
 @pytest.mark.nightly

@@ -10,7 +10,7 @@ import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import bank_residuals
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.export.vectors import statistics_of
-from gtmbench.testing.on_board import Compiled, compiler
+from studies.compiled import Compiled, compiler
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day
 

@@ -14,7 +14,7 @@ import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.export.board import board_of
 from gtmbench.export.write import FILES
-from gtmbench.testing.on_board import STRICT, compiler, missing_tools, run_on_m4
+from studies.compiled import STRICT, compiler, missing_tools, run_on_m4
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day
 from tests.helpers.sealed import resealed

@@ -26,7 +26,7 @@ from pathlib import Path
 import gtmbench as gb
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.files.shipped import share
-from gtmbench.link.source import Delivery, Source
+from gtmbench.link.source import Delivery, LinkSource
 from tests.helpers import links, log_makers, monitors
 from tests.intake.test_every_log_hostile import IN_PLACE
 from tests.intake.test_every_log_hostile import whole as whole_log
@@ -64,7 +64,7 @@ LIMITS = (
 )
 
 
-class _Pieces(Source):
+class _Pieces(LinkSource):
     """Bytes as a link brings them, a few hundred at a time."""
 
     is_live = False

@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.intake.formats.clock_texts import Told, clock_texts
+from gtmbench.intake.formats.clock_texts import ClockKind, clock_texts
 
 # how a moment may be written, and what of it a reader is told
 STYLES = {
-    "ISO": ("{:%Y-%m-%dT%H:%M:%S}.{f}", Told.STAMP),
-    "a zone": ("{:%Y-%m-%d %H:%M:%S}.{f} +0200", Told.STAMP),
-    "days first": ("{:%d.%m.%Y %H:%M:%S},{f}", Told.STAMP),
-    "slashes, a year first": ("{:%Y/%m/%d %H:%M:%S}.{f}", Told.STAMP),
-    "12 hours": ("{:%m/%d/%Y %I:%M:%S}.{f} {:%p}", Told.STAMP),
-    "12 hours without a date": ("{:%I:%M:%S}.{f} {:%p}", Told.CLOCK),
-    "a clock": ("{:%H:%M:%S}.{f}", Told.CLOCK),
-    "a colon before what is beyond seconds": ("{:%H:%M:%S}:{f}", Told.CLOCK),
-    "12 hours without halves": ("{:%I:%M:%S}.{f}", Told.CLOCK),
-    "minutes and seconds": ("{:%M:%S}.{f}", Told.CLOCK),
+    "ISO": ("{:%Y-%m-%dT%H:%M:%S}.{f}", ClockKind.STAMP),
+    "a zone": ("{:%Y-%m-%d %H:%M:%S}.{f} +0200", ClockKind.STAMP),
+    "days first": ("{:%d.%m.%Y %H:%M:%S},{f}", ClockKind.STAMP),
+    "slashes, a year first": ("{:%Y/%m/%d %H:%M:%S}.{f}", ClockKind.STAMP),
+    "12 hours": ("{:%m/%d/%Y %I:%M:%S}.{f} {:%p}", ClockKind.STAMP),
+    "12 hours without a date": ("{:%I:%M:%S}.{f} {:%p}", ClockKind.CLOCK),
+    "a clock": ("{:%H:%M:%S}.{f}", ClockKind.CLOCK),
+    "a colon before what is beyond seconds": ("{:%H:%M:%S}:{f}", ClockKind.CLOCK),
+    "12 hours without halves": ("{:%I:%M:%S}.{f}", ClockKind.CLOCK),
+    "minutes and seconds": ("{:%M:%S}.{f}", ClockKind.CLOCK),
 }
 
 
@@ -48,7 +48,7 @@ def test_a_moment_comes_back_however_it_is_written(style, first, step_ms, missin
 def test_what_pandas_saves_comes_back(step):
     index = pd.timedelta_range("0s", periods=50, freq=step)
     told = clock_texts(list(index.astype(str)))
-    assert told.told is Told.DURATION
+    assert told.told is ClockKind.DURATION
     np.testing.assert_allclose(told.seconds, index.total_seconds())
 
 
@@ -83,7 +83,7 @@ def test_other_words_are_no_times(cells):
 
 def test_a_date_stands_beside_its_clock():
     days, clocks = clock_texts(["31.12.2025", "01.01.2026"]), clock_texts(["23:59:59.0", "00:00:01.0"])
-    assert days.told is Told.DAY
+    assert days.told is ClockKind.DAY
     both = clocks.on(days)
     assert both.seconds.tolist() == [0.0, 2.0]
     assert both.since_s == datetime(2025, 12, 31, 23, 59, 59).timestamp() - _zone_s()

@@ -18,7 +18,7 @@ import gtmbench as gb
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.link.packets import Packets, dialect, key_of
 from gtmbench.link.ports import UdpSource
-from gtmbench.link.source import Delivery, Source
+from gtmbench.link.source import Delivery, LinkSource
 from gtmbench.link.streams import InputSource
 from gtmbench.link.telemetry import Telemetry
 from gtmbench.link.watcher import Watcher
@@ -35,7 +35,7 @@ def sent(*, is_broken=True):
     return links.packets(gb.inject(record, BIAS) if is_broken else record)
 
 
-class Given(Source):
+class Given(LinkSource):
     """Deliveries as a test has them."""
 
     is_live, is_whole = False, True

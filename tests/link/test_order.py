@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.link.order import BOUND_S, InOrder
-from gtmbench.link.readings import Sample
+from gtmbench.link.readings import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.senders import Numbering, SenderClock
 
@@ -16,7 +16,7 @@ WITHIN = int(BOUND_S / PERIOD_S) - 1  # samples by which one may be late
 
 
 def sample(place, topic=""):
-    return Sample(topic=topic, time_s=place * PERIOD_S, values=(float(place),))
+    return LinkSample(topic=topic, time_s=place * PERIOD_S, values=(float(place),))
 
 
 @st.composite
@@ -106,9 +106,9 @@ def test_messages_that_come_faster_are_filtered_all_alike():
     routes = [Route(topic="a", channels=("p",), period_s=0.005), Route(topic="b", channels=("phi",), period_s=0.01)]
     samples = []
     for k, (at, value) in enumerate(zip(time_s, wave, strict=True)):
-        samples.append(Sample(topic="a", time_s=at, values=(value,)))
+        samples.append(LinkSample(topic="a", time_s=at, values=(value,)))
         if k % 2 == 0:
-            samples.append(Sample(topic="b", time_s=at, values=(value,)))
+            samples.append(LinkSample(topic="b", time_s=at, values=(value,)))
     rows = LinkRows(routes, 0.0, 0.01)
     given_ = [record for each in samples if (record := rows.push([each])) is not None]
     values = np.concatenate([record.values for record in given_])

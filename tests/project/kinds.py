@@ -14,8 +14,8 @@ from pathlib import Path
 
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
-from gtmbench.faults.px4 import WORDS
 from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.typed import WORDS
 from gtmbench.study.score import SAME_KINDS
 
 ROOT = Path(__file__).parents[2]

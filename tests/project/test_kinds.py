@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gtmbench.faults.px4 import WORDS
 from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.typed import WORDS
 from tests.project.kinds import ROOT, wanted
 
 

@@ -16,7 +16,7 @@ from packaging.utils import canonicalize_name
 from uv import find_uv_bin
 
 from gtmbench import save_monitor
-from gtmbench.testing.on_board import compiler
+from studies.compiled import compiler
 from tests.helpers.monitors import monitor
 
 ROOT = Path(__file__).parents[2]

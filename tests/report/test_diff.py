@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gtmbench as gb
-from gtmbench.report.recording.diff import Tolerance, compare
+from gtmbench.report.recording.diff import Closeness, compare
 from gtmbench.report.recording.overlay import TINTS, _summary, write_overlay
 from gtmbench.report.recording.write import write_recording
 from tests.cli.test_cli import SHORT
@@ -125,7 +125,7 @@ FLOATS = st.floats(width=16)  # NaN, infinities, both zeros
 @given(st.lists(st.tuples(FLOATS, FLOATS), min_size=1), st.floats(0.0, 10.0))
 def test_values_within_the_tolerance_are_equal_and_no_others(pairs, absolute):
     a, b = np.array(pairs).T
-    comparison = compare(line(a), line(b), Tolerance(absolute=absolute))
+    comparison = compare(line(a), line(b), Closeness(absolute=absolute))
 
     def alike(x, y):
         both = str(x) == str(y)  # tells -0.0 from 0.0, and no NaN from another
@@ -133,7 +133,7 @@ def test_values_within_the_tolerance_are_equal_and_no_others(pairs, absolute):
 
     expected = sum(not alike(x, y) for x, y in pairs)
     assert sum(series.differing for series in comparison.lines) == expected
-    mirrored = compare(line(b), line(a), Tolerance(absolute=absolute))
+    mirrored = compare(line(b), line(a), Closeness(absolute=absolute))
     assert sum(series.differing for series in mirrored.lines) == expected
     assert compare(line(a), line(a)).equal
 
@@ -141,8 +141,8 @@ def test_values_within_the_tolerance_are_equal_and_no_others(pairs, absolute):
 def test_a_relative_tolerance_is_of_the_series_greatest_magnitude():
     a, b = line([0.0, -100.0, 1.0]), line([0.0, -100.0, 2.0])
     assert compare(a, b).lines[0].relative == 0.01
-    assert compare(a, b, Tolerance(relative=0.01)).equal
-    assert not compare(a, b, Tolerance(relative=0.0099)).equal
+    assert compare(a, b, Closeness(relative=0.01)).equal
+    assert not compare(a, b, Closeness(relative=0.0099)).equal
 
 
 def test_samples_that_one_lacks_are_counted_and_the_others_held_against_each_other():
@@ -150,7 +150,7 @@ def test_samples_that_one_lacks_are_counted_and_the_others_held_against_each_oth
     (series,) = compare(a.drop(index=0), b.drop(index=[3, 4])).lines
     assert (series.samples, series.differing, series.only_a, series.only_b) == (2, 1, 2, 1)
     assert (series.worst.at, series.worst.a, series.worst.b, series.relative) == (0.02, 3.0, 3.5, np.inf)
-    (moved,) = compare(a.iloc[:1], a.iloc[1:2], Tolerance(absolute=10.0)).lines
+    (moved,) = compare(a.iloc[:1], a.iloc[1:2], Closeness(absolute=10.0)).lines
     assert (moved.samples, moved.worst, moved.only_a, moved.only_b) == (0, None, 1, 1)
 
 

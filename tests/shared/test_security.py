@@ -12,7 +12,7 @@ import gtmbench as gb
 from gtmbench.cli.app import main
 from gtmbench.files.folders import SUMS
 from gtmbench.link.opening import source_of
-from gtmbench.link.source import Delivery, Source
+from gtmbench.link.source import Delivery, LinkSource
 from tests.helpers import links, monitors
 from tests.intake.test_every_log_hostile import whole
 
@@ -91,7 +91,7 @@ def test_a_port_without_an_address_listens_on_this_machine_only(named):
 
 
 def test_live_sends_nothing_unless_asked():
-    class Heard(Source):
+    class Heard(LinkSource):
         is_live, is_whole, answers = False, True, []
 
         def deliveries(self):
@@ -165,7 +165,7 @@ def test_a_bag_of_another_folders_database_is_refused(tmp_path):
         gb.open_log(tmp_path / "bag2")
 
 
-class Flood(Source):
+class Flood(LinkSource):
     """Twenty megabytes of a link."""
 
     is_live = False

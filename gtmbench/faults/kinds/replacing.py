@@ -13,8 +13,7 @@ import numpy as np
 from gtmbench.faults.distortions import followed, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.faults.same import Same, is_always, is_beyond, is_last
-from gtmbench.faults.shape import Shape, Typical
+from gtmbench.faults.shape import Same, Shape, Typical, is_always, is_beyond, is_last
 from gtmbench.values.clock import FloatArray, Value
 
 

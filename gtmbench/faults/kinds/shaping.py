@@ -12,8 +12,7 @@ import numpy as np
 from gtmbench.faults.distortions import clipped, followed, lagged, lagged_sample, quantised, rate_limited
 from gtmbench.faults.fault import Distorted, Fault, Following, Formula, State, check_unit
 from gtmbench.faults.parameter import other_channel, severity
-from gtmbench.faults.same import Same, is_constant, is_one_sided
-from gtmbench.faults.shape import Shape, Typical, WholeLog
+from gtmbench.faults.shape import Same, Shape, Typical, WholeLog, is_constant, is_one_sided
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import FloatArray, Value
 

@@ -35,7 +35,7 @@ _WITHOUT_MARKS = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-](\d\d)(\d\d)(\d\d)(?!\d)"
 _COUNTED = re.compile(r"(?P<count>[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?)\s*(?P<unit>[a-z]+)")  # MATLAB's "0.02 sec"
 
 
-class Told(StrEnum):
+class ClockKind(StrEnum):
     """What a column of such texts tells."""
 
     STAMP = "date and time"
@@ -48,7 +48,7 @@ class Told(StrEnum):
 class ClockTexts:
     """What a column of texts tells."""
 
-    told: Told
+    told: ClockKind
     nanoseconds: NDArray[np.int64]  # since 1970, since midnight, or since the beginning
     there: NDArray[np.bool_]  # which cells could be read
     is_utc: bool = False  # whether a zone stands beside them, which is taken off
@@ -57,21 +57,21 @@ class ClockTexts:
     @property
     def seconds(self) -> NDArray[np.float64]:
         """Seconds since the first cell, of a duration since its own beginning; NaN where none could be read."""
-        first = self.nanoseconds[self.there][0] if self.told is not Told.DURATION else 0
+        first = self.nanoseconds[self.there][0] if self.told is not ClockKind.DURATION else 0
         return np.where(self.there, (self.nanoseconds - first) / 1e9, np.nan)
 
     @property
     def since_s(self) -> float:
         """When a date's first cell is, in seconds since 1970; 0 of others."""
-        return float(self.nanoseconds[self.there][0]) / 1e9 if self.told in (Told.STAMP, Told.DAY) else 0.0
+        return float(self.nanoseconds[self.there][0]) / 1e9 if self.told in (ClockKind.STAMP, ClockKind.DAY) else 0.0
 
     @property
     def note(self) -> str:
         """What a reader of the log should know."""
-        if self.told is Told.DURATION:
+        if self.told is ClockKind.DURATION:
             return "durations"
         first = np.datetime64(int(self.nanoseconds[self.there][0]), "ns")
-        of_day = bool(self.doubt) or self.told is Told.CLOCK  # the date is open, or there is none
+        of_day = bool(self.doubt) or self.told is ClockKind.CLOCK  # the date is open, or there is none
         said = date_text(first, is_utc=self.is_utc)[11 * of_day :]
         return f"{self.told}: times are since the first, {said}{f'; {self.doubt}' if self.doubt else ''}"
 
@@ -79,7 +79,7 @@ class ClockTexts:
         """Return times of day on the dates of another column: that of the first cell, as midnights are counted here."""
         first = int(days.nanoseconds[days.there][0])
         doubt = days.doubt or self.doubt
-        return replace(self, told=Told.STAMP, nanoseconds=self.nanoseconds + first, doubt=doubt)
+        return replace(self, told=ClockKind.STAMP, nanoseconds=self.nanoseconds + first, doubt=doubt)
 
     def series(self, name: str) -> RawSeries:
         """Return the column of a log that it is, in seconds."""
@@ -117,7 +117,7 @@ def clock_of_parts(parts: Mapping[str, NDArray[np.float64]]) -> ClockTexts:
     there = np.all([np.isfinite(values) for values in parts.values()], axis=0)
     clocks = np.rint(nanoseconds).astype(np.int64)
     clocks[there] = _beyond_midnight(clocks[there], _DAY_NS)
-    return ClockTexts(told=Told.CLOCK, nanoseconds=clocks, there=there)
+    return ClockTexts(told=ClockKind.CLOCK, nanoseconds=clocks, there=there)
 
 
 def clock_of_dates(dates: NDArray[Any], *, is_utc: bool) -> ClockTexts | None:
@@ -127,13 +127,13 @@ def clock_of_dates(dates: NDArray[Any], *, is_utc: bool) -> ClockTexts | None:
     array([   nan,     0., 86400.])
     """
     there = ~np.isnat(dates)
-    told = _mostly(Told.STAMP, dates.astype("datetime64[ns]").astype(np.int64), there, there.tolist())
+    told = _mostly(ClockKind.STAMP, dates.astype("datetime64[ns]").astype(np.int64), there, there.tolist())
     return told and replace(told, is_utc=is_utc)
 
 
 def clock_of_durations(nanoseconds: NDArray[np.int64], there: NDArray[np.bool_]) -> ClockTexts | None:
     """Return what durations tell; None without any."""
-    return _mostly(Told.DURATION, nanoseconds, there, there.tolist())
+    return _mostly(ClockKind.DURATION, nanoseconds, there, there.tolist())
 
 
 def _is_clock(text: str) -> bool:
@@ -160,11 +160,11 @@ def _counted(texts: Sequence[str]) -> ClockTexts | None:
         seconds.append(float(found["count"]) / known.factor if found and known else np.nan)
     values = np.array(seconds)
     there = np.isfinite(values)
-    return _mostly(Told.DURATION, np.rint(np.nan_to_num(values) * 1e9).astype(np.int64), there, texts)
+    return _mostly(ClockKind.DURATION, np.rint(np.nan_to_num(values) * 1e9).astype(np.int64), there, texts)
 
 
 def _mostly(
-    told: Told, nanoseconds: NDArray[np.int64], there: NDArray[np.bool_], cells: Iterable[object]
+    told: ClockKind, nanoseconds: NDArray[np.int64], there: NDArray[np.bool_], cells: Iterable[object]
 ) -> ClockTexts | None:
     filled = sum(map(bool, cells))
     if not there.any() or np.count_nonzero(there) < _MOSTLY * filled:
@@ -183,11 +183,11 @@ def _read(texts: Sequence[str]) -> ClockTexts | None:
     if known[0]["mark"] is None:
         is_duration = known[0]["days"] is not None
         clocks[there] = clocks[there] if is_duration else _run_on(clocks[there], known)
-        told, doubt = Told.DURATION if is_duration else Told.CLOCK, ""
+        told, doubt = ClockKind.DURATION if is_duration else ClockKind.CLOCK, ""
     else:
         days, doubt = _days(known)
         clocks[there] += days
-        told = Told.STAMP if any(each["h"] is not None for each in known) else Told.DAY
+        told = ClockKind.STAMP if any(each["h"] is not None for each in known) else ClockKind.DAY
     read = _mostly(told, clocks, there, texts)
     return read and replace(read, is_utc=bool(known[0]["utc"] or known[0]["zone"]), doubt=doubt)
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
 from gtmbench.files.disk import count_lines
-from gtmbench.intake.formats.clock_texts import ClockTexts, Told, clock_of_dates, clock_of_parts, clock_texts
-from gtmbench.intake.formats.csv_layout import Layout, layout_of, more_cells
+from gtmbench.intake.formats.clock_texts import ClockKind, ClockTexts, clock_of_dates, clock_of_parts, clock_texts
+from gtmbench.intake.formats.csv_layout import CsvLayout, layout_of, more_cells
 from gtmbench.intake.formats.limits import check_columns, check_values, reading
 from gtmbench.intake.formats.raw import RawLog, RawSeries
 
@@ -82,7 +82,9 @@ def _clocks(frame: pd.DataFrame, names: Sequence[str]) -> tuple[dict[int, ClockT
     """Return the columns that tell times, and those that are in these: a date beside a time of day, or its minutes."""
     places = [place for place, name in enumerate(names) if name or place == 0 < len(names) - 1]  # pandas' index, too
     clocks = {place: told for place in places if (told := _clock(frame[place])) is not None}
-    days, own = ([place for place, each in clocks.items() if each.told is told] for told in (Told.DAY, Told.CLOCK))
+    days, own = (
+        [place for place, each in clocks.items() if each.told is told] for told in (ClockKind.DAY, ClockKind.CLOCK)
+    )
     if len(days) == len(own) == 1:
         clocks[own[0]] = clocks[own[0]].on(clocks[days[0]])
     parts = {part: place for place in places if (part := _PARTS.get(names[place].lower()))}
@@ -95,7 +97,7 @@ def _clocks(frame: pd.DataFrame, names: Sequence[str]) -> tuple[dict[int, ClockT
     return {parts["hour"]: told}, [place for part, place in parts.items() if part != "hour"]
 
 
-def _frame(path: Path, layout: Layout) -> pd.DataFrame:
+def _frame(path: Path, layout: CsvLayout) -> pd.DataFrame:
     import pandas as pd
 
     with warnings.catch_warnings():

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.csv_layout import SPACES, Layout, layout_of
+from gtmbench.intake.formats.csv_layout import SPACES, CsvLayout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
 from gtmbench.values.clock import FloatArray
@@ -77,7 +77,7 @@ def rewrite_csv(path: Path, out: Path, cells: Sequence[Cells]) -> None:
         _write(path, out, layout, new)
 
 
-def _write(path: Path, out: Path, layout: Layout, new: Mapping[int, Mapping[int, str]]) -> None:
+def _write(path: Path, out: Path, layout: CsvLayout, new: Mapping[int, Mapping[int, str]]) -> None:
     row = -1
     encoding, errors = _coding(path, layout)
     with out.open("w", newline="", encoding=encoding, errors=errors) as file:
@@ -86,7 +86,7 @@ def _write(path: Path, out: Path, layout: Layout, new: Mapping[int, Mapping[int,
             file.write(_with(line, layout, new[row]) if is_row and row in new else line)
 
 
-def _with(line: str, layout: Layout, new: Mapping[int, str]) -> str:
+def _with(line: str, layout: CsvLayout, new: Mapping[int, str]) -> str:
     """Return a row with other numbers in some of its cells."""
     pieces = _pieces(line, layout)
     for place, number in new.items():
@@ -97,7 +97,7 @@ def _with(line: str, layout: Layout, new: Mapping[int, str]) -> str:
     return ("" if layout.separator == SPACES else layout.separator).join(pieces)
 
 
-def _texts(path: Path, layout: Layout, places: Sequence[int]) -> dict[int, list[str]]:
+def _texts(path: Path, layout: CsvLayout, places: Sequence[int]) -> dict[int, list[str]]:
     """Return the numbers of some columns as they are written, "" where there is none."""
     texts: dict[int, list[str]] = {place: [] for place in places}
     for line, is_row in _lines(path, layout):
@@ -109,7 +109,7 @@ def _texts(path: Path, layout: Layout, places: Sequence[int]) -> dict[int, list[
     return texts
 
 
-def _lines(path: Path, layout: Layout) -> Iterator[tuple[str, bool]]:
+def _lines(path: Path, layout: CsvLayout) -> Iterator[tuple[str, bool]]:
     """Give a table's lines with their ends, and whether each is a row of values; one may hold quoted line ends."""
     encoding, errors = _coding(path, layout)
     with path.open(newline="", encoding=encoding, errors=errors) as file:
@@ -120,13 +120,13 @@ def _lines(path: Path, layout: Layout) -> Iterator[tuple[str, bool]]:
                 continue
             held += line
             if '"' not in held or not _is_open(held, layout):
-                yield held, bool(held.strip(_blanks(layout)))
+                yield held, bool(held.strip(" \t\r\n".replace(layout.separator, "")))
                 held = ""
         if held:
             yield held, True
 
 
-def _coding(path: Path, layout: Layout) -> tuple[str, str]:
+def _coding(path: Path, layout: CsvLayout) -> tuple[str, str]:
     """Return by which codec a file comes back as it is, a byte order mark and what is no text included."""
     if layout.encoding == "utf-16":
         with path.open("rb") as file:
@@ -134,11 +134,7 @@ def _coding(path: Path, layout: Layout) -> tuple[str, str]:
     return ("utf-8" if layout.encoding == "utf-8-sig" else layout.encoding), "surrogateescape"
 
 
-def _blanks(layout: Layout) -> str:
-    return " \t\r\n".replace(layout.separator, "")
-
-
-def _pieces(line: str, layout: Layout) -> list[str]:
+def _pieces(line: str, layout: CsvLayout) -> list[str]:
     """Cut a row into its cells; where spaces separate them, these lie between, and come first.
 
     >>> layout = Layout(names=(), units=(), encoding="", separator=";", decimal=".", skipped=0)
@@ -158,12 +154,12 @@ def _cell(separator: str) -> str:
     return rf"(?:^|(?<={between}))(?:{_QUOTED})?[^{between}]*"
 
 
-def _at(place: int, layout: Layout) -> int:
+def _at(place: int, layout: CsvLayout) -> int:
     """Return which of a row's pieces is a column's cell."""
     return 2 * place + 1 if layout.separator == SPACES else place
 
 
-def _is_open(line: str, layout: Layout) -> bool:
+def _is_open(line: str, layout: CsvLayout) -> bool:
     """Tell whether a quoted cell goes on in the next line."""
     pieces = _pieces(line, layout)
     last = pieces[-2 if layout.separator == SPACES and len(pieces) > 1 else -1]

@@ -35,7 +35,7 @@ _ABOVE = 3  # lines between a header and its rows, that aren't empty: units, des
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class CsvLayout:
     """How a table is written."""
 
     names: tuple[str, ...]  # names, units: of its columns; without a header their numbers
@@ -49,7 +49,7 @@ class Layout:
     facts: Mapping[str, str] = field(default_factory=dict)  # what other lines there say: a name and a number
 
 
-def layout_of(path: Path) -> Layout:
+def layout_of(path: Path) -> CsvLayout:
     """Find out how a table is written, from its first lines."""
     with path.open("rb") as file:
         head = file.read(LONGEST_LINE_BYTES)
@@ -64,7 +64,11 @@ def layout_of(path: Path) -> Layout:
     rows = [_cells(line, separator) for line in lines[place + 1 : place + 2 + _ABOVE] if line.strip()]
     is_nameless = _is_row(names, rows)
     if is_nameless and place and all(map(_NUMBER.match, lines[1:place])):
-        _check_header(_cells(lines[0], separator), len(names), separator)
+        header = _cells(lines[0], separator)
+        if 1 < len(header) < len(names) and not any(
+            map(_NUMBER.match, header)
+        ):  # it names fewer columns than rows have
+            raise InputError(more_cells(header, separator))
     skipped = place + (0 if is_nameless else 1)
     units = [""] * len(names)
     if is_nameless:
@@ -81,7 +85,7 @@ def layout_of(path: Path) -> Layout:
         raise InputError(more_cells(names, separator))
     above = [line for line in lines[:skipped] if len(line) < _LONGEST_FACT]
     rate = _RATE.search("\n".join(above))
-    return Layout(
+    return CsvLayout(
         names=tuple(names),
         units=tuple((units + [""] * len(names))[: len(names)]),
         encoding=encoding,
@@ -115,12 +119,6 @@ def _header(lines: Sequence[str]) -> tuple[int, str]:
         return place, told["separator"].replace("\\t", "\t")
     separator = _separator(lines, place)
     return (None if _heads_rows(lines, place, separator) else _below_a_preamble(lines)) or (place, separator)
-
-
-def _check_header(cells: Sequence[str], count: int, separator: str) -> None:
-    """Raise an error where the one line above rows names columns, but fewer than rows have cells."""
-    if 1 < len(cells) < count and not any(map(_NUMBER.match, cells)):
-        raise InputError(more_cells(cells, separator))
 
 
 def more_cells(names: Sequence[str], separator: str) -> str:

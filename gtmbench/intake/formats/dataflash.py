@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
 from gtmbench.intake.formats import dataflash_complaints, dataflash_events, dataflash_injections
-from gtmbench.intake.formats.dataflash_events import Told
+from gtmbench.intake.formats.dataflash_events import MessageTable
 from gtmbench.intake.formats.dialects import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
 from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
@@ -121,7 +121,9 @@ def _injections(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatAr
         return dataflash_injections.dataflash_injections(told)
 
 
-def _all_told(names: Sequence[str], tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> dict[str, Told]:
+def _all_told(
+    names: Sequence[str], tables: dict[str, _Table], clocks: dict[str, FloatArray]
+) -> dict[str, MessageTable]:
     """Return the messages of some types, those of the second instance as ``XKF4#1``."""
     return {
         f"{name}#{instance}" if instance else name: _told(tables, name, instance, clocks)
@@ -137,7 +139,7 @@ def _instances(table: _Table) -> list[int]:
     return [int(number) for number in np.unique(table.column(table.layout.instance_field))[:_MOST_INSTANCES]]
 
 
-def _told(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str, FloatArray]) -> Told:
+def _told(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str, FloatArray]) -> MessageTable:
     """Return a type's messages with their times, of one instance; old logs stamp few types, but keep order."""
     table = tables[name]
     rows: NDArray[Any] | slice = slice(None)
@@ -146,7 +148,7 @@ def _told(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str,
     time_s = clocks.get(f"{name}#{instance}" if instance else name)
     if time_s is None:
         time_s = _times_of(table.places[rows], tables, clocks)
-    return Told(
+    return MessageTable(
         time_s=time_s,
         names=tuple(table.layout.columns),
         column=lambda column: _part(partial(table.column, column), rows)(),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from gtmbench.intake.events import Event, complaint, onsets
-from gtmbench.intake.formats.dataflash_events import Told, column_of, messages_of
+from gtmbench.intake.formats.dataflash_events import MessageTable, column_of, messages_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray
 
@@ -35,12 +35,12 @@ _SAID = re.compile(
 )
 
 
-def dataflash_complaints(told: Mapping[str, Told]) -> list[Event]:
+def dataflash_complaints(told: Mapping[str, MessageTable]) -> list[Event]:
     """Return what a log says of sensors, by its messages' names; what it begins with is no event."""
     return [*_sensors(told), *_estimators(told), *_texts(told)]
 
 
-def _instances(told: Mapping[str, Told], names: tuple[str, ...]) -> Iterator[tuple[str, str, int]]:
+def _instances(told: Mapping[str, MessageTable], names: tuple[str, ...]) -> Iterator[tuple[str, str, int]]:
     """Give the messages that are there: as they are called in `told`, without instance, and the instance."""
     for name in names:
         for instance in range(MOST_INSTANCES):
@@ -49,7 +49,7 @@ def _instances(told: Mapping[str, Told], names: tuple[str, ...]) -> Iterator[tup
                 yield called, name, instance
 
 
-def _sensors(told: Mapping[str, Told]) -> Iterator[Event]:
+def _sensors(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     for called, name, instance in _instances(told, _IMUS):
         number = _IMUS.index(name) + 1 + instance
         for about, (health, counts) in _OF_IMU.items():
@@ -60,7 +60,7 @@ def _sensors(told: Mapping[str, Told]) -> Iterator[Event]:
                     yield complaint(time_s, f"{about} {number} counts errors ({called}.{field})", about, number)
 
 
-def _estimators(told: Mapping[str, Told]) -> Iterator[Event]:
+def _estimators(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     for called, _, instance in _instances(told, _ESTIMATORS):
         for field, what in _RATIOS.items():
             for time_s in _raised(told, called, field, lambda values: values > 1.0):
@@ -74,7 +74,9 @@ def _grows(counts: FloatArray) -> BoolArray:
     return np.diff(counts, prepend=counts[:1]) > 0.0
 
 
-def _raised(told: Mapping[str, Told], kind: str, name: str, when: Callable[[FloatArray], BoolArray]) -> Iterator[float]:
+def _raised(
+    told: Mapping[str, MessageTable], kind: str, name: str, when: Callable[[FloatArray], BoolArray]
+) -> Iterator[float]:
     """Give when a column's values begin to be so."""
     column = column_of(told, kind, name)
     if column is not None and len(column[0]):
@@ -82,7 +84,7 @@ def _raised(told: Mapping[str, Told], kind: str, name: str, when: Callable[[Floa
             yield float(column[0][row])
 
 
-def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
+def _texts(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     for time_s, text in messages_of(told):
         said = _SAID.search(text)
         if said and said.lastgroup:

@@ -42,7 +42,7 @@ _OF_IMU = re.compile(r"IMU(\d+)")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told:
+class MessageTable:
     """All messages of one type."""
 
     time_s: FloatArray
@@ -50,12 +50,14 @@ class Told:
     column: Callable[[str], NDArray[Any]]  # gives one
 
 
-def dataflash_events(told: Mapping[str, Told]) -> list[Event]:
+def dataflash_events(told: Mapping[str, MessageTable]) -> list[Event]:
     """Return what some messages tell, by their types' names."""
     return [event for find in (_codes, _errors, _texts, _changes_of_estimator, _plane) for event in find(told)]
 
 
-def rows_of(told: Mapping[str, Told], kind: str, *columns: str, texts: Collection[str] = ()) -> list[tuple[Any, ...]]:
+def rows_of(
+    told: Mapping[str, MessageTable], kind: str, *columns: str, texts: Collection[str] = ()
+) -> list[tuple[Any, ...]]:
     """Return (time, value, ...) message by message; nothing where a column isn't there, or isn't what it should be."""
     messages = told.get(kind)
     if messages is None or not set(columns) <= set(messages.names):
@@ -68,7 +70,7 @@ def rows_of(told: Mapping[str, Told], kind: str, *columns: str, texts: Collectio
     return list(zip(messages.time_s[whole].tolist(), *(column[whole].tolist() for column in values), strict=True))
 
 
-def column_of(told: Mapping[str, Told], kind: str, name: str) -> tuple[FloatArray, FloatArray] | None:
+def column_of(told: Mapping[str, MessageTable], kind: str, name: str) -> tuple[FloatArray, FloatArray] | None:
     """Return the times and values of a column of numbers; None where there is none."""
     messages = told.get(kind)
     if messages is None or name not in messages.names:
@@ -80,7 +82,7 @@ def column_of(told: Mapping[str, Told], kind: str, name: str) -> tuple[FloatArra
     return messages.time_s[whole], values[whole].astype(np.float64)
 
 
-def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
+def _codes(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     rows = rows_of(told, "EV", "Id")
     for time_s, code in rows:
         if code in _CODES:
@@ -92,7 +94,7 @@ def _codes(told: Mapping[str, Told]) -> Iterator[Event]:
         yield Event(kind=EventKind.TOUCHDOWN, time_s=time_s, text="EV LAND_COMPLETE")
 
 
-def _errors(told: Mapping[str, Told]) -> Iterator[Event]:
+def _errors(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     for time_s, subsystem, code in rows_of(told, "ERR", "Subsys", "ECode"):
         if subsystem == _EKF_PRIMARY:
             text = f"ERR EKF_PRIMARY: estimator {code:g} took over"
@@ -103,7 +105,7 @@ def _errors(told: Mapping[str, Told]) -> Iterator[Event]:
             yield Event(kind=EventKind.FAILURE, time_s=time_s, text=text, about=about)
 
 
-def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
+def _texts(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     in_use = _in_use(told)
     for time_s, text in messages_of(told):
         of_imu = _OF_IMU.search(text)
@@ -112,24 +114,24 @@ def _texts(told: Mapping[str, Told]) -> Iterator[Event]:
             yield Event(kind=EventKind.RESET, time_s=time_s, text=text)
 
 
-def messages_of(told: Mapping[str, Told]) -> Iterator[tuple[float, str]]:
+def messages_of(told: Mapping[str, MessageTable]) -> Iterator[tuple[float, str]]:
     """Give the texts that the autopilot logged, with their times."""
     for time_s, message in rows_of(told, "MSG", "Message", texts=["Message"]):
         yield time_s, message.split(b"\0")[0].decode("latin-1")
 
 
-def _changes_of_estimator(told: Mapping[str, Told]) -> Iterator[Event]:
+def _changes_of_estimator(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     for time_s, number in _in_use(told)[1:]:
         yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over", about="estimator")
 
 
-def _in_use(told: Mapping[str, Told]) -> list[tuple[float, float]]:
+def _in_use(told: Mapping[str, MessageTable]) -> list[tuple[float, float]]:
     """Return the number of the estimator in use, and from when on; the first where nothing is said of it."""
     rows = next((rows for kind in reversed(_IN_USE) if (rows := rows_of(told, kind, "PI"))), [(-np.inf, 0.0)])
     return [row for place, row in enumerate(rows) if not place or row[1] != rows[place - 1][1]]
 
 
-def _plane(told: Mapping[str, Told]) -> Iterator[Event]:
+def _plane(told: Mapping[str, MessageTable]) -> Iterator[Event]:
     """Tell when a plane took off and touched down: it has no EV for that."""
     rows = [(time_s, bool(flies)) for time_s, flies in rows_of(told, "STAT", "isFlying")]
     for (_, flew), (time_s, flies) in pairwise(rows):

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import degrees
 
-from gtmbench.intake.formats.dataflash_events import Told, rows_of
+from gtmbench.intake.formats.dataflash_events import MessageTable, rows_of
 from gtmbench.intake.injections import GYRO, Injection, injected, spells
 from gtmbench.values.channels import GYROS
 
@@ -23,7 +23,7 @@ _PER_MINUTE = 1.0 / 60.0
 Changes = list[tuple[float, float]]
 
 
-def dataflash_injections(told: Mapping[str, Told]) -> list[Injection]:
+def dataflash_injections(told: Mapping[str, MessageTable]) -> list[Injection]:
     """Return the faults that a simulation was told to put into its gyros."""
     settings: dict[str, Changes] = {}
     for time_s, name, value in rows_of(told, "PARM", "Name", "Value", texts=["Name"]):

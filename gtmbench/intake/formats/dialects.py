@@ -26,7 +26,7 @@ Documented = Mapping[tuple[str, str], Meaning]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class DialectLine:
     """Columns, and the channels that they are; of a quaternion four columns and three angles."""
 
     columns: tuple[str, ...]
@@ -34,7 +34,7 @@ class Line:
     from_east: bool = False
 
     @classmethod
-    def of(cls, text: str) -> Line:
+    def of(cls, text: str) -> DialectLine:
         """Read a line of the table.
 
         >>> line = Line.of("nx ny -nz = IMU.Acc{X,Y,Z} : g")
@@ -54,7 +54,7 @@ class Line:
             from_east=_EAST in channels,
         )
 
-    def scaled_by(self, facts: Mapping[str, str]) -> Line:
+    def scaled_by(self, facts: Mapping[str, str]) -> DialectLine:
         """Return a line with the numbers that its unit refers to by name."""
         named = _FACT.match(self.meanings[0].unit)
         if named is None or named[1] not in facts:
@@ -70,7 +70,7 @@ class Dialect:
 
     name: str
     tells: tuple[str, ...]  # the columns that show that a table is the source's
-    lines: tuple[Line, ...]  # what its columns are, the preferred ones first
+    lines: tuple[DialectLine, ...]  # what its columns are, the preferred ones first
     cells: int = 0  # columns of a table without a header; 0 of one with a header
     rate_hz: float = 0.0  # samples a second where nothing in the table tells; 0 where that isn't documented
 
@@ -89,9 +89,9 @@ class Dialect:
 
 
 @cache
-def lines_of(source: str) -> tuple[Line, ...]:
+def lines_of(source: str) -> tuple[DialectLine, ...]:
     """Return what a source's messages mean, line by line, the preferred ones first."""
-    return tuple(map(Line.of, _TABLE["topics"][source]))
+    return tuple(map(DialectLine.of, _TABLE["topics"][source]))
 
 
 def topics_of(source: str) -> Documented:
@@ -114,7 +114,7 @@ def dialects() -> tuple[Dialect, ...]:
     """Return the known sources of tables."""
     found = []
     for entry in map(dict, _TABLE["dialect"]):
-        lines = tuple(map(Line.of, entry.pop("columns")))
+        lines = tuple(map(DialectLine.of, entry.pop("columns")))
         found.append(Dialect(**({"tells": lines[0].columns} | entry), lines=lines))
     return tuple(found)
 
@@ -125,7 +125,7 @@ def with_dialect(raw: RawLog) -> RawLog:
     return next((dialect.told_of(raw) for dialect in known), raw)
 
 
-def meant(series: Sequence[RawSeries], lines: Iterable[Line]) -> tuple[RawSeries, ...]:
+def meant(series: Sequence[RawSeries], lines: Iterable[DialectLine]) -> tuple[RawSeries, ...]:
     """Return columns with what some lines say of them, those first; angles of quaternions are added."""
     known: dict[RawSeries, RawSeries] = {}
     made: list[RawSeries] = []

@@ -43,36 +43,17 @@ class Meaning:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawSeries:
-    """A column of a log.
+    """A column of a log."""
 
-    Attributes
-    ----------
-    name : str
-        As the log calls it; of a container ``topic.field``.
-    load : function
-        Gives its values as they are stored, shape (samples,).
-    clock : str
-        Which of the log's clocks its stamps are.
-    unit : str
-        As stated beside the name; "" where it isn't.
-    meaning : Meaning or None
-        Where the format documents what it is.
-    made_of : tuple of str
-        The columns that it is worked out of, where the file itself has no such column.
-    since_s : float
-        Of a column of dates, which becomes seconds since its first one: when that is, in seconds since 1970.
-    told : str
-        What its values were before they became seconds: dates, times of day or durations; "" for numbers.
-    """
-
-    name: str
-    load: Callable[[], NDArray[Any]] = field(repr=False)
-    clock: str = ""
-    unit: str = ""
-    meaning: Meaning | None = None
-    made_of: tuple[str, ...] = ()
+    name: str  # as the log calls it; of a container ``topic.field``
+    load: Callable[[], NDArray[Any]] = field(repr=False)  # gives its values as they are stored, shape (samples,)
+    clock: str = ""  # which of the log's clocks its stamps are
+    unit: str = ""  # as stated beside the name; "" where it isn't
+    meaning: Meaning | None = None  # where the format documents what it is
+    made_of: tuple[str, ...] = ()  # the columns that it is worked out of, where the file itself has no such column
+    # of a column of dates, which becomes seconds since its first one: when that is, in seconds since 1970
     since_s: float = 0.0
-    told: str = ""
+    told: str = ""  # what its values were before they became seconds: dates, times of day or durations; "" for numbers
 
     def stored(self) -> FloatArray:
         """Return the values as float64, as they stand there."""
@@ -93,61 +74,32 @@ def measured(values: FloatArray) -> None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawLog:
-    """A log's columns and clocks.
+    """A log's columns and clocks."""
 
-    Attributes
-    ----------
-    kind : str
-        The format, as a message calls it.
-    series : tuple of RawSeries
-    clocks : mapping of FloatArray
-        Stamps in seconds, in the file's order; empty where a column has to be found that tells the time.
-    ignored : tuple of str
-        Columns that hold no numbers.
-    notes : tuple of str
-        What a reader of this log should know about how it was read.
-    by_name : bool
-        Whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics.
-    time : tuple of str or None
-        The column that tells the time, and its unit; None where the container does.
-    is_nameless : bool
-        Whether it is a table without a header, whose columns are called by their numbers.
-    rate_hz : float
-        Samples a second, as stated beside the columns; 0 where that isn't.
-    facts : mapping of str
-        What stands above a table, by name.
-    time_guessed : str
-        What shows the time's column or unit, where nothing states it; of several tables, with their columns.
-    attitude_from_gyros : bool
-        Whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are.
-    hardware : str
-        The identifier of the autopilot that wrote it, as the log states it; "" where it doesn't.
-    is_received : bool
-        Whether a radio received it, so that what is missing may be the link's loss and no sensor's.
-    events : function
-        Gives what the log says happened, in any order, on the clocks as they are; nothing of a table.
-    injections : function
-        Gives the failures that the log says were injected, likewise.
-    batches : function or None
-        Gives some columns a batch of rows after the other, by name; of a format that can be read so.
-    """
-
-    kind: str
+    kind: str  # the format, as a message calls it
     series: tuple[RawSeries, ...]
+    # stamps in seconds, in the file's order; empty where a column has to be found that tells the time
     clocks: Mapping[str, FloatArray] = field(default_factory=dict)
-    ignored: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()  # columns that hold no numbers
+    notes: tuple[str, ...] = ()  # what a reader of this log should know about how it was read
+    # whether columns that aren't documented may be known by their names: anybody's tables, not a container's topics
     by_name: bool = True
-    time: tuple[str, str] | None = None
-    is_nameless: bool = False
-    rate_hz: float = 0.0
-    facts: Mapping[str, str] = field(default_factory=dict, repr=False)
+    time: tuple[str, str] | None = None  # the column that tells the time, and its unit; None where the container does
+    is_nameless: bool = False  # whether it is a table without a header, whose columns are called by their numbers
+    rate_hz: float = 0.0  # samples a second, as stated beside the columns; 0 where that isn't
+    facts: Mapping[str, str] = field(default_factory=dict, repr=False)  # what stands above a table, by name
+    # what shows the time's column or unit, where nothing states it; of several tables, with their columns
     time_guessed: str = ""
+    # whether the documented attitude is that of an estimator which the gyros drive, as autopilots' are
     attitude_from_gyros: bool = False
-    hardware: str = ""
+    hardware: str = ""  # the identifier of the autopilot that wrote it, as the log states it; "" where it doesn't
+    # whether a radio received it, so that what is missing may be the link's loss and no sensor's
     is_received: bool = False
+    # gives what the log says happened, in any order, on the clocks as they are; nothing of a table
     events: Callable[[], Sequence[Event]] = field(default=tuple, repr=False)
+    # gives the failures that the log says were injected, likewise
     injections: Callable[[], Sequence[Injection]] = field(default=tuple, repr=False)
+    # gives some columns a batch of rows after the other, by name; of a format that can be read so
     batches: Callable[[Sequence[str]], Iterator[Mapping[str, NDArray[Any]]]] | None = field(default=None, repr=False)
 
     def with_clocks(self, clocks: Mapping[str, FloatArray], *notes: str) -> RawLog:
@@ -176,36 +128,19 @@ class Cells:
 
 @dataclass(frozen=True, kw_only=True)
 class Format:
-    """A format of logs.
+    """A format of logs."""
 
-    Attributes
-    ----------
-    name : str
-        As a message lists it.
-    magic : tuple of bytes
-        What its files begin with: one of these.
-    pattern : bytes
-        A regular expression of what they begin with, where no few bytes tell; "" for none.
-    suffixes : tuple of str
-        Of files that are nothing else: one that begins otherwise is refused, not tried as a CSV.
-    read : function
-        Gives a path's log. With `has_parts`, it also takes which part of the file is meant, "" for all of it.
-    rewrite : function, optional
-        Writes a file anew with other values in some cells, everything else as it was.
-    has_parts : bool
-        Whether what stands behind a colon names a part: a branch, a sheet, a system.
-    is_folder : function, optional
-        Tells whether a folder is one log of this format.
-    """
-
-    name: str
-    magic: tuple[bytes, ...]
+    name: str  # as a message lists it
+    magic: tuple[bytes, ...]  # what its files begin with: one of these
+    # of files that are nothing else: one that begins otherwise is refused, not tried as a CSV
     suffixes: tuple[str, ...]
+    # Gives a path's log. With `has_parts`, it also takes which part of the file is meant, "" for all of it.
     read: Callable[..., RawLog]
+    # writes a file anew with other values in some cells, everything else as it was
     rewrite: Callable[[Path, Path, Sequence[Cells]], None] | None = None
-    pattern: bytes = b""
-    has_parts: bool = False
-    is_folder: Callable[[Path], bool] | None = None
+    pattern: bytes = b""  # a regular expression of what they begin with, where no few bytes tell; "" for none
+    has_parts: bool = False  # whether what stands behind a colon names a part: a branch, a sheet, a system
+    is_folder: Callable[[Path], bool] | None = None  # tells whether a folder is one log of this format
 
     def begins(self, head: bytes) -> bool:
         """Tell whether a file's first bytes are those of this format."""
@@ -228,11 +163,6 @@ def in_seconds(clocks: Mapping[str, NDArray[Any]], per_second: float) -> tuple[d
     # whole numbers are subtracted as such: nanoseconds since 1970 don't fit into a double
     seconds = {name: (stamps - origin).astype(np.float64) / per_second for name, stamps in clocks.items()}
     return seconds, (since_text(float(origin) / per_second),)
-
-
-def first_since_1970(seconds: FloatArray) -> float:
-    """Return the first of some stamps in seconds that counts from 1970 where most do, else 0."""
-    return float(origin_of(seconds, 1.0) or 0.0)
 
 
 def origin_of(stamps: NDArray[Any], per_second: float) -> Any | None:

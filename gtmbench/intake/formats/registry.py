@@ -93,7 +93,9 @@ def read_raw(path: Path, part: str = "") -> RawLog:
     form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
-    return with_dialect(_printable(form.read(path, part) if form.has_parts else form.read(path)))
+    raw = form.read(path, part) if form.has_parts else form.read(path)
+    printable = tuple(replace(series, name=one_line(series.name)) for series in raw.series)
+    return with_dialect(replace(raw, series=printable))
 
 
 def is_log_name(name: str) -> bool:
@@ -209,11 +211,6 @@ def _format(path: Path) -> Format:
     if any(suffix in form.suffixes for form in FORMATS):
         raise InputError(f"{path} doesn't begin as a {path.suffix} file does (it begins {head[:8]!r}); {_READ}")
     return CSV
-
-
-def _printable(raw: RawLog) -> RawLog:
-    """Return a log whose columns have names that can be printed."""
-    return replace(raw, series=tuple(replace(series, name=one_line(series.name)) for series in raw.series))
 
 
 def _head(path: Path) -> bytes:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,10 +24,7 @@ _MOST = 30  # constants of all airframes
 def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
     """Return a figure of constants over flights, one or more airframes.
 
-    Raises
-    ------
-    InputError
-        Where no flight tells a constant.
+    Raises InputError where no flight tells a constant.
     """
     shown = [(name, each) for name, flights in airframes.items() for each in overviews_of(flights)][:_MOST]
     if not shown:
@@ -46,11 +42,6 @@ def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
     for axis in axes[-1]:
         axis.set_xlabel("flight")
     return figure
-
-
-def write_airframe_figure(airframes: Mapping[str, Sequence[Entry]], path: Path) -> None:
-    """Write it as a PNG."""
-    airframe_figure(airframes).savefig(path, format="png", dpi=120)
 
 
 def _draw(axis: Axes, each: Overview) -> None:

@@ -21,14 +21,8 @@ def delay_figure(
 ) -> Figure:
     """Draw, detector by detector, the share of all faults that it has detected by when.
 
-    Parameters
-    ----------
-    delays_s : mapping of name to array
-        One a fault, in seconds; infinite (or NaN) where it was missed.
-    deadline_s : float, optional
-        Drawn as a line.
-    styles : mapping of name to styles, optional
-        Of every detector, the same in all figures.
+    `delays_s`: one a fault, in seconds; infinite (or NaN) where it was missed. `deadline_s`: drawn as a line. `styles`:
+    of every detector, the same in all figures.
     """
     styles = strokes(delays_s) if styles is None else styles
     figure, axes = panels(1, 1, beside_labels(len(delays_s)))

@@ -28,11 +28,6 @@ def gyros_figure(rows: pd.DataFrame) -> Figure | None:
     """Draw each gyro's residual, bias and noise over the flights, in their order; None where no log tells any.
 
     Flights of one folder are joined by lines. Where the monitor found a failure, the flight is marked.
-
-    Parameters
-    ----------
-    rows : DataFrame
-        Of ``fleet.parquet``.
     """
     names = [f"{gyro}_{name}" for gyro in GYROS for name in _PANELS]
     if not np.isfinite(rows[names].to_numpy(dtype=float)).any():

@@ -205,7 +205,11 @@ def _study(study: Study) -> Figure:
     texts = [text for text, _ in shown]
     names = [f"{scenario}: {text}" if texts.count(text) > 1 else text for text, scenario in shown]
     styles = strokes(each.detector for each in study.baselines)
-    counts = {name: _count_text(name, study.trials_of(name)) for name in styles}
+    counts = {
+        name: f"{short_label(name)}: {sum(trial.detected for trial in trials)} of {len(trials)}"
+        for name in styles
+        for trials in [study.trials_of(name)]
+    }
     beside = dict(zip(styles, np.linspace(-0.25, 0.25, len(styles) + 2)[1:-1], strict=True))  # in one row
     delays_s = [trial.detection_delay_s for trial in study.trials if trial.detection_delay_s is not None]
     least, most = max(min(delays_s, default=1.0), 0.01), max(*delays_s, 1.0)
@@ -231,10 +235,6 @@ def _study(study: Study) -> Figure:
     if len(rows) > len(shown):
         figure.suptitle(f"{counted(len(rows) - len(shown), 'more fault')} not drawn", fontsize="medium")
     return figure
-
-
-def _count_text(detector: str, trials: Sequence[Trial]) -> str:
-    return f"{short_label(detector)}: {sum(trial.detected for trial in trials)} of {len(trials)}"
 
 
 def _lines(axis: Axes, time_s: FloatArray, values: Mapping[str, FloatArray]) -> None:

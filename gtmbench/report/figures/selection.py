@@ -18,11 +18,7 @@ _LABELS = {"heldout": "held-out residual over the outputs' RMS"}
 def order_figure(choice: OrderChoice, *, name: str | None = None) -> Figure:
     """Draw a column of the table over r and d, the recommendation marked.
 
-    Parameters
-    ----------
-    choice : OrderChoice
-    name : str, optional
-        The column; what the recommendation stands on unless told: ``heldout`` if there is one, else ``bic``.
+    `name`: the column; what the recommendation stands on unless told: ``heldout`` if there is one, else ``bic``.
     """
     wanted = name or ("heldout" if "heldout" in choice.table else "bic")
     surface = choice.surface(wanted)

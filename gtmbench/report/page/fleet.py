@@ -24,14 +24,8 @@ class _Line(NamedTuple):
 def fleet_page(rows: Sequence[Row], pages: Mapping[str, str], figure: bytes) -> str:
     """Return the page.
 
-    Parameters
-    ----------
-    rows : sequence of dict
-        As `fleet_row` makes them.
-    pages : mapping
-        Where the page of a log stands, of those that have one.
-    figure : bytes
-        A PNG of each gyro's figures; empty where there is none.
+    `pages`: where the page of a log stands, of those that have one. `figure`: a PNG of each gyro's figures; empty where
+    there is none.
     """
     from markupsafe import Markup
 

@@ -12,25 +12,13 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.axes import time_title
-from gtmbench.report.log_findings import (
-    about,
-    faults_of,
-    residuals_of,
-    scores_of,
-    signals_of,
-    told_sensors,
-    whole_of,
-)
+from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, told_sensors, whole_of
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
 from gtmbench.report.score_units import LOWEST, level
 from gtmbench.report.style import STATES
 from gtmbench.report.tables.results import versions
-from gtmbench.report.words.certificate import (
-    certificate_notes,
-    certificate_table,
-    certificate_title,
-)
+from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
 from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
 from gtmbench.report.words.findings import finding_rows, made_text
 from gtmbench.report.words.judgement import alarm_text
@@ -58,14 +46,8 @@ def flight_page(watched: WatchedLog, command: str) -> str:
 
     It holds no path, user or machine of where it was made, and no position.
 
-    Parameters
-    ----------
-    watched : WatchedLog
-    command : str
-        What repeats it, as it is typed where the log lies.
+    `command`: what repeats it, as it is typed where the log lies.
 
-    Examples
-    --------
     >>> import tempfile
     >>> import numpy as np
     >>> import gtmbench as gb

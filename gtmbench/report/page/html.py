@@ -18,14 +18,7 @@ def html_page(
 ) -> str:
     """Return a page of one of the templates beside this file.
 
-    Parameters
-    ----------
-    template, script, style : str
-        Names of files beside this one.
-    said : function
-        What becomes of every text before it is escaped.
-    **values
-        What the template says.
+    `said`: what becomes of every text before it is escaped. **values: what the template says.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup

@@ -14,7 +14,7 @@ from gtmbench.jobs.parts import Parts
 from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.scores import delay_curves, price_curves, smallest_figure
 from gtmbench.report.style import strokes
-from gtmbench.report.tables.scores import Table, confusions, tables
+from gtmbench.report.tables.scores import ScoreTable, confusions, tables
 from gtmbench.report.words.scores import verdict_lines
 from gtmbench.report.words.units import counted
 from gtmbench.study.campaign.conduct import flights_of
@@ -28,18 +28,10 @@ _FEWEST_RECORDS = 10  # that show how often healthy scores rise
 
 @dataclass(frozen=True, kw_only=True)
 class Contents:
-    """A campaign's report.
+    """A campaign's report."""
 
-    Attributes
-    ----------
-    facts : dict
-        What was run: of the campaign, versions, monitors.
-    tasks, done : int
-        Flights that there are, and that are finished.
-    scores : Scores
-    """
-
-    facts: dict[str, Any]
+    facts: dict[str, Any]  # what was run: of the campaign, versions, monitors
+    # tasks, done: flights that there are, and that are finished
     tasks: int
     done: int
     scores: Scores
@@ -72,12 +64,12 @@ class Contents:
         return [*verdict_lines(self.scores), *[unfinished] * bool(missing)]
 
     @cached_property
-    def tables(self) -> list[Table]:
+    def tables(self) -> list[ScoreTable]:
         """All that have rows."""
         return tables(self.scores)
 
     @cached_property
-    def confusions(self) -> list[Table]:
+    def confusions(self) -> list[ScoreTable]:
         """What was told of what was."""
         return confusions(self.scores)
 
@@ -146,17 +138,7 @@ class Contents:
 def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_s: float = DEADLINE_S) -> Contents:
     """Score what stands in a campaign's folder.
 
-    Parameters
-    ----------
-    parts : Parts
-    target_per_hour : float, optional
-        False alarms; unless told, what the campaign calibrates for, or one an hour.
-    deadline_s : float
-
-    Raises
-    ------
-    InputError
-        Where the folder isn't a campaign's, or nothing of it is finished.
+    `target_per_hour`: False alarms; unless told, what the campaign calibrates for, or one an hour.
     """
     if parts.what != "campaign":
         raise InputError(f"{parts.folder} holds parts of a {parts.what}, no campaign's; a report is of a campaign")

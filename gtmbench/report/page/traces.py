@@ -22,7 +22,7 @@ _EDGE = 0.04  # of an axis
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class TraceLine:
     """A line: what it is, how it looks (a class of the page's style) and its path."""
 
     name: str
@@ -50,32 +50,18 @@ class Tick:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Lines over one axis.
-
-    Attributes
-    ----------
-    title, unit : str
-    lines : tuple of Line
-    low, high : float
-        The axis, in the lines' units; of a logarithmic one the exponents of 10.
-    is_logarithmic : bool
-    description : str
-        What a screen reader says.
-    limits : tuple of float
-        Values that are drawn across, such as a threshold.
-    bands : tuple of Mark
-        Spans of time behind the lines, such as a sensor's timeline.
-    """
+    """Lines over one axis."""
 
     title: str
     unit: str
-    lines: tuple[Line, ...]
+    lines: tuple[TraceLine, ...]
+    # low, high: the axis, in the lines' units; of a logarithmic one the exponents of 10
     low: float
     high: float
     is_logarithmic: bool = False
-    description: str = ""
-    limits: tuple[float, ...] = field(default=())
-    bands: tuple[Mark, ...] = field(default=())
+    description: str = ""  # what a screen reader says
+    limits: tuple[float, ...] = field(default=())  # values that are drawn across, such as a threshold
+    bands: tuple[Mark, ...] = field(default=())  # spans of time behind the lines, such as a sensor's timeline
 
     @property
     def ticks(self) -> list[Tick]:
@@ -119,7 +105,7 @@ def panel(
     room = 0.06 * (high - low) or 0.5 * abs(high) or 1.0
     low, high = low - room, high + room
     made = [
-        Line(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
+        TraceLine(name=name, look=look, path=_path([_shown(part, span, close) for part in parts], span[0], high - low))
         for name, look, parts in lines
     ]
     return Panel(

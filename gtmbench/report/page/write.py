@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from gtmbench.files.plain import dumps, plain
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.sections import Contents
-from gtmbench.report.tables.scores import Table, in_markdown, scores_results
+from gtmbench.report.tables.scores import ScoreTable, in_markdown, scores_results
 from gtmbench.report.tables.who_sees_what import who_sees_what
 from gtmbench.version import __version__
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Drawn(NamedTuple):
+class PageFigure(NamedTuple):
     """A figure as a page has it."""
 
     source: str
@@ -42,17 +42,17 @@ def page(contents: Contents) -> str:
     )
 
 
-def _drawn(caption: str, figure: Figure) -> Drawn:
+def _drawn(caption: str, figure: Figure) -> PageFigure:
     """Return a figure as an image that stands in the page; the same figure, the same bytes."""
     import matplotlib as mpl
 
     file = io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "gtmbench"}):
         figure.savefig(file, format="svg", metadata={"Date": None})
-    return Drawn(f"data:image/svg+xml;base64,{base64.b64encode(file.getvalue()).decode()}", caption)
+    return PageFigure(f"data:image/svg+xml;base64,{base64.b64encode(file.getvalue()).decode()}", caption)
 
 
-def _shades(table: Table) -> list[list[str]]:
+def _shades(table: ScoreTable) -> list[list[str]]:
     """Return what a table of counts looks like: the darker, the more of its row."""
     shades = []
     for row in table.rows:

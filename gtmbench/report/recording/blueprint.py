@@ -13,15 +13,7 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.report.log_findings import (
-    about,
-    faults_of,
-    residuals_of,
-    scores_of,
-    signals_of,
-    told_sensors,
-    whole_of,
-)
+from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, told_sensors, whole_of
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES
@@ -155,20 +147,11 @@ def judged_plots(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """A detector's part of a study, and where it stands in the recording.
-
-    Attributes
-    ----------
-    baseline : Baseline
-    root : str
-        Its entity; empty where it is the only one.
-    trials : sequence of (Trial, str)
-        Each with its entity.
-    """
+    """A detector's part of a study, and where it stands in the recording."""
 
     baseline: Baseline
-    root: str
-    trials: Sequence[tuple[Trial, str]]
+    root: str  # its entity; empty where it is the only one
+    trials: Sequence[tuple[Trial, str]]  # each with its entity
 
     def entered(self, trial: Trial) -> tuple[str, ...]:
         """Return the scores and residuals that a trial's faults may enter; the others are the healthy ones."""

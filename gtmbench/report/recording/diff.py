@@ -21,7 +21,7 @@ Line = tuple[npt.NDArray[Any], FloatArray]  # times in s (of a Markov parameter 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tolerance:
+class Closeness:
     """Within `relative` times the series' greatest magnitude, or `absolute`, values are equal; at 0: bit for bit."""
 
     relative: float = 0.0
@@ -33,7 +33,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sample:
+class SamplePair:
     """A sample of two recordings, in the series' unit; `at`: its time in s, of a Markov parameter its lag, in words."""
 
     at: float | str
@@ -44,28 +44,18 @@ class Sample:
 
 @dataclass(frozen=True, kw_only=True)
 class LineDifference:
-    """A series that differs.
-
-    Attributes
-    ----------
-    entity, series : str
-    samples, differing : int
-        Samples that both recordings hold, and how many of them differ.
-    only_a, only_b : int
-        Samples at times at which the other recording has none.
-    worst : Sample or None
-        The one that differs most; None where only times do.
-    relative : float
-        Its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number.
-    """
+    """A series that differs."""
 
     entity: str
     series: str
+    # samples, differing: samples that both recordings hold, and how many of them differ
     samples: int
     differing: int
+    # only_a, only_b: samples at times at which the other recording has none
     only_a: int
     only_b: int
-    worst: Sample | None
+    worst: SamplePair | None  # the one that differs most; None where only times do
+    # its difference over the series' greatest magnitude; inf where a sample is missing in one or isn't a number
     relative: float
 
     @property
@@ -96,30 +86,19 @@ class EventDifference:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """What two recordings differ in.
+class RecordingDiff:
+    """What two recordings differ in."""
 
-    Attributes
-    ----------
-    series, fields, events : int
-        How many of each were held against each other.
-    only_a, only_b : tuple of (entity, series)
-        Series, and fields of verdicts, that the other recording lacks.
-    lines : tuple of LineDifference
-        The worst first.
-    verdicts : tuple of FieldDifference
-    told : tuple of EventDifference
-        In time.
-    """
-
+    # series, fields, events: how many of each were held against each other
     series: int
     fields: int
     events: int
+    # only_a, only_b: series, and fields of verdicts, that the other recording lacks
     only_a: tuple[Name, ...]
     only_b: tuple[Name, ...]
-    lines: tuple[LineDifference, ...]
+    lines: tuple[LineDifference, ...]  # the worst first
     verdicts: tuple[FieldDifference, ...]
-    told: tuple[EventDifference, ...]
+    told: tuple[EventDifference, ...]  # in time
 
     @property
     def equal(self) -> bool:
@@ -127,24 +106,18 @@ class Comparison:
         return not (self.only_a or self.only_b or self.lines or self.verdicts or self.told)
 
 
-def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None) -> Comparison:
+def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None) -> RecordingDiff:
     """Compare two recordings, as `read_recording` gives them.
 
-    Parameters
-    ----------
-    a, b : DataFrame
-    tolerance : Tolerance, optional
-        Of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
+    `tolerance`: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
 
-    Examples
-    --------
     >>> import pandas as pd
     >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
     >>> b = a.assign(value=[1.0, 2.5])
     >>> compare(a, b).lines[0].worst.at, compare(a, b, Tolerance(relative=0.2)).equal
     (0.1, True)
     """
-    tolerance = tolerance or Tolerance()
+    tolerance = tolerance or Closeness()
     lines_a, lines_b = lines(a), lines(b)
     fields_a, fields_b = _fields(a), _fields(b)
     names_a, names_b = [*lines_a, *fields_a], [*lines_b, *fields_b]
@@ -152,7 +125,7 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Tolerance | None = None
     differing = [line for name in shared if (line := _line(name, lines_a[name], lines_b[name], tolerance))]
     common = [name for name in fields_a if name in fields_b]
     told_a, told_b = events(a), events(b)
-    return Comparison(
+    return RecordingDiff(
         series=len(shared),
         fields=len(common),
         events=(told_a & told_b).total(),
@@ -210,7 +183,7 @@ def _events_only_in(which: str, told: Counter[Told]) -> Iterator[EventDifference
         yield EventDifference(only_in=which, entity=entity, time_s=time_s, level=level, text=text)
 
 
-def _line(name: Name, a: Line, b: Line, tolerance: Tolerance) -> LineDifference | None:
+def _line(name: Name, a: Line, b: Line, tolerance: Closeness) -> LineDifference | None:
     """Return how a series differs, None where it doesn't."""
     at, values_a, values_b = a[0], a[1], b[1]
     if not np.array_equal(a[0], b[0]):
@@ -229,7 +202,7 @@ def _line(name: Name, a: Line, b: Line, tolerance: Tolerance) -> LineDifference 
     if differs.any():
         k = int(np.argmax(np.where(differs, distance, -1.0)))
         place = at[k] if isinstance(at[k], str) else float(at[k])
-        worst = Sample(at=place, a=float(values_a[k]), b=float(values_b[k]), difference=float(distance[k]))
+        worst = SamplePair(at=place, a=float(values_a[k]), b=float(values_b[k]), difference=float(distance[k]))
     return LineDifference(
         entity=name[0],
         series=name[1],
@@ -246,7 +219,7 @@ def _same(a: FloatArray, b: FloatArray) -> npt.NDArray[np.bool_]:
     return np.asarray((a.view(np.int64) == b.view(np.int64)) | (np.isnan(a) & np.isnan(b)))
 
 
-def _alike(a: float | str | None, b: float | str | None, tolerance: Tolerance) -> bool:
+def _alike(a: float | str | None, b: float | str | None, tolerance: Closeness) -> bool:
     if isinstance(a, float) and isinstance(b, float):
         return a == b or abs(a - b) <= tolerance.limit(max(abs(a), abs(b)))
     return a == b

@@ -20,7 +20,7 @@ from gtmbench.report.score_units import level, part
 from gtmbench.report.style import COLOURS, colour
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.trial import Injection
+from gtmbench.study.trial import InjectedFaults
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import FloatArray, Record, Span
 
@@ -56,11 +56,6 @@ def recorded(path: Path, name: str, blueprint: rrb.Blueprint) -> Iterator[rr.Rec
 
     Rerun encodes into memory, and the file is written here: on a full disk its own writer ends without a word, and who
     asks it to flush may wait for ever.
-
-    Raises
-    ------
-    GtmbenchError
-        Where the disk doesn't take all of it.
     """
     rr.set_strict_mode(True)  # an error must not become a warning and lost data
     recording = rr.RecordingStream("gtmbench")  # a fresh recording id: two of one id don't open side by side
@@ -106,7 +101,7 @@ def sensor_entity(channel: str) -> str:
     return entity(f"/sensors/{group}", channel)
 
 
-def trial_paths(trials: Sequence[Injection]) -> list[str]:
+def trial_paths(trials: Sequence[InjectedFaults]) -> list[str]:
     """Return the entities of a detector's trials: ``/trials/drift/p``, numbered where a channel breaks twice."""
     often = Counter((trial.scenario, trial.channel) for trial in trials)
     paths = []
@@ -117,7 +112,7 @@ def trial_paths(trials: Sequence[Injection]) -> list[str]:
     return paths
 
 
-def trial_tints(trials: Sequence[Injection]) -> list[str]:
+def trial_tints(trials: Sequence[InjectedFaults]) -> list[str]:
     """Return every trial's colour: its channel's, lighter for every further severity."""
     tints = []
     for trial, repetition in zip(trials, repetitions(trials), strict=True):
@@ -240,7 +235,7 @@ def log_judged(
         log_line(recording, f"{root}{line.entity}", line.signal, line.name, line.tint, channel=line.channel)
 
 
-class Line(NamedTuple):
+class RecordedLine(NamedTuple):
     """A line of a recording: its entity, times and values, how it is called and looks."""
 
     entity: str
@@ -253,18 +248,18 @@ class Line(NamedTuple):
 
 def judged_lines(
     watches: Sequence[Watch], tints: Mapping[str, str], suffix: str = "", span: Span = (-np.inf, np.inf)
-) -> Iterator[Line]:
+) -> Iterator[RecordedLine]:
     """Give the lines of `log_judged`."""
     period_s = watches[0].record.sample_period_s
     for name, tint in tints.items():
         if name in watches[0].residuals:
             parts = [part(watch.record.time_s, watch.residuals[name], span) for watch in watches]
             label = in_unit(f"residual of {name}{suffix}", name)
-            yield Line(entity("/residuals", name), joined(parts, period_s), label, tint, name)
+            yield RecordedLine(entity("/residuals", name), joined(parts, period_s), label, tint, name)
         if name in watches[0].scores:
             scores = [watch.scores[name] for watch in watches]
             parts = [part(score.known_s, level(score), span) for score in scores]
-            yield Line(
+            yield RecordedLine(
                 entity("/levels", name), joined(parts, period_s), f"test statistic of {name}{suffix}", tint, name
             )
 

@@ -56,26 +56,14 @@ _BEFORE_S, _AFTER_S = 20.0, 40.0  # shown before the first and after the last ma
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FailedWatch:
-    """A watch that an assertion didn't accept.
+    """A watch that an assertion didn't accept."""
 
-    Attributes
-    ----------
-    watch : Watch
-        With the fault, where there is one; of a detector that shows no scores, there are alarms only.
-    fault : Fault or None
-    healthy : Record or None
-        Before the fault was injected.
-    due_s : float or None
-        When an alarm was due.
-    said : str
-        By the assertion.
-    """
-
+    # with the fault, where there is one; of a detector that shows no scores, there are alarms only
     watch: Watch = field(repr=False)
     fault: Fault | None = None
-    healthy: Record | None = field(default=None, repr=False)
-    due_s: float | None = None
-    said: str
+    healthy: Record | None = field(default=None, repr=False)  # before the fault was injected
+    due_s: float | None = None  # when an alarm was due
+    said: str  # by the assertion
 
     @property
     def channels(self) -> tuple[str, ...]:

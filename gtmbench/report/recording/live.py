@@ -28,7 +28,7 @@ from gtmbench.report.recording.blueprint import (
 from gtmbench.report.recording.entities import (
     MEASURED,
     VIRTUAL,
-    Line,
+    RecordedLine,
     entity,
     in_unit,
     judged_lines,
@@ -50,14 +50,7 @@ _SHOWN_S = 60.0  # in the viewer while it flies
 
 
 class LiveRecording:
-    """A recording of one sender's clock.
-
-    Parameters
-    ----------
-    monitor : Monitor
-    recording : RecordingStream
-        With a place to go to.
-    """
+    """A recording of one sender's clock."""
 
     def __init__(self, monitor: Monitor, recording: rr.RecordingStream) -> None:
         self._monitor, self._recording = monitor, recording
@@ -110,7 +103,7 @@ class LiveRecording:
         for line in _lines(watch):
             self._log(line)
 
-    def _log(self, line: Line) -> None:
+    def _log(self, line: RecordedLine) -> None:
         """Log what is new of a line: what is known of it later than what was sent before."""
         time_s, values = line.signal
         last_s = self._sent.get(line.entity)
@@ -139,18 +132,20 @@ class LiveRecording:
             self._recording.send_blueprint(_blueprint(self._watch, span, playing="paused"))
 
 
-def _lines(watch: Watch) -> Iterator[Line]:
+def _lines(watch: Watch) -> Iterator[RecordedLine]:
     """Give everything that is drawn of a watch."""
     record, look = watch.record, colours([*tints(watch), *watch.record.channels])
     for name in record.channels:
         label = in_unit(f"{name} measured", name)
-        yield Line(sensor_entity(name), (record.time_s, record[name]), label, look[name], name, MEASURED)
+        yield RecordedLine(sensor_entity(name), (record.time_s, record[name]), label, look[name], name, MEASURED)
     for name, predicted in watch.predictions.items():
         label = in_unit(f"{name} virtual sensor", name)
-        yield Line(entity("/virtual", name), (record.time_s, predicted), label, COLOURS["virtual"], name, VIRTUAL)
+        yield RecordedLine(
+            entity("/virtual", name), (record.time_s, predicted), label, COLOURS["virtual"], name, VIRTUAL
+        )
     yield from judged_lines([watch], tints(watch))
     ones = np.ones(len(record))
-    yield Line("/threshold", (record.time_s, ones), "threshold", COLOURS["threshold"], "")
+    yield RecordedLine("/threshold", (record.time_s, ones), "threshold", COLOURS["threshold"], "")
 
 
 def _blueprint(watch: Watch, shown_s: Span | rrb.TimeAxis, *, playing: Playing) -> rrb.Blueprint:

@@ -25,7 +25,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
-from gtmbench.report.recording.diff import Comparison, Line, LineDifference, Name, events, lines
+from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
 from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
 from gtmbench.report.tables.scores import in_markdown
 from gtmbench.values.channels import CHANNELS
@@ -45,7 +45,7 @@ Parts = Mapping[str, Mapping[Name, Line]]  # of A, B, both and difference
 
 
 def write_overlay(
-    a: pd.DataFrame, b: pd.DataFrame, comparison: Comparison, path: Path, *, names: tuple[str, str] = ("A", "B")
+    a: pd.DataFrame, b: pd.DataFrame, comparison: RecordingDiff, path: Path, *, names: tuple[str, str] = ("A", "B")
 ) -> None:
     """Write two recordings, as `read_recording` gives them, over each other; `comparison` is how they compare."""
     parts = _parts(lines(a), lines(b), comparison)
@@ -58,7 +58,7 @@ def write_overlay(
         recording.log("/summary", summary, static=True)
 
 
-def _parts(a: dict[Name, Line], b: dict[Name, Line], comparison: Comparison) -> Parts:
+def _parts(a: dict[Name, Line], b: dict[Name, Line], comparison: RecordingDiff) -> Parts:
     """Sort the series: those of A and B that differ, their differences, and those that are equal."""
     differing = [line.name for line in comparison.lines]
     own = {*differing, *comparison.only_a, *comparison.only_b}
@@ -105,7 +105,7 @@ def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame)
         log_text(recording, "/events", time_s, severity, f"{which}: {trial} {text}" if trial else f"{which}: {text}")
 
 
-def _summary(comparison: Comparison, names: tuple[str, str]) -> str:
+def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
     """Return what differs as a page of Markdown."""
     page = [f"**A** {in_markdown(names[0])}", f"**B** {in_markdown(names[1])}"]
     if comparison.equal:
@@ -132,7 +132,7 @@ def _table(columns: list[str], rows: list[list[str]]) -> str:
     return "\n".join(f"| {' | '.join(words)} |" for words in written)
 
 
-def _blueprint(parts: Parts, comparison: Comparison) -> rrb.Blueprint:
+def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
     """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
     plotted = [name for name in names if _is_line(name, parts)]
@@ -157,7 +157,7 @@ def _grid(tab: str, names: list[Name], parts: Parts, shown_s: Span) -> rrb.Conta
     return rrb.Tabs(rrb.Grid(*plots, name="A and B"), rrb.Grid(*differing, name="B - A"), active_tab=0, name=tab)
 
 
-def _front(parts: Parts, comparison: Comparison, plotted: list[Name], shown_s: Span) -> rrb.Container:
+def _front(parts: Parts, comparison: RecordingDiff, plotted: list[Name], shown_s: Span) -> rrb.Container:
     worst: dict[str, Name] = {}
     for line in comparison.lines:
         if line.name in plotted:

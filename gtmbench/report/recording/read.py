@@ -64,20 +64,14 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     301.25
     """
     table = _table_of(Path(path), "rows")
-    application = _application(table)
+    application = str(table.schema.metadata[b"application"].decode(errors="replace"))
     if application != "gtmbench":
         raise InputError(f"{path} is a recording of {shown(application)}; give one that `gtmbench run` has written")
     return table.unify_dictionaries().to_pandas()
 
 
 def recording_in(given: Path) -> Path:
-    """Return the recording that is meant: the file, or the one in a folder.
-
-    Raises
-    ------
-    InputError
-        If a folder holds none, or several.
-    """
+    """Return the recording that is meant: the file, or the one in a folder."""
     if not given.is_dir():
         return given
     there = sorted(given.glob("*.rrd"))
@@ -89,17 +83,8 @@ def recording_in(given: Path) -> Path:
 
 
 def check_recording(path: Path) -> None:
-    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse what isn't a recording, or only the beginning of one: the viewer would open an empty window."""
     _table_of(path)
-
-
-def _application(table: pa.Table) -> str:
-    return str(table.schema.metadata[b"application"].decode(errors="replace"))
 
 
 def _table_of(path: Path, *what: str) -> pa.Table:

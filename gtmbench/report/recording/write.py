@@ -75,19 +75,8 @@ import rerun as rr
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.report.log_findings import (
-    residuals_of,
-    scores_of,
-    signals_of,
-    tints_of,
-    told_sensors,
-    whole_of,
-)
-from gtmbench.report.recording.blueprint import (
-    Placed,
-    log_blueprint,
-    study_blueprint,
-)
+from gtmbench.report.log_findings import residuals_of, scores_of, signals_of, tints_of, told_sensors, whole_of
+from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
     MEASURED,
     SHAPES,

@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import pandas as pd
 
-from gtmbench.files.plain import plain
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.benchmark import (
-    DIFFER,
-    QUICKNESS,
-    ROWS,
-    about,
-    data_sheet,
-)
+from gtmbench.report.words.benchmark import DIFFER, QUICKNESS, ROWS, about, data_sheet
 from gtmbench.study.benchmark.definition import Definition
 from gtmbench.study.benchmark.judge import MISSED, Outcome, Row, places
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading
@@ -37,11 +30,6 @@ def benchmark_results(rows: Sequence[Row], definition: Definition, split: str) -
         ],
         "outcomes": {row.name: [asdict(outcome) for outcome in row.outcomes] for row in rows},
     }
-
-
-def plain_results(results: Mapping[str, Any]) -> Any:
-    """Return results as JSON can hold them."""
-    return plain(results)
 
 
 def benchmark_page(rows: Sequence[Row], definition: Definition, split: str, command: str) -> str:

@@ -20,21 +20,10 @@ def envelope(
 ) -> dict[str, Any]:
     """Return what a command prints as one JSON-ready object: the same five keys first, then its own.
 
-    Parameters
-    ----------
-    command : str
-        Names the schema, too: a file of ``gtmbench/schemas/``.
-    verdict : str
-        The sentence that the command prints first without ``--json``.
-    own : mapping
-        The command's own keys; NaN and infinities become None.
-    exit_code : int
-        The one that the process ends with.
-    findings : iterable of mapping
-        What was found, a row each; `text` says it in words.
+    `command`: names the schema, too: a file of ``gtmbench/schemas/``. `verdict`: the sentence that the command prints
+    first without ``--json``. `own`: the command's own keys; NaN and infinities become None. `findings`: what was found,
+    a row each; `text` says it in words.
 
-    Examples
-    --------
     >>> list(envelope("fly", "Wrote flight.csv.", {"out": "flight.csv"}))
     ['verdict', 'exit_code', 'findings', 'schema_version', 'command', 'out']
     """

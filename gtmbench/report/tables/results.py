@@ -1,4 +1,4 @@
-"""A study as plain data: ``results.json`` and ``trials.csv``."""
+"""A study as plain data: ``results.json`` and ``trials.csv``; and what happened in a closed loop."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from gtmbench.bench.loop_flight import LoopEvent
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.statistics.thresholds import rate_bound
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.plain import dumps, plain
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.report.words.judgement import loop_text
 from gtmbench.report.words.monitor import bank_summary, norm_facts
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import UNIT_SUFFIX, unit_of
@@ -187,3 +189,8 @@ def named(figures: Mapping[str, Any]) -> str:
     'slope=0.05'
     """
     return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
+
+
+def event_rows(events: Iterable[LoopEvent]) -> list[dict[str, Any]]:
+    """Return a row an event; `value` is the channel's, in `unit`."""
+    return [{"text": loop_text(event), **asdict(event), "unit": unit_of(event.channel)} for event in events]

@@ -41,24 +41,17 @@ Line = dict[str, Cell]  # by column
 
 
 @dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table.
+class ScoreTable:
+    """A table."""
 
-    Attributes
-    ----------
-    title, note : str
-        The note says what its figures are.
-    columns : tuple of str
-    rows : tuple of tuple of Cell
-    """
-
+    # title, note: the note says what its figures are
     title: str
     note: str
     columns: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
 
     @classmethod
-    def of(cls, title: str, note: str, lines: Iterable[Line]) -> Table:
+    def of(cls, title: str, note: str, lines: Iterable[Line]) -> ScoreTable:
         """Return the table of lines that have the same columns."""
         rows = list(lines)
         columns = tuple(rows[0]) if rows else ()
@@ -79,14 +72,14 @@ def in_markdown(text: str) -> str:
     return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
 
 
-def tables(scores: Scores) -> list[Table]:
+def tables(scores: Scores) -> list[ScoreTable]:
     """Return the tables of a campaign, those left out that would be empty."""
     of_all = [_detectors(scores), _luck_table(scores), _delay_table(scores), _names_table(scores)]
     made = [*of_all, _split(scores, "fault"), _split(scores, "channel"), _pairs(scores), _smallest(scores)]
     return [table for table in made if table.rows]
 
 
-def _detectors(scores: Scores) -> Table:
+def _detectors(scores: Scores) -> ScoreTable:
     places = {rank.detector: rank for rank in scores.ranks}
 
     def line(one: DetectorScores) -> Line:
@@ -100,7 +93,7 @@ def _detectors(scores: Scores) -> Table:
             "remark": Cell("no score: " + one.no_score if one.no_score else _failed(one.merits)),
         }
 
-    return Table.of(
+    return ScoreTable.of(
         "Detectors",
         "Figures are of all trials, with 95 % intervals over flights. Detected: an alarm at or after the onset; "
         f"in time: within {scores.deadline_s:g} s. Delays are those of the detected. A place such as 1-2 is shared: no "
@@ -109,8 +102,8 @@ def _detectors(scores: Scores) -> Table:
     )
 
 
-def _luck_table(scores: Scores) -> Table:
-    return Table.of(
+def _luck_table(scores: Scores) -> ScoreTable:
+    return ScoreTable.of(
         "Luck of the calibration",
         "Calibrated on other such flights 95 % of a detector's thresholds stay within so many times (thresholds "
         "drawn anew from its flights, with replacement). The rest is what its figures would be with all thresholds "
@@ -141,8 +134,8 @@ def range_cell(ends_s: tuple[float, float]) -> Cell:
     return Cell(low if low == high else f"{low} to {high}", ends_s[0])
 
 
-def _delay_table(scores: Scores) -> Table:
-    return Table.of(
+def _delay_table(scores: Scores) -> ScoreTable:
+    return ScoreTable.of(
         "Delays",
         "Of detected faults, from the onset to when the alarm could be raised. Look-ahead is the part that is "
         "waited for samples to come. Windows: the part of the mean in which the window that alarmed fills with broken "
@@ -165,8 +158,8 @@ def _delay_table(scores: Scores) -> Table:
     )
 
 
-def _names_table(scores: Scores) -> Table:
-    return Table.of(
+def _names_table(scores: Scores) -> ScoreTable:
+    return ScoreTable.of(
         "Names",
         "Of all trials: the right sensor named, a wrong one, none (it can't tell), or missed; beside these, all "
         "that is left possible on the axis that failed (p or phi, q or theta, r or psi), and the kind of fault.",
@@ -248,8 +241,8 @@ def _key(value: float | None) -> float | None:
     return None if value is None else float(value)
 
 
-def _pairs(scores: Scores) -> Table:
-    return Table.of(
+def _pairs(scores: Scores) -> ScoreTable:
+    return ScoreTable.of(
         "Which is sooner",
         "On the very same trials, in how many the first of two alarmed sooner, in how many later; one that misses "
         "is later. Flights are what a permutation test draws; p is corrected for all pairs (Holm).",
@@ -275,7 +268,7 @@ def _advantage(found: Estimate) -> str:
     return f"{found.value:+.2f} [{found.low:+.2f}, {found.high:+.2f}]"
 
 
-def _split(scores: Scores, by: str) -> Table:
+def _split(scores: Scores, by: str) -> ScoreTable:
     """Return a line a detector and kind of fault, or channel."""
 
     def line(one: DetectorScores, name: str, found: Merits) -> Line:
@@ -291,7 +284,7 @@ def _split(scores: Scores, by: str) -> Table:
             "kind right": _share(naming.kind_right if naming else None),
         }
 
-    return Table.of(
+    return ScoreTable.of(
         {"fault": "Kinds of faults", "channel": "Channels that break"}[by],
         "As above, of each alone; of several faults in one record it is the first.",
         (
@@ -302,8 +295,8 @@ def _split(scores: Scores, by: str) -> Table:
     )
 
 
-def _smallest(scores: Scores) -> Table:
-    return Table.of(
+def _smallest(scores: Scores) -> ScoreTable:
+    return ScoreTable.of(
         "Smallest faults that are detected",
         "From which severity on a fault is detected in 90 % of the searches, one a flight and onset, at the "
         "thresholds that the detectors have; 'found' counts the searches in which any severity was detected.",
@@ -323,9 +316,9 @@ def _smallest(scores: Scores) -> Table:
     )
 
 
-def confusion_table(name: str, what: str, found: Confusion) -> Table:
+def confusion_table(name: str, what: str, found: Confusion) -> ScoreTable:
     """Return how often what was told of what was, by a detector."""
-    return Table(
+    return ScoreTable(
         title=f"{name}: {what}",
         note="A row is the sensor that broke, a column the verdict.",
         columns=("broken", *found.told),
@@ -336,7 +329,7 @@ def confusion_table(name: str, what: str, found: Confusion) -> Table:
     )
 
 
-def confusions(scores: Scores) -> list[Table]:
+def confusions(scores: Scores) -> list[ScoreTable]:
     """Return every detector's, of sensors and of kinds."""
     return [
         confusion_table(one.name, what, found)

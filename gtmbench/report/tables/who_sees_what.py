@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.checks import listed
-from gtmbench.report.tables.scores import Cell, Table, in_markdown, ordered, place_cell, range_cell
+from gtmbench.report.tables.scores import Cell, ScoreTable, in_markdown, ordered, place_cell, range_cell
 from gtmbench.study.scores.scoring import DetectorScores, Scores
 from gtmbench.values.record import FloatArray
 
@@ -22,8 +22,6 @@ def who_sees_what(scores: Scores) -> str:
     In brackets: with thresholds as low, and as high, as other calibrations would have set them. Of more than fourteen
     detectors the last are named below it; so are those without a score, with the reason.
 
-    Examples
-    --------
     >>> from gtmbench.study.campaign.rows import table_of
     >>> from gtmbench.study.scores.scoring import scored
     >>> quiet = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
@@ -47,7 +45,7 @@ def who_sees_what(scores: Scores) -> str:
     loud = [f"{one.name} ({_quiet(one)} at least)" for one in scores.detectors if not one.is_quiet]
     target = f"{scores.target_per_hour:g} false alarms an hour are refuted for"
     notes += [f"No score, since {target} {listed(loud)}."] if loud else []
-    table = Table(title="", note="", columns=_COLUMNS, rows=tuple(rows))
+    table = ScoreTable(title="", note="", columns=_COLUMNS, rows=tuple(rows))
     return "\n".join([table.markdown(), *["\n" + in_markdown(note) for note in notes]]) + "\n"
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from gtmbench.checks import listed
 from gtmbench.faults.registry import how_of, loaded_faults
 from gtmbench.report.words.units import duration_text, per_second
-from gtmbench.study.log.certificate import SHARE, Certificate, Smallest
+from gtmbench.study.log.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 
@@ -92,7 +92,7 @@ def certificate_notes(certificate: Certificate) -> list[str]:
     return [*notes, *certificate.unwatched]
 
 
-def size_text(row: Smallest, size: float | None) -> str:
+def size_text(row: SmallestSeen, size: float | None) -> str:
     """Write a size of a row's kind of fault with its unit; a scale error in percent.
 
     >>> drift = Smallest(sensor="p", kind="drift", size=0.02636, share=0.9, within_s=20.0)
@@ -106,7 +106,7 @@ def size_text(row: Smallest, size: float | None) -> str:
     return f"{_two(size)} {unit_text(row)}".rstrip()
 
 
-def unit_text(row: Smallest) -> str:
+def unit_text(row: SmallestSeen) -> str:
     """Return the unit of a row's sizes; "" for a scale error, which is a share."""
     cls = loaded_faults()[row.kind]
     size = next(each for each in cls.parameters() if cls.shape is not None and each.name == cls.shape.figure)
@@ -114,7 +114,7 @@ def unit_text(row: Smallest) -> str:
     return per_second(unit) if size.per_second else unit
 
 
-def _seen_text(row: Smallest) -> str:
+def _seen_text(row: SmallestSeen) -> str:
     return f"in {_share(row.share)}" if row.size is None else size_text(row, row.size)
 
 

@@ -76,13 +76,6 @@ def fleet_table(rows: Iterable[Mapping[str, Any]], width: int) -> tuple[list[str
     """Return the columns and the cells of a table that fits a screen, each log by its file's name.
 
     What is too long is cut, a name in front, and a narrow screen has fewer columns; all of it stands in the report.
-
-    Parameters
-    ----------
-    rows : iterable of mapping
-        As `fleet_row` makes them.
-    width : int
-        Of the screen, in characters.
     """
     names = [name for name in HEAD if width >= _WIDE or name not in _OF_WIDE]
     others = sum(_WIDTHS.get(name, 0) + _GAP for name in names)

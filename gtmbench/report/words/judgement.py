@@ -21,7 +21,7 @@ from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
 
 if TYPE_CHECKING:
-    from gtmbench.study.trial import Injection, Trial
+    from gtmbench.study.trial import InjectedFaults, Trial
 
 Event = tuple[float, str, str]  # time in seconds, severity, text
 _ONSET, _CLOSE_S = "onset_s", 0.1  # an interval that short isn't told
@@ -36,7 +36,7 @@ _FLOWN_ON = {
 MOST_ALARMS = 100  # that are told: a function may call every sample above a threshold one
 
 
-def severity_text(trial: Injection) -> str:
+def severity_text(trial: InjectedFaults) -> str:
     """Write a trial's severity with its unit: ``0.05 deg/s²``; empty for a fault without one."""
     return _severities(trial.injected)
 
@@ -83,18 +83,18 @@ def parameter_unit(item: Parameter, unit: str) -> str:
     return per_second(unit) if item.per_second else f"{unit}/{item.per}" if item.per else unit
 
 
-def trial_label(trial: Injection) -> str:
+def trial_label(trial: InjectedFaults) -> str:
     """Name a trial among those of its scenario: ``q, 0.05 deg/s²``."""
     severity = severity_text(trial)
     return f"{trial.channel}, {severity}" if severity else trial.channel
 
 
-def trial_text(trial: Injection) -> str:
+def trial_text(trial: InjectedFaults) -> str:
     """Name a trial by all that breaks in it: ``drift of q, 0.05 deg/s² + jam of r``."""
     return " + ".join(map(fault_text, (trial.injected, *trial.also)))
 
 
-def repetitions(trials: Sequence[Injection]) -> list[int]:
+def repetitions(trials: Sequence[InjectedFaults]) -> list[int]:
     """Return for every trial of a detector how many before it broke the same channel in the same scenario."""
     often = Counter[tuple[str, str]]()
     counts = []

@@ -29,7 +29,7 @@ from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
 from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.self_check.explained import Explained
+from gtmbench.study.log.self_check.explained import ExplainedMotion
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
@@ -189,7 +189,7 @@ def attitude_lines(origin: Origin | None) -> list[str]:
     return [f"attitude: {taken if origin.is_driven else 'of its own'} ({origin.why})"]
 
 
-def _explained_lines(explained: Sequence[Explained]) -> list[str]:
+def _explained_lines(explained: Sequence[ExplainedMotion]) -> list[str]:
     """Say how much of the slow motion is explained, a line a place."""
     lines = []
     for where in dict.fromkeys(each.where for each in explained):

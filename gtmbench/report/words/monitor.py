@@ -200,7 +200,7 @@ def origin_text(monitor: Monitor) -> list[str]:
         watched = duration_text(hours[1])
         lines.append(
             f"false alarms: {wanted:g} an hour asked for, which extrapolates the tails; the {watched} that set the "
-            f"thresholds show no more than {_rate_text(bound)} an hour (95 %)"
+            f"thresholds show no more than {float(f'{bound:.2g}'):g} an hour (95 %)"
         )
     luck = Luck.told(known)
     if luck is not None:
@@ -209,11 +209,6 @@ def origin_text(monitor: Monitor) -> list[str]:
             f"(median), {luck.within:.2g} (95 %)"
         )
     return lines
-
-
-def _rate_text(rate: float) -> str:
-    """Write a rate with the digits that count: ``0.11``, ``4.6``, ``120``."""
-    return f"{float(f'{rate:.2g}'):g}"
 
 
 def _thresholds_from(monitor: Monitor, hours: Any) -> str:

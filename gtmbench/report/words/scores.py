@@ -122,7 +122,8 @@ def verdict_lines(scores: Scores) -> list[str]:
 
     Names, which come from files, stand in them as they are.
     """
-    return [*_best_lines(scores), *_no_score_lines(scores), *_price_lines(scores), *_thin_lines(scores)]
+    without = [f"{one.name} gets no score: {one.no_score}." for one in scores.detectors if not one.is_quiet]
+    return [*_best_lines(scores), *without, *_price_lines(scores), *_thin_lines(scores)]
 
 
 def _best_lines(scores: Scores) -> list[str]:
@@ -153,10 +154,6 @@ def _merits_line(one: DetectorScores) -> str:
         line += f"; it named the right sensor of {share_words(found.naming.right)}, a wrong one of "
         line += share_words(found.naming.wrong)
     return line + "."
-
-
-def _no_score_lines(scores: Scores) -> list[str]:
-    return [f"{one.name} gets no score: {one.no_score}." for one in scores.detectors if not one.is_quiet]
 
 
 def _price_lines(scores: Scores) -> list[str]:

@@ -20,14 +20,8 @@ _BESIDE = {
 def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[str]]:
     """Return a row an equation: what it explains, which surfaces are in it, and what else.
 
-    Parameters
-    ----------
-    flow : Flow
-    judged : sequence of str, optional
-        The surfaces that are; by default all that could be.
+    `judged`: the surfaces that are; by default all that could be.
 
-    Examples
-    --------
     >>> equation_rows(Flow(forward=True))[1]
     ['change of q', 'elevator throttle', 'angle of attack, pitch rate, inertia']
     >>> equation_rows(Flow())[1]

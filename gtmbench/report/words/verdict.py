@@ -263,12 +263,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
 def summary_lines(watched: WatchedLog, width: int = 80, most: int | None = LINES) -> list[str]:
     """Return the verdict, the table of its sensors and the lines that follow, as wide as a screen.
 
-    Parameters
-    ----------
-    watched : WatchedLog
-    width : int
-    most : int or None
-        Lines in all; None for as many as there are.
+    `most`: lines in all; None for as many as there are.
     """
     return verdict_lines(watched.verdict, labelled(watched), width, most)
 
@@ -331,7 +326,7 @@ def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | N
 
 def _why(watched: WatchedLog) -> list[str]:
     if watched.check.causes:
-        return [_sentence(cause.why) for cause in watched.check.causes[:1]]
+        return [f"{capitalised(cause.why.rstrip('.'))}." for cause in watched.check.causes[:1]]
     by = {id(alarm): watch for alarm, watch in watched.raised if not alarm.has_passed}
     told = failed_first(watched.verdict, [alarm for alarm, _ in watched.raised if id(alarm) in by])
     lines = []
@@ -442,7 +437,3 @@ def _spans(spans: Iterable[Span]) -> str:
 def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
     """Write a list: ``p, q or phi``; of a long one how many more there are."""
     return f"{', '.join(names[:most])} and {len(names) - most} more" if len(names) > most else listed(names, word)
-
-
-def _sentence(text: str) -> str:
-    return f"{capitalised(text.rstrip('.'))}."

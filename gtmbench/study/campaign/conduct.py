@@ -42,21 +42,11 @@ _MOST_PARTS = 1000  # of a folder: a part costs 5 kB and a few milliseconds howe
 
 
 class Crew(NamedTuple):
-    """What all flights of a campaign share, as it travels: once to a process.
+    """What all flights of a campaign share, as it travels: once to a process."""
 
-    Attributes
-    ----------
-    versions : dict
-        Of the gtmbench that conducts, and of what its rows hang on.
-    files : tuple of str
-        To be imported first.
-    watchers : bytes
-        The detectors by name and their monitors, as a pickle.
-    """
-
-    versions: dict[str, str]
-    files: tuple[str, ...]
-    watchers: bytes
+    versions: dict[str, str]  # of the gtmbench that conducts, and of what its rows hang on
+    files: tuple[str, ...]  # to be imported first
+    watchers: bytes  # the detectors by name and their monitors, as a pickle
 
 
 def campaign(
@@ -123,28 +113,12 @@ def conduct(
 ) -> Parts:
     """Fly, break and watch what isn't in the folder yet, and return its parts.
 
-    Parameters
-    ----------
-    campaign : Campaign
-    out : Path
-        The folder of the parts; made where there is none.
-    jobs, resume, progress
-        As `campaign` takes them.
-    shard : Shard, optional
-        Only these tasks; other shards may be at work in the folder at the same time.
-    scheduler : str, optional
-        The address of a Dask scheduler whose workers do the tasks instead.
-    tls : Path, optional
-        A folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
-    yes : bool
-        Whether more than ten million trials are meant.
-
-    Raises
-    ------
-    InputError
-        If the campaign can't be meant, or the folder is of another one, or in use.
-    GtmbenchError
-        If it ends before its end; what is finished stays.
+    `out`: the folder of the parts; made where there is none.
+    `shard`: only these tasks; other shards may be at work in the folder at the same time.
+    `scheduler`: the address of a Dask scheduler whose workers do the tasks instead.
+    `tls`: a folder with ca.pem, cert.pem and key.pem, for a scheduler at tls://.
+    `yes`: whether more than ten million trials are meant.
+    Raises InputError if the campaign can't be meant, or the folder is of another one, or in use.
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
@@ -190,12 +164,7 @@ def flights_of(parts: Parts) -> tuple[int, int]:
 
 
 def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
-    """Refuse a campaign of so many trials that nobody means it without saying so.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a campaign of so many trials that nobody means it without saying so."""
     trials = (campaign.trials + campaign.search_trials + campaign.records) * detectors
     if trials > MANY and not yes:
         raise InputError(
@@ -231,10 +200,7 @@ def _worked(
 def done(crew: Crew, packed: bytes) -> pa.Table:
     """Do some tasks, in whichever process, and return their rows.
 
-    Raises
-    ------
-    InputError
-        If this isn't the gtmbench that the work comes from: its rows would be others.
+    Raises InputError if this isn't the gtmbench that the work comes from: its rows would be others.
     """
     detectors, monitors = _watchers(tuple(crew.versions.items()), crew.files, crew.watchers)
     tasks: list[Task] = pickle.loads(packed)  # noqa: S301  our own, from the process that conducts

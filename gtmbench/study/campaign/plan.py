@@ -20,7 +20,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.plain import plain
 from gtmbench.files.shipped import read_shipped, shipped_campaigns
 from gtmbench.study.campaign.axes import Axes, axes_of, count, fact_of_axis, flights, noise_seeds
-from gtmbench.study.campaign.searches import Search, searches_of
+from gtmbench.study.campaign.searches import SeveritySearch, searches_of
 from gtmbench.study.campaign.task import Task, healthy_seeds, record_number
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import SEED_STEP
@@ -78,7 +78,7 @@ class Campaign:
     isolate: bool = True
     calibration: CalibrationFlights = CALIBRATION
     false_alarms_per_hour: float | None = None
-    searches: tuple[Search, ...] = ()
+    searches: tuple[SeveritySearch, ...] = ()
 
     def watched_by(self, detectors: Sequence[str]) -> Campaign:
         """Return the campaign with further detectors.
@@ -297,7 +297,7 @@ def _scenarios(name: str, title: str, named: Any, table: dict[str, Any], *, only
     return (replace(stated, faults=()),)
 
 
-def _searches(scenarios: Sequence[Scenario], table: Mapping[str, Any]) -> tuple[Search, ...]:
+def _searches(scenarios: Sequence[Scenario], table: Mapping[str, Any]) -> tuple[SeveritySearch, ...]:
     shortest_s = min(scenario.setup.duration_s for scenario in scenarios)
     searches = searches_of(table["smallest"], shortest_s) if "smallest" in table else ()
     for scenario in scenarios:

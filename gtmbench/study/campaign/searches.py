@@ -29,23 +29,14 @@ _OWN_KEYS = ("within_s",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
-    """A kind of fault of a channel, from an onset on.
+class SeveritySearch:
+    """A kind of fault of a channel, from an onset on."""
 
-    Attributes
-    ----------
-    mildest, severest : FaultSpec
-        They differ in one severity.
-    parameter : str
-        Which.
-    within_s : float or None
-        How soon an alarm counts; None: until the record ends.
-    """
-
+    # mildest, severest: they differ in one severity
     mildest: FaultSpec
     severest: FaultSpec
-    parameter: str
-    within_s: float | None = None
+    parameter: str  # which
+    within_s: float | None = None  # how soon an alarm counts; None: until the record ends
 
     @property
     def bounds(self) -> tuple[Severity, Severity]:
@@ -76,16 +67,9 @@ class Search:
         return build(self.mildest, {name: resolve(each, reference, channel) for name, each in given.items()})
 
 
-def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
+def searches_of(given: Any, flight_s: float) -> tuple[SeveritySearch, ...]:
     """Return the searches of ``[[smallest]]`` tables, on flights of at least so many seconds.
 
-    Raises
-    ------
-    InputError
-        Naming the table, the key, what was given and what is legal.
-
-    Examples
-    --------
     >>> table = {"kind": "drift", "channels": ["p", "q"], "onset_s": 60.0, "slope": [0.001, 1.0]}
     >>> [search.text for search in searches_of([table], 120.0)]
     ['smallest drift of p, slope 0.001 to 1, from 60 s', 'smallest drift of q, slope 0.001 to 1, from 60 s']
@@ -99,7 +83,7 @@ def searches_of(given: Any, flight_s: float) -> tuple[Search, ...]:
     return tuple(found)
 
 
-def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search]:
+def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[SeveritySearch]:
     own = {key: block.pop(key) for key in _OWN_KEYS if key in block}
     for key in ("also", "expect"):
         if key in block:
@@ -115,7 +99,7 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
         )
     specs = fault_specs(where, block, flight_s)
     found = [
-        Search(mildest=mildest, severest=severest, parameter=lists[0], within_s=within_s)
+        SeveritySearch(mildest=mildest, severest=severest, parameter=lists[0], within_s=within_s)
         for mildest, severest in zip(specs[::2], specs[1::2], strict=True)
     ]
     for search in found:
@@ -128,7 +112,7 @@ def _searches(where: str, block: dict[str, Any], flight_s: float) -> list[Search
     return found
 
 
-def search_row(search: Search, flown: Flown, quiet: Watch, number: int = BROKEN) -> Row:
+def search_row(search: SeveritySearch, flown: Flown, quiet: Watch, number: int = BROKEN) -> Row:
     """Search on a healthy record of a flight (`Flown.sensed` has its number), with the monitor that has watched it.
 
     What a monitor alarms of without any fault tells nothing of one: then `detected` is left open. So it is in the loop,
@@ -168,8 +152,6 @@ def _watched_trials(flown: Flown, quiet: Watch, number: int) -> WatchedTrials:
 def first_detected(is_detected: Callable[[float], bool], mildest: float, severest: float) -> float | None:
     """Return the mildest severity that is detected, to 5 %; None where not even the severest is.
 
-    Examples
-    --------
     >>> bool(abs(first_detected(lambda bias: bias > 0.37, 0.01, 100.0) / 0.37 - 1.02) < 0.03)
     True
     >>> first_detected(lambda bias: True, 0.01, 100.0), first_detected(lambda bias: False, 0.01, 100.0)

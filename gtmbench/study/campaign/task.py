@@ -16,14 +16,14 @@ from gtmbench.faults.fault import Fault
 from gtmbench.files.arrow_table import Row
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.rows import COLUMNS
-from gtmbench.study.campaign.searches import Search, search_row
+from gtmbench.study.campaign.searches import SeveritySearch, search_row
 from gtmbench.study.crossings import crossings
 from gtmbench.study.fault_tables import FaultSpec
 from gtmbench.study.flights import Flown, fly_setup
 from gtmbench.study.run import watched
 from gtmbench.study.scenario import Setup
 from gtmbench.study.score import altered_share, false_alarms, score
-from gtmbench.study.trial import Injection
+from gtmbench.study.trial import InjectedFaults
 from gtmbench.values.channels import COMMANDS, unit_of
 from gtmbench.values.record import Record
 
@@ -32,29 +32,17 @@ Watchers = Mapping[str, Detector | Monitor]  # by name: monitors, and recipes th
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One flight of a campaign.
-
-    Attributes
-    ----------
-    number : int
-    setup : Setup
-        What is flown.
-    faults : tuple of (str, FaultSpec)
-        What breaks, one trial each, with the name of its scenario.
-    noise_seeds : tuple of int
-        The healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks.
-    isolate : bool
-        Whether it is asked what failed.
-    searches : tuple of Search
-        For the smallest faults that are detected, on the records that are broken.
-    """
+    """One flight of a campaign."""
 
     number: int
-    setup: Setup
-    faults: tuple[tuple[str, FaultSpec], ...]
+    setup: Setup  # what is flown
+    faults: tuple[tuple[str, FaultSpec], ...]  # what breaks, one trial each, with the name of its scenario
+    # the healthy readings that are broken, numbered from 1 on: 1 is what `gtmbench run` breaks
     noise_seeds: tuple[int, ...] = (1,)
-    isolate: bool = True
-    searches: tuple[Search, ...] = ()
+    isolate: bool = True  # whether it is asked what failed
+    searches: tuple[
+        SeveritySearch, ...
+    ] = ()  # for the smallest faults that are detected, on the records that are broken
 
 
 def rows_of(task: Task, watchers: Watchers) -> list[Row]:
@@ -62,8 +50,6 @@ def rows_of(task: Task, watchers: Watchers) -> list[Row]:
 
     What goes wrong is told in the rows that it spoils, and in no others.
 
-    Examples
-    --------
     >>> from gtmbench.study.scenario import AlarmSetup
     >>> setup = Setup(duration_s=60.0, noise="t2", snr=None, alarm=AlarmSetup(healthy_records=1))
     >>> from gtmbench.detectors.registry import prepared
@@ -160,7 +146,7 @@ class _Broken:
         self.faults = flown.faults(spec)
 
     @cached_property
-    def record(self) -> tuple[Injection, Record]:
+    def record(self) -> tuple[InjectedFaults, Record]:
         """The broken record, and what it would have been without."""
         return self._flown.broken(self._scenario, self._spec, self._number)
 
@@ -254,7 +240,7 @@ def _of_fault(scenario: str, spec: FaultSpec) -> Row:
     }
 
 
-def _of_search(search: Search) -> Row:
+def _of_search(search: SeveritySearch) -> Row:
     """Say what is searched for."""
     mildest, severest = search.bounds
     return {

@@ -33,17 +33,10 @@ Monitors = Mapping[tuple[str, str, str], Monitor]  # by a detector's name, an ai
 
 @dataclass(frozen=True, kw_only=True)
 class Named:
-    """A campaign's detectors by name, found and held against its flights, and not yet calibrated.
-
-    Attributes
-    ----------
-    detectors : mapping of str to Detector or Monitor
-    own : bool
-        Whether the scenarios' own watches, too, by each one's ``[operator]`` and ``[alarm]``.
-    """
+    """A campaign's detectors by name, found and held against its flights, and not yet calibrated."""
 
     detectors: Mapping[str, Detector | Monitor]
-    own: bool
+    own: bool  # whether the scenarios' own watches, too, by each one's ``[operator]`` and ``[alarm]``
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -59,13 +52,7 @@ class Named:
 
 
 def named(campaign: Campaign) -> Named:
-    """Find a campaign's detectors, and refuse those that don't fit its flights.
-
-    Raises
-    ------
-    InputError
-        Where one can't be meant, two have one name, or one is of other sensors than the flights'.
-    """
+    """Find a campaign's detectors, and refuse those that don't fit its flights."""
     detectors: dict[str, Detector | Monitor] = {}
     for source in campaign.detectors:
         if source == OWN:

@@ -20,48 +20,23 @@ from gtmbench.verdict.scope import JUDGED, Scope, asked_sensors
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Asked:
-    """A question about a log.
-
-    Attributes
-    ----------
-    path : Path
-    watcher : Detector or Monitor
-        A monitor watches all of the log; a detector is calibrated on what is healthy first.
-    spans : tuple of (start, end)
-        What of this log is healthy, in seconds, as it was given.
-    others : tuple of Path
-        Other logs, which are healthy.
-    mapping : tuple of str
-    rate_hz, false_alarms_per_hour : float or None
-    attitude : str
-    judge : tuple of str or None
-        The sensors that the verdict speaks for, as they were named; None for the usual ones.
-    limits : tuple of str
-        Sizes that may not hide, as they were typed.
-    judged : float
-        The least share of the time in motion that each is judged for.
-    """
+    """A question about a log."""
 
     path: Path
-    watcher: Detector | Monitor
-    spans: tuple[Span, ...]
-    others: tuple[Path, ...]
+    watcher: Detector | Monitor  # a monitor watches all of the log; a detector is calibrated on what is healthy first
+    spans: tuple[Span, ...]  # what of this log is healthy, in seconds, as it was given
+    others: tuple[Path, ...]  # other logs, which are healthy
     mapping: tuple[str, ...]
     rate_hz: float | None
     false_alarms_per_hour: float | None
     attitude: str
+    # the sensors that the verdict speaks for, as they were named; None for the usual ones
     judge: tuple[str, ...] | None = None
-    limits: tuple[str, ...] = ()
-    judged: float = JUDGED
+    limits: tuple[str, ...] = ()  # sizes that may not hide, as they were typed
+    judged: float = JUDGED  # the least share of the time in motion that each is judged for
 
     def scope(self, there: Sequence[str], usual: Sequence[str], held: Sequence[str]) -> Scope:
-        """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held.
-
-        Raises
-        ------
-        InputError
-            Where a sensor is asked that the log hasn't, or a limit is none.
-        """
+        """Return what is asked of a log with some sensors, of which some are the usual ones; all are those held."""
         sensors = asked_sensors(self.judge, there, usual, held)
         return Scope(sensors=sensors, judged=self.judged).with_limits(self.limits)
 
@@ -89,13 +64,7 @@ def asked(
     limits: Sequence[str] = (),
     judged: float = JUDGED,
 ) -> Asked:
-    """Return what is asked, as `watch_log` takes it.
-
-    Raises
-    ------
-    InputError
-        Where no such detector is there, or a monitor that is ready is asked to be another.
-    """
+    """Return what is asked, as `watch_log` takes it."""
     watcher = prepared(detector)
     if basis_of(watcher).is_whole:
         if healthy:

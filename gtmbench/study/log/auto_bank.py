@@ -26,19 +26,8 @@ def bank_for_logs(
 ) -> tuple[BankDetector, dict[str, str]]:
     """Return the bank that logs allow, and why it doesn't watch which gyros; of gyros alone, one between these.
 
-    Parameters
-    ----------
-    logs : sequence of Path or ReadLog
-        The first is the one that the bank is for.
-    mapping : sequence of str
-        As `open_log` takes it, for all of them.
-    origin : Origin, optional
-        Whether the gyros drive the attitude; without it, as `origin_in_logs` finds it.
-
-    Raises
-    ------
-    InputError
-        Naming a log that can't be read; or the first, where they allow no relation.
+    `logs`: the first is the one that the bank is for. `origin`: whether the gyros drive the attitude; without it, as
+    `origin_in_logs` finds it.
     """
     reads = [read_log(log) for log in logs]
     contents = [log_contents(read, mapping=mapping) for read in reads]

@@ -14,16 +14,10 @@ SENSORS = ("gyro", "accelerometer")
 
 @dataclass(frozen=True, kw_only=True)
 class Beside:
-    """An alarm of ours, and the autopilot's word that stands nearest.
-
-    Attributes
-    ----------
-    alarm : Alarm
-    word : Event or None
-        Of a sensor if there is such a one near, else of an estimator or of the flight; None where there is none near.
-    """
+    """An alarm of ours, and the autopilot's word that stands nearest."""
 
     alarm: Alarm
+    # of a sensor if there is such a one near, else of an estimator or of the flight; None where there is none near
     word: Event | None
 
     @property

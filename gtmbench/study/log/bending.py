@@ -14,7 +14,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.open import open_log
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import Samples
+from gtmbench.intake.samples import ChannelSamples
 from gtmbench.method.time_constant import TimeConstant, time_constant_of
 from gtmbench.study.log.origin import FROM_LOG, origin_in_logs
 from gtmbench.values.attitude import OWN, USUAL_S, AttitudeEstimator, held
@@ -28,7 +28,7 @@ _MOST = 1000  # steps over a gap
 
 
 @dataclass(frozen=True, kw_only=True)
-class Following:
+class AttitudeFollowing:
     """Whether an attitude follows the faults of gyros.
 
     Attributes
@@ -66,50 +66,35 @@ def following_in_log(
     *,
     attitude: str | AttitudeEstimator = FROM_LOG,
     time_constant_s: float | None = None,
-) -> Following:
+) -> AttitudeFollowing:
     """Return whether a log's attitude follows faults of some channels.
 
-    Parameters
-    ----------
-    log : Path or ReadLog
-        Healthy.
-    broken : iterable of str
-        The channels that faults change.
-    mapping : sequence of str
-        As `open_log` takes it.
-    attitude : str or AttitudeEstimator
-        "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is; "auto": it
-        follows where the gyros drive it (`origin_in_logs`).
-    time_constant_s : float, optional
-        Of the estimator; without it the log's own, where that shows (`time_constant_in_log`), else 5 s.
-
-    Raises
-    ------
-    InputError
-        Where the log can't be read, or the attitude is to follow and can't.
+    `attitude`: "follows", or "follows:2.5" with a time constant of 2.5 s, or an estimator; "own": it stays as it is;
+    "auto": it follows where the gyros drive it (`origin_in_logs`). `time_constant_s`: of the estimator; without it the
+    log's own, where that shows (`time_constant_in_log`), else 5 s.
     """
     kind, told = _named_estimator(attitude, time_constant_s)
     if kind == OWN:
-        return Following(estimator=None, why=_TOLD)
+        return AttitudeFollowing(estimator=None, why=_TOLD)
     read = read_log(log)
     why_not = _why_not(read, broken, mapping)
     if why_not and kind == FOLLOWS:
         raise InputError(f"{read.path}: no attitude can follow, for {why_not}; leave 'follows' out")
     if why_not:
-        return Following(estimator=None, why=why_not)
+        return AttitudeFollowing(estimator=None, why=why_not)
     why = _TOLD
     if kind == FROM_LOG:
         origin = origin_in_logs([read], mapping, spans=[(-math.inf, math.inf)])
         if not origin.is_driven:
-            return Following(estimator=None, why=f"the gyros don't drive it: {origin.why}")
+            return AttitudeFollowing(estimator=None, why=f"the gyros don't drive it: {origin.why}")
         why = f"assumed, {origin.why}" if origin.is_assumed else origin.why
     if told is not None:
-        return Following(estimator=told, why=why, time_constant="as given")
+        return AttitudeFollowing(estimator=told, why=why, time_constant="as given")
     found = time_constant_in_log(read, mapping)
     if found is None:
-        return Following(estimator=AttitudeEstimator(time_constant_s=USUAL_S), why=why, time_constant="assumed")
+        return AttitudeFollowing(estimator=AttitudeEstimator(time_constant_s=USUAL_S), why=why, time_constant="assumed")
     estimator = AttitudeEstimator(time_constant_s=found.time_constant_s)
-    return Following(estimator=estimator, why=why, time_constant=f"the log's own, +-{found.deviation_s:.2g} s")
+    return AttitudeFollowing(estimator=estimator, why=why, time_constant=f"the log's own, +-{found.deviation_s:.2g} s")
 
 
 _TOLD = "it was asked for"
@@ -159,7 +144,7 @@ def time_constant_in_log(log: Path | ReadLog, mapping: Sequence[str] = ()) -> Ti
 
 def bent_samples(
     estimator: AttitudeEstimator,
-    samples: Mapping[str, Samples],
+    samples: Mapping[str, ChannelSamples],
     broken: Mapping[str, FloatArray],
 ) -> dict[str, FloatArray]:
     """Return the attitude's samples as an estimator makes them of broken gyros: theirs, and how far it bends.
@@ -167,12 +152,8 @@ def bent_samples(
     Gyros and attitude are laid on the stamps of all gyros, where the bend is worked out by
     `AttitudeEstimator.bent_path`, and the bend onto the stamps of each angle.
 
-    Parameters
-    ----------
-    samples : mapping
-        Of the gyros and angles that the log has; one that it hasn't counts as zero.
-    broken : mapping
-        Values of the gyros' samples with faults.
+    `samples`: of the gyros and angles that the log has; one that it hasn't counts as zero. `broken`: values of the
+    gyros' samples with faults.
     """
     time_s = _stamps([samples[name] for name in GYROS if name in samples])
 
@@ -195,7 +176,7 @@ def bent_samples(
     return new | {"phi": _within_a_turn(new["phi"])}
 
 
-def _stamps(gyros: Sequence[Samples]) -> FloatArray:
+def _stamps(gyros: Sequence[ChannelSamples]) -> FloatArray:
     """Return the stamps of all gyros, and more in their gaps."""
     time_s = np.unique(np.concatenate([each.time_s for each in gyros]))
     period_s = min(each.sample_period_s for each in gyros)

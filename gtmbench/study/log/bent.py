@@ -17,8 +17,6 @@ BENT = "a gyro that drives the attitude may have bent it, and the monitor was ca
 def are_bent(faults: Sequence[Alarm]) -> list[bool]:
     """Tell of all faults of a flight so far, by their first alarms, which accuse a sensor but may not be believed.
 
-    Examples
-    --------
     >>> first, second = (Alarm(number=k, time_s=10.0 + k, onset_s=10.0 + k, source="pq"[k]) for k in (0, 1))
     >>> are_bent([first, second])
     [False, True]

@@ -48,20 +48,12 @@ _JUDGED_S = 10.5  # after the alarm: when a fault that is to be named has been
 
 
 @dataclass(frozen=True, kw_only=True)
-class Kind:
-    """A kind of fault that is tried, by one parameter.
-
-    Attributes
-    ----------
-    fault : type of Fault
-    shape : Shape
-    within_s : float
-        How long after its onset it has to alarm.
-    """
+class TriedKind:
+    """A kind of fault that is tried, by one parameter."""
 
     fault: type[Fault]
     shape: Shape
-    within_s: float = 10.0
+    within_s: float = 10.0  # how long after its onset it has to alarm
 
     def at(self, sensor: str, onset_s: float, size: float, *, is_turned: bool) -> Fault:
         """Return the fault of a size, upwards or, where it has two directions and is turned, downwards.
@@ -86,10 +78,10 @@ class Kind:
         return most / within_s if self.shape.how == "linear" and grows(self.fault) else most
 
 
-def kinds() -> tuple[Kind, ...]:
+def kinds() -> tuple[TriedKind, ...]:
     """Return the kinds that certificates have, by what their classes say; noise, which adds no shape, last."""
     found = [
-        Kind(fault=cls, shape=cls.shape, within_s=cls.typical.certified_s)
+        TriedKind(fault=cls, shape=cls.shape, within_s=cls.typical.certified_s)
         for cls in loaded_faults().values()
         if cls.shape is not None and cls.typical is not None and cls.typical.certified_s is not None
     ]
@@ -97,33 +89,21 @@ def kinds() -> tuple[Kind, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Smallest:
-    """The smallest fault of a kind that would have been seen.
-
-    Attributes
-    ----------
-    sensor, kind : str
-    size : float or None
-        In the sensor's unit, of a drift in that per second; of a scale factor, how far it is from 1. None where no size
-        would have been seen often enough.
-    share : float
-        Of the time watched in which one of this size, or of the largest that was tried, would have alarmed.
-    within_s : float
-        How long after its onset.
-    named_from : float or None
-        From which size on it would have been named, too, and no other sensor; None where not up to five times `size`,
-        or not asked for.
-    time_constant_s : float or None
-        Of the estimator through which the fault was put, the worse of those that are plausible; None where the attitude
-        doesn't follow the sensor.
-    """
+class SmallestSeen:
+    """The smallest fault of a kind that would have been seen."""
 
     sensor: str
     kind: str
+    # In the sensor's unit, of a drift in that per second; of a scale factor, how far it is from 1. None where no size
+    # would have been seen often enough.
     size: float | None
-    share: float
-    within_s: float
+    share: float  # of the time watched in which one of this size, or of the largest that was tried, would have alarmed
+    within_s: float  # how long after its onset
+    # from which size on it would have been named, too, and no other sensor; None where not up to five times `size`, or
+    # not asked for
     named_from: float | None = None
+    # of the estimator through which the fault was put, the worse of those that are plausible; None where the attitude
+    # doesn't follow the sensor
     time_constant_s: float | None = None
 
     @property
@@ -134,29 +114,15 @@ class Smallest:
 
 @dataclass(frozen=True, kw_only=True)
 class Certificate:
-    """What a monitor would have seen on a log.
+    """What a monitor would have seen on a log."""
 
-    Attributes
-    ----------
-    rows : tuple of Smallest
-        One a sensor and kind.
-    watched_s : float
-        How long an alarm was possible, of any residual: what shares are of.
-    is_named : bool
-        Whether it was asked what would have been named.
-    missing : str
-        Why there is none, where there are no rows.
-    unwatched : tuple of str
-        What has no row although it may fail, and why, each in a line.
-    """
+    rows: tuple[SmallestSeen, ...] = field(default=(), repr=False)  # one a sensor and kind
+    watched_s: float = 0.0  # how long an alarm was possible, of any residual: what shares are of
+    is_named: bool = False  # whether it was asked what would have been named
+    missing: str = ""  # why there is none, where there are no rows
+    unwatched: tuple[str, ...] = ()  # what has no row although it may fail, and why, each in a line
 
-    rows: tuple[Smallest, ...] = field(default=(), repr=False)
-    watched_s: float = 0.0
-    is_named: bool = False
-    missing: str = ""
-    unwatched: tuple[str, ...] = ()
-
-    def of(self, sensor: str, kind: str) -> Smallest | None:
+    def of(self, sensor: str, kind: str) -> SmallestSeen | None:
         """Return the row of a sensor and a kind; None where there is none."""
         return next((row for row in self.rows if (row.sensor, row.kind) == (sensor, kind)), None)
 
@@ -199,7 +165,7 @@ class _Place:
 class _Trial:
     """A fault of a kind at a place, of whatever size up to the largest that makes sense."""
 
-    kind: Kind
+    kind: TriedKind
     place: _Place
     is_turned: bool
     most: float
@@ -233,18 +199,9 @@ class _Trial:
 def certificate_of(monitor: Monitor | Detector, watches: Sequence[Watch], *, named: bool = False) -> Certificate:
     """Work out what a monitor would have seen on records that it watched.
 
-    Parameters
-    ----------
-    monitor : Monitor or Detector
-        One that predicts sensors, or knows surfaces, or there is no certificate.
-    watches : sequence of Watch
-        Its own.
-    named : bool
-        Whether to watch the records about some onsets anew, too, to say from which size on a fault would have been
-        named: seconds.
+    `monitor`: one that predicts sensors, or knows surfaces, or there is no certificate. `named`: whether to watch the
+    records about some onsets anew, too, to say from which size on a fault would have been named: seconds.
 
-    Examples
-    --------
     >>> from gtmbench.detectors.bank.bank import bank_of
     >>> from gtmbench.detectors.bank_detector import calibrate
     >>> from gtmbench.values.record import Record
@@ -292,8 +249,8 @@ def _of_surfaces(monitor: SurfaceMonitor, watches: Sequence[Watch]) -> Certifica
         offset, loss = max(each.offset for each in least), max(each.loss for each in least)
         seen = SHARE if loss <= 1.0 else min(each.lost_seen for each in least)
         rows += [
-            Smallest(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
-            Smallest(
+            SmallestSeen(sensor=surface, kind=Bias.kind, size=offset, share=SHARE, within_s=within_s),
+            SmallestSeen(
                 sensor=surface,
                 kind=ScaleFactor.kind,
                 size=loss if loss <= 1.0 else None,
@@ -317,8 +274,8 @@ def _estimators(monitor: PredictingMonitor, sensor: str) -> tuple[AttitudeEstima
 
 
 def _trials(
-    monitor: PredictingMonitor, watches: Sequence[Watch], sensor: str, kinds: Sequence[Kind]
-) -> dict[Kind, list[list[_Trial]]]:
+    monitor: PredictingMonitor, watches: Sequence[Watch], sensor: str, kinds: Sequence[TriedKind]
+) -> dict[TriedKind, list[list[_Trial]]]:
     """Return a sensor's trials by kind, on its own residual, put through each of the estimators that may bend it.
 
     No kind has any where too little was watched.
@@ -365,7 +322,7 @@ def _places(
     ]
 
 
-def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> Smallest:
+def _hardest(tried: Sequence[Sequence[_Trial]], *, named: bool) -> SmallestSeen:
     """Return the smallest fault of the estimator through which that is the largest."""
     row, trials = _smallest(tried[0]), tried[0]
     for others in tried[1:]:
@@ -405,7 +362,7 @@ def _onsets(watches: Sequence[Watch], within_s: float) -> list[tuple[int, int]]:
     return onsets
 
 
-def _smallest(trials: Sequence[_Trial]) -> Smallest:
+def _smallest(trials: Sequence[_Trial]) -> SmallestSeen:
     """Return the size that is seen in so many of some trials: that of the hardest but a few.
 
     What is seen at a smaller size is taken to be seen at a larger one.
@@ -424,7 +381,7 @@ def _smallest(trials: Sequence[_Trial]) -> Smallest:
     largest = trials[0].most
     seen = [trial for i, trial in enumerate(trials) if i not in harder and (size is not None or trial.is_seen(largest))]
     on = trials[0].place.on
-    return Smallest(
+    return SmallestSeen(
         sensor=on.sensor,
         kind=trials[0].kind.fault.kind,
         size=size,

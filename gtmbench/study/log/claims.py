@@ -44,17 +44,8 @@ def of_alarm(
 ) -> Iterator[Claim]:
     """Give what an alarm claims, until its end, or the log's; one of an excursion alone, until that ends.
 
-    Parameters
-    ----------
-    alarm : Alarm
-    end_s : float
-        The log's.
-    concerned : sequence of str
-        The sensors that its statistic depends on, which are meant where it names nobody.
-    watched_imu : str
-        The IMU whose gyros p, q and r are; "" where a log has one.
-    excursions : sequence of Excursion
-        Of the log.
+    `concerned`: the sensors that its statistic depends on, which are meant where it names nobody. `watched_imu`: the
+    IMU whose gyros p, q and r are; "" where a log has one.
     """
     last, since_s = alarm.last, min(began_s(alarm), alarm.time_s)
     until_s = end_s if alarm.ended_s is None else max(alarm.ended_s, alarm.time_s)
@@ -93,15 +84,7 @@ def _of_imu(sensor: str, imu: str, watched_imu: str) -> str:
 def of_check(check: SelfCheck, span_s: Span, sensors: Sequence[str], whole: Collection[str] = ()) -> Iterator[Claim]:
     """Give what the self-check claims: where it stops, no sensor is judged; a doubt is of those that it names.
 
-    Parameters
-    ----------
-    check : SelfCheck
-    span_s : (start, end)
-        The log's.
-    sensors : sequence of str
-        That the log has.
-    whole : collection of str
-        Those that are judged by all of the log: what holds for a part that is learnt from says nothing of them.
+    `whole`: those that are judged by all of the log: what holds for a part that is learnt from says nothing of them.
     """
     causes = list(dict.fromkeys(cause.text for cause in check.causes))
     if causes:

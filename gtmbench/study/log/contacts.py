@@ -22,14 +22,7 @@ _FLIES_ON_S = 10  # seconds in which it turns, watched and without an alarm
 
 
 def crash_of(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> Excursion | None:
-    """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does.
-
-    Parameters
-    ----------
-    watches : sequence of Watch
-    excursions : sequence of Excursion
-        Of the whole log.
-    """
+    """Return the first hard contact, or failure, after which the aircraft doesn't fly on; None where it always does."""
     return min(_crashes(watches, excursions), key=lambda each: each.start_s, default=None)
 
 
@@ -37,7 +30,7 @@ def _crashes(watches: Sequence[Watch], excursions: Sequence[Excursion]) -> list[
     """Return the hard contacts, and the failures that an autopilot tells of, after which the aircraft doesn't fly."""
     hard = [each for each in excursions if each.reason == FAILURE or (each.is_hard and each.reason in CONTACTS)]
     flown_s = _flown_s(watches) if hard else np.zeros(0)
-    return [each for each in hard if not _flies_on(flown_s, each.end_s)]
+    return [each for each in hard if np.count_nonzero(flown_s >= each.end_s) < _FLIES_ON_S]
 
 
 def _flown_s(watches: Sequence[Watch]) -> FloatArray:
@@ -49,8 +42,3 @@ def _flown_s(watches: Sequence[Watch]) -> FloatArray:
             rows = np.searchsorted(watch.record.time_s, seconds_s)
             times_s.append(seconds_s[(turning > LIVELY_DEG_S) & watch.armed[rows]])
     return np.concatenate(times_s)
-
-
-def _flies_on(flown_s: FloatArray, start_s: float, end_s: float = np.inf) -> bool:
-    """Tell whether it flew for long enough between two times."""
-    return int(np.count_nonzero((flown_s >= start_s) & (flown_s < end_s))) >= _FLIES_ON_S

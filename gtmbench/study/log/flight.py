@@ -28,17 +28,7 @@ def flight_of_log(
 ) -> Flight:
     """Return the flight of a log: sample by sample; as it was opened where a channel has no samples of its own.
 
-    Parameters
-    ----------
-    read : ReadLog
-    mapping : sequence of str
-        As `open_log` takes it.
-    moving : FlightLog
-        The log with gyros and attitude.
-    readings : mapping of channel to Samples
-        Of its other sensors: the accelerometers are taken from them.
-    origin : Origin
-        Whether the gyros drive the attitude.
+    `readings`: of its other sensors: the accelerometers are taken from them.
     """
     own = None
     if f"psi={NONE}" not in mapping:

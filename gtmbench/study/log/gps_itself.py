@@ -52,14 +52,7 @@ def gps_alarms(
 ) -> tuple[Alarm, ...]:
     """Return an alarm for each fix that a GPS lost and each jump of its velocity, in time; some with a doubt.
 
-    Parameters
-    ----------
-    sensors : sequence of SensorReadings
-        Those of a log.
-    moving : sequence of Record
-        The log, with p, q, r, phi, theta and psi.
-    excursions : sequence of Excursion
-        Contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
+    `excursions`: contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
     whole = [each.select((*GYROS, *ATTITUDE)) for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
     if not whole:

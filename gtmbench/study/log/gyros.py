@@ -22,24 +22,13 @@ _SPREAD = np.sqrt(70.0)  # of that difference of white noise of deviation 1: 1, 
 
 @dataclass(frozen=True, kw_only=True)
 class GyroFigures:
-    """A gyro on a flight, in deg/s; None where the log doesn't tell.
+    """A gyro on a flight, in deg/s; None where the log doesn't tell."""
 
-    Attributes
-    ----------
-    name : str
-        p, q or r.
-    residual_rms : float or None
-        Of the monitor's residual, where an alarm was possible.
-    bias : float or None
-        By how much it reads more than the attitude turns: the median over blocks of 10 s.
-    noise : float or None
-        What it reads from sample to sample beyond slow motion, vibration included: fourth differences, as a deviation,
-        the median over blocks of 10 s. Of logs of one rate only it can be compared.
-    """
-
-    name: str
-    residual_rms: float | None
-    bias: float | None
+    name: str  # p, q or r
+    residual_rms: float | None  # of the monitor's residual, where an alarm was possible
+    bias: float | None  # by how much it reads more than the attitude turns: the median over blocks of 10 s
+    # What it reads from sample to sample beyond slow motion, vibration included: fourth differences, as a deviation,
+    # the median over blocks of 10 s. Of logs of one rate only it can be compared.
     noise: float | None
 
 

@@ -18,13 +18,7 @@ _ON_EDGE = 0.1  # of cos phi cos theta: below, r says nothing of the heading
 
 
 def no_heading(log: FlightLog) -> str:
-    """Say why a log's heading is of no use: it never moves while bank or pitch do, or hardly is there; "" where it is.
-
-    Parameters
-    ----------
-    log : FlightLog
-        With phi, theta and psi.
-    """
+    """Say why a log's heading is of no use: it never moves while bank or pitch do, or hardly is there; "" if of use."""
     angles = np.concatenate([record.matrix(ATTITUDE) for record in log.segments])
     known = np.isfinite(angles)
     counts = known.sum(axis=0)
@@ -39,13 +33,6 @@ def no_heading(log: FlightLog) -> str:
 def with_heading(record: Record) -> Record:
     """Return a record with the heading, in deg, that its r, phi and theta make; it begins with 0.
 
-    Parameters
-    ----------
-    record : Record
-        With r, phi and theta, without psi.
-
-    Examples
-    --------
     >>> turning = Record([[6.0, 0.0, 0.0]] * 101, channels=["r", "phi", "theta"], sample_period_s=0.1)
     >>> with_heading(turning)["psi"][[1, 50]].round(9)
     array([ 0.6, 30. ])

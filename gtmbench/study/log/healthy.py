@@ -18,25 +18,14 @@ from gtmbench.verdict.timeline import Claim
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Healthy:
-    """What is healthy of opened logs.
-
-    Attributes
-    ----------
-    opened : Opened
-    spans : tuple of (start, end)
-        Of the log that is watched; none where a monitor is ready, or other logs were given.
-    stretches : Stretches or None
-        What is learnt from; None where a monitor is ready, or nothing is learnt.
-    findings : tuple of str
-    doubt : str
-        Why silence says nothing, where a mishap leaves no better choice; "" where one is.
-    """
+    """What is healthy of opened logs."""
 
     opened: Opened
-    spans: tuple[Span, ...]
+    spans: tuple[Span, ...]  # of the log that is watched; none where a monitor is ready, or other logs were given
+    # what is learnt from; None where a monitor is ready, or nothing is learnt
     stretches: Stretches | None = field(repr=False)
     findings: tuple[str, ...]
-    doubt: str = ""
+    doubt: str = ""  # why silence says nothing, where a mishap leaves no better choice; "" where one is
 
     @property
     def parts(self) -> list[Part]:
@@ -60,16 +49,7 @@ def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
 
     Where the engine accuses anybody, nothing is learnt.
 
-    Parameters
-    ----------
-    opened : Opened
-    broken_s : sequence of (start, end)
-        Where somebody else accuses.
-
-    Raises
-    ------
-    InputError
-        Where that holds nothing of the log, or too little.
+    `broken_s`: where somebody else accuses.
     """
     if is_ready(opened.watcher) or basis_of(opened.watcher).is_whole:
         return Healthy(opened=opened, spans=(), stretches=None, findings=opened.findings)

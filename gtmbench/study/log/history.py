@@ -20,11 +20,7 @@ from gtmbench.verdict.timeline import State
 def entry_of(watched: WatchedLog, aircraft_id: str = "") -> Entry:
     """Return what a history keeps of a watched log.
 
-    Parameters
-    ----------
-    watched : WatchedLog
-    aircraft_id : str
-        Whose flight it is; by default what the log says, or its folder.
+    `aircraft_id`: whose flight it is; by default what the log says, or its folder.
     """
     judged = None if watched.check.stops else watched.judged
     return Entry(
@@ -38,13 +34,7 @@ def entry_of(watched: WatchedLog, aircraft_id: str = "") -> Entry:
 
 
 def beside_history(watched: WatchedLog, history: Path, aircraft_id: str = "") -> WatchedLog:
-    """Return a watched log as it is judged beside the flights of its airframe in a file, or in a folder of logs.
-
-    Raises
-    ------
-    InputError
-        Where the file isn't a history, or is damaged.
-    """
+    """Return a watched log as it is judged beside the flights of its airframe in a file, or in a folder of logs."""
     standing = stood(read_history(history_file(history)), entry_of(watched, aircraft_id))
     return replace(watched, beside=standing)
 
@@ -52,10 +42,7 @@ def beside_history(watched: WatchedLog, history: Path, aircraft_id: str = "") ->
 def entered(watched: WatchedLog, history: Path) -> bool:
     """Enter a log that was judged beside a history; return whether it is new there.
 
-    Raises
-    ------
-    InputError
-        Where it wasn't judged beside one, or the file can't be written.
+    Raises InputError where it wasn't judged beside one, or the file can't be written.
     """
     if watched.beside is None:
         raise InputError(f"{watched.log.path} was not judged beside a history; give one to watch_log")

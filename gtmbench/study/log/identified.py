@@ -47,14 +47,7 @@ RESIDUAL = f"their residuals are more than {_BEYOND:g} times what such motion le
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """A span of a log that isn't identified on.
-
-    Attributes
-    ----------
-    log : Path
-    span : Span
-    why : str
-    """
+    """A span of a log that isn't identified on."""
 
     log: Path
     span: Span
@@ -63,18 +56,10 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretches:
-    """What is identified on.
-
-    Attributes
-    ----------
-    records : tuple of Record
-    logs : tuple of FlightLog
-        The log of each.
-    left_out : tuple of LeftOut
-    """
+    """What is identified on."""
 
     records: tuple[Record, ...]
-    logs: tuple[FlightLog, ...]
+    logs: tuple[FlightLog, ...]  # the log of each
     left_out: tuple[LeftOut, ...] = ()
 
     @property
@@ -122,11 +107,6 @@ def healthy_stretches(
     """Return the stretches of some logs between pauses, and a word on those that are too short beside the longest.
 
     Too short is a fifth of it, or what a bank isn't calibrated on, 5 s.
-
-    Raises
-    ------
-    InputError
-        Where nothing is left between pauses.
     """
     found: list[tuple[Record, FlightLog]] = []
     for log, records in parts:
@@ -152,16 +132,6 @@ def undisturbed(detector: Detector, stretches: Stretches) -> Stretches:
     First goes what logs tell by events: what is about an estimator's reset, and on the ground where a minute of flight
     is left. Then the bank is identified, and blocks go whose residual is large beside what the same motion leaves
     elsewhere. At most a third of the samples goes, and no more than half of the motion.
-
-    Parameters
-    ----------
-    detector : Detector
-    stretches : Stretches
-
-    Raises
-    ------
-    InputError
-        Where one is too short.
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
     if bank is None or not _kinematic(bank):
@@ -186,12 +156,6 @@ def stands_out(detector: Detector, log: FlightLog, spans: Sequence[Span]) -> boo
     """Tell whether in some spans of a log a residual is large beside what the same motion leaves elsewhere about them.
 
     Three times so is little, and says no more than that somebody should look there who wasn't learnt on it.
-
-    Parameters
-    ----------
-    detector : Detector
-    log : FlightLog
-    spans : sequence of (start, end)
     """
     bank = detector.bank if isinstance(detector, BankDetector) else None
     if bank is None or not _kinematic(bank):
@@ -314,19 +278,9 @@ def ratios(residuals: FloatArray, motion: FloatArray) -> FloatArray:
     A model errs in proportion to motion: what less motion leaves is scaled up, what more motion leaves isn't scaled
     down.
 
-    Parameters
-    ----------
-    residuals : shape (blocks, outputs)
-        RMS values.
-    motion : shape (blocks,)
+    `residuals`: RMS values, shape (blocks, outputs); the ratio of a block is that of the output for which it is
+    largest. `motion`: shape (blocks,).
 
-    Returns
-    -------
-    shape (blocks,)
-        Of the output for which it is largest.
-
-    Examples
-    --------
     >>> ratios(np.array([[1.0], [1.0], [2.0], [9.0], [1.0], [1.0], [1.0]]), np.array([1.0, 1, 2, 1, 1, 1, 1]))
     array([1., 1., 1., 9., 1., 1., 1.])
     """

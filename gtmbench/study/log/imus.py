@@ -36,7 +36,7 @@ ImuSamples = Mapping[str, Sequence[Samples]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class ImuClaims:
     """What is told of the IMUs beside the one that is watched: claims of their gyros, and sentences."""
 
     claims: tuple[Claim, ...] = ()
@@ -73,7 +73,7 @@ def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[
     return found, beyond
 
 
-def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
+def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> ImuClaims:
     """Return where the gyros of other IMUs are clear, beside all that failed, and how they are mounted."""
     failures: dict[str, list[Failure]] = {}
     for sensor, span in claims:
@@ -83,20 +83,20 @@ def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> Told:
         _judged(judged, imu, failures) if imu.mounting.is_along_axes else _askew(judged, imu)
         for imu in judged.flight.imus
     ]
-    return Told(
+    return ImuClaims(
         claims=tuple(claim for each in told for claim in each.claims),
         lines=tuple(line for each in told for line in each.lines),
     )
 
 
-def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> Told:
+def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> ImuClaims:
     flight = judged.flight.by(imu)
     own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.columns, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
     said = hindsight_of(flight.blocks, is_driven=flight.is_driven, is_sure=False, failures=own | beside)
     claims = tuple((name, span) for gyro, name in zip(GYROS, imu.columns, strict=True) for span in said.claims[gyro])
     lines = (*_installed(judged, imu), *(f"{imu.name}: {change.text}." for change in said.changes))
-    return Told(claims=claims, lines=lines)
+    return ImuClaims(claims=claims, lines=lines)
 
 
 def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
@@ -117,14 +117,14 @@ def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
         yield f"{imu.name} is {1e3 * abs(late_s):.0f} ms {'late' if late_s > 0.0 else 'early'}."
 
 
-def _askew(judged: Judged, imu: Imu) -> Told:
+def _askew(judged: Judged, imu: Imu) -> ImuClaims:
     """Return what is told of an IMU whose axes lie along none of the aircraft's."""
     span_s = judged.flight.blocks.start_s, judged.flight.blocks.end_s
     reason, to_do = f"is mounted turned by {imu.mounting.turned_deg:.0f} deg", "give its columns with --map to judge it"
     if imu.mounting.is_reflected:
         reason, to_do = _REFLECTED, "its columns, or their signs, are wrong"
     claims = tuple((name, unjudged(span_s, f"{imu.name} {reason}")) for name in imu.channels)
-    return Told(claims=claims, lines=(f"{imu.name} {reason}; {to_do}.",))
+    return ImuClaims(claims=claims, lines=(f"{imu.name} {reason}; {to_do}.",))
 
 
 def is_contradicted(alarm: Alarm, judged: Judged | None) -> bool:

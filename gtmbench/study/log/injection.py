@@ -14,7 +14,7 @@ from gtmbench.files.disk import atomic_write
 from gtmbench.intake.contents import log_contents
 from gtmbench.intake.formats.registry import is_written
 from gtmbench.intake.read import ReadLog, read_log
-from gtmbench.intake.samples import Samples, log_samples, write_samples, write_table
+from gtmbench.intake.samples import ChannelSamples, log_samples, write_samples, write_table
 from gtmbench.study.log.bending import bent_samples, following_in_log
 from gtmbench.study.log.origin import FROM_LOG
 from gtmbench.values.attitude import AttitudeEstimator
@@ -164,7 +164,7 @@ def left_out(log: ReadLog, mapping: Sequence[str] = ()) -> tuple[str, ...]:
 
 
 def _all_broken(
-    faults: Sequence[Fault], samples: Mapping[str, Samples], values: Mapping[str, FloatArray]
+    faults: Sequence[Fault], samples: Mapping[str, ChannelSamples], values: Mapping[str, FloatArray]
 ) -> dict[str, FloatArray]:
     """Return the values of all samples with faults, each of which acts on what those before it left."""
     broken = dict(values)
@@ -173,7 +173,7 @@ def _all_broken(
     return broken
 
 
-def _broken(fault: Fault, samples: Mapping[str, Samples], values: Mapping[str, FloatArray]) -> FloatArray:
+def _broken(fault: Fault, samples: Mapping[str, ChannelSamples], values: Mapping[str, FloatArray]) -> FloatArray:
     own = samples[fault.channel]
     readings = [_held(samples[name].time_s, values[name], own.time_s) for name in fault.reads[1:]]
     return fault.broken(np.column_stack([values[fault.channel], *readings]), own.time_s, own.sample_period_s)
@@ -184,14 +184,14 @@ def _held(time_s: FloatArray, values: FloatArray, at_s: FloatArray) -> FloatArra
     return values[np.maximum(np.searchsorted(time_s, at_s, side="right") - 1, 0)]
 
 
-def _check_apart(changed: Mapping[str, Samples]) -> None:
+def _check_apart(changed: Mapping[str, ChannelSamples]) -> None:
     columns = [each.chosen.series.name for each in changed.values()]
     twice = next((name for name in columns if columns.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"column '{twice}' is mapped to {' and '.join(changed)}, and both break; map one of them")
 
 
-def _check_onset(fault: Fault, samples: Samples, log: Path) -> None:
+def _check_onset(fault: Fault, samples: ChannelSamples, log: Path) -> None:
     first_s, last_s = samples.span_s
     if not first_s - 1e-9 <= fault.onset_s <= last_s + 1e-9:
         raise InputError(
@@ -200,7 +200,7 @@ def _check_onset(fault: Fault, samples: Samples, log: Path) -> None:
         )
 
 
-def _changed(samples: Samples, values: FloatArray) -> ChangedColumn:
+def _changed(samples: ChannelSamples, values: FloatArray) -> ChangedColumn:
     cells = samples.cells(values)
     times_s = samples.time_s[np.isin(samples.rows, cells.rows)]
     return ChangedColumn(

@@ -29,30 +29,15 @@ _R = "r"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Learnt:
-    """A monitor for an opened log.
-
-    Attributes
-    ----------
-    opened : Opened
-    monitor : Monitor or Detector
-        The detector where the check stopped it before it was calibrated.
-    identified_s : tuple of (start, end)
-        The spans of the log that it was learnt on.
-    before : Record or None
-        The last of them: the noise that was there before watching begins.
-    check : SelfCheck
-        Where it stops, nothing is watched.
-    left_out : tuple of LeftOut
-        What of what is healthy wasn't learnt from.
-    findings : tuple of str
-    """
+    """A monitor for an opened log."""
 
     opened: Opened
-    monitor: Monitor | Detector
-    identified_s: tuple[Span, ...] = ()
+    monitor: Monitor | Detector  # the detector where the check stopped it before it was calibrated
+    identified_s: tuple[Span, ...] = ()  # the spans of the log that it was learnt on
+    # the last of them: the noise that was there before watching begins
     before: Record | None = field(default=None, repr=False)
-    check: SelfCheck = field(default=SelfCheck(), repr=False)
-    left_out: tuple[LeftOut, ...] = ()
+    check: SelfCheck = field(default=SelfCheck(), repr=False)  # where it stops, nothing is watched
+    left_out: tuple[LeftOut, ...] = ()  # what of what is healthy wasn't learnt from
     findings: tuple[str, ...]
 
 
@@ -60,11 +45,6 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
     """Calibrate a detector on what is healthy, where the wiring of that is as it should be.
 
     Where r can't be explained, either it or the heading is wrong: p and q are watched without the heading.
-
-    Raises
-    ------
-    InputError
-        Where that is too little, or doesn't allow the false-alarm rate.
     """
     found = _learnt(healthy, progress)
     question = healthy.opened.asked

@@ -57,35 +57,18 @@ class Kept(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Watching:
-    """How every log of a fleet is watched: what `watch_log` takes beside the log.
-
-    Attributes
-    ----------
-    detector : Detector, Monitor, Bank, or what names one
-    healthy : tuple of (start, end) or Path
-        Spans of each log, or other logs.
-    mapping : tuple of str
-    rate_hz, false_alarms_per_hour : float or None
-    attitude : str
-        Whether the gyros drive it, as `watch_log` takes it.
-    judge : str or None
-        The sensors that are asked, such as ``p,q,r``; None for the usual ones.
-    limits : tuple of str
-        The sizes that have to show, as `watch_log` takes them.
-    limit_s : float
-        How long one log may take.
-    """
+class FleetQuestion:
+    """How every log of a fleet is watched: what `watch_log` takes beside the log."""
 
     detector: Any = AUTO
-    healthy: tuple[Span | Path, ...] = ()
+    healthy: tuple[Span | Path, ...] = ()  # spans of each log, or other logs
     mapping: tuple[str, ...] = ()
     rate_hz: float | None = None
     false_alarms_per_hour: float | None = None
-    attitude: str = FROM_LOG
-    judge: str | None = None
-    limits: tuple[str, ...] = ()
-    limit_s: float = LIMIT_S
+    attitude: str = FROM_LOG  # whether the gyros drive it, as `watch_log` takes it
+    judge: str | None = None  # the sensors that are asked, such as ``p,q,r``; None for the usual ones
+    limits: tuple[str, ...] = ()  # the sizes that have to show, as `watch_log` takes them
+    limit_s: float = LIMIT_S  # how long one log may take
 
     @property
     def how(self) -> dict[str, Any]:
@@ -93,12 +76,7 @@ class Watching:
         return {each.name: getattr(self, each.name) for each in fields(self) if each.name != "limit_s"}
 
     def check(self) -> None:
-        """Refuse what would be refused of every log.
-
-        Raises
-        ------
-        InputError
-        """
+        """Refuse what would be refused of every log."""
         prepared(self.detector)
         split_mapping(self.mapping)
         check_attitude(self.attitude)
@@ -151,21 +129,10 @@ def _logs_at(address: str) -> list[str]:
 def logs_in(sources: Sequence[str | Path], *, apart: Sequence[Path] = ()) -> tuple[Path, ...]:
     """Return the logs that folders, patterns and paths mean, each once; those of a folder in the order of their names.
 
-    Parameters
-    ----------
-    sources : sequence of str or Path
-        A folder stands for all logs in it and in its folders: files that are named, or begin, as one, but nothing
-        hidden, and no results of a fleet or campaign. ``**`` in a pattern goes through folders.
-    apart : sequence of Path
-        Logs that aren't meant, for they serve as healthy.
+    `sources`: a folder stands for all logs in it and in its folders: files that are named, or begin, as one, but
+    nothing hidden, and no results of a fleet or campaign. ``**`` in a pattern goes through folders. `apart`: logs that
+    aren't meant, for they serve as healthy. Raises InputError where there are none, or more than 20,000.
 
-    Raises
-    ------
-    InputError
-        Where there are none, or more than 20,000.
-
-    Examples
-    --------
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     for name in ("flight_10.csv", "flight_9.csv", "notes.txt"):
@@ -228,7 +195,7 @@ def _in_order(path: Source) -> list[tuple[bool, int, str]]:
 
 def conduct(
     logs: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     out: Path,
     *,
     row: Callable[[WatchedLog], Kept],
@@ -242,36 +209,9 @@ def conduct(
 ) -> Parts:
     """Watch every log that isn't in the folder yet, and return its parts; logs that are new follow those it has.
 
-    Parameters
-    ----------
-    logs : sequence of Path, or str for an object's address
-    watching : Watching
-    out : Path
-        The folder of the parts; made where there is none.
-    row : callable
-        What is kept of a watched log, picklable.
-    keep : callable
-        Given a log and its page, here, before its row is a part.
-    columns : mapping
-        Of a row; among them task, log, outcome and error, which a log that couldn't be watched has.
-    jobs : int
-        Processes. The caller's main module is imported by each of them, so a script needs its
-        ``if __name__ == "__main__":``.
-    scheduler : str, optional
-        Of a Dask cluster, which does the work instead: workers read the logs, by paths that they share or addresses.
-    tls : Path, optional
-        The folder of its certificates.
-    resume : bool
-        Whether the folder may hold parts already.
-    progress : callable
-        Told the step, how many are done, and of how many.
-
-    Raises
-    ------
-    InputError
-        Where no log could be watched so, or the folder is of another fleet, or in use.
-    GtmbenchError
-        Where it ends before its end; what is finished stays.
+    `row`: what is kept of a watched log, picklable. `keep`: given a log and its page, here, before its row is a part.
+    `columns`: of a row; among them task, log, outcome and error, which a log that couldn't be watched has. `scheduler`:
+    of a Dask cluster, which does the work instead: workers read the logs, by paths that they share or addresses.
     """
     watching.check()
     whole("jobs", jobs, 1, 1000)
@@ -297,7 +237,7 @@ def conduct(
 
 def _made(
     logs: Sequence[Source],
-    watching: Watching,
+    watching: FleetQuestion,
     row: Callable[[WatchedLog], Kept],
     jobs: int,
     scheduler: str | None,
@@ -336,7 +276,7 @@ def _check_rows(out: Path) -> None:
         )
 
 
-def _kept_of(log: Source, *, watching: Watching, row: Callable[[WatchedLog], Kept]) -> Kept:
+def _kept_of(log: Source, *, watching: FleetQuestion, row: Callable[[WatchedLog], Kept]) -> Kept:
     """Return what is kept of a log, or why it couldn't be watched: whatever goes wrong in one is its own."""
     try:
         with fetched(log) if isinstance(log, str) else nullcontext(log) as path:

@@ -29,19 +29,11 @@ _FLOWN_S = 5  # of motion, before which no flight can have failed
 
 @dataclass(frozen=True, kw_only=True)
 class Mishap:
-    """When a flight comes to grief, with some seconds about it, and what shows it.
-
-    Attributes
-    ----------
-    span : (start, end)
-    text : str
-    is_told : bool
-        Whether the autopilot tells of it: nobody may just have carried the aircraft.
-    """
+    """When a flight comes to grief, with some seconds about it, and what shows it."""
 
     span: Span
     text: str
-    is_told: bool
+    is_told: bool  # whether the autopilot tells of it: nobody may just have carried the aircraft
 
 
 def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, ...]:
@@ -49,15 +41,8 @@ def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, 
 
     What an autopilot finds before it takes off, as an estimator that isn't ready, is none.
 
-    Parameters
-    ----------
-    events : sequence of Event
-        What the log says of its flight.
-    moving : sequence of Record
-        The log with gyros and attitude; without accelerometers nothing tells that it lies.
+    `moving`: the log with gyros and attitude; without accelerometers nothing tells that it lies.
 
-    Examples
-    --------
     >>> force = np.array([[0.0, 0.0, 1.0]] * 600 + [[0.0, -1.0, 0.0]] * 100)
     >>> record = Record(force, channels=["nx", "ny", "nz"], sample_period_s=0.1)
     >>> [(each.span, each.text) for each in mishaps([], [record])]
@@ -85,12 +70,6 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
     It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
     flying part of what comes after; then the flight that failed is not watched. That is so, too, where an autopilot
     tells of a failure before what is taken.
-
-    Parameters
-    ----------
-    log : FlightLog
-    moving : sequence of Record
-        The log with gyros and attitude.
     """
     usual = part = flying_part(log, moving)
     lively_s, doubt, held = lively_seconds(moving), "", ""
@@ -115,20 +94,8 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
 def clear_parts(log: FlightLog, moving: Sequence[Record], part: Span, broken: Sequence[Span]) -> tuple[Span, ...]:
     """Return a part of a log without what is broken of it, and as much motion more behind it as it lost by that.
 
-    Parameters
-    ----------
-    log : FlightLog
-    moving : sequence of Record
-        The log with gyros and attitude.
-    part : (start, end)
-        What would be taken if nothing were broken.
-    broken : sequence of (start, end)
-        Where a sensor failed.
-
-    Returns
-    -------
-    tuple of (start, end)
-        None where what is left is too little to learn from.
+    `part`: what would be taken if nothing were broken. `broken`: where a sensor failed. It returns no spans where what
+    is left is too little to learn from.
     """
     touching = [span for span in broken if span[0] < part[1] and span[1] > part[0]]
     if not touching:

@@ -48,17 +48,11 @@ _FASTEST_HZ = 100.0  # at which anything is identified: faster logs are brought 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OpenedLog:
-    """A log with a watcher's channels.
-
-    Attributes
-    ----------
-    log : FlightLog
-    motion : FlightLog or None
-        The same with its gyros and whole attitude, on the same clock, the heading by r where the log has none; None
-        where the watcher rests on no motion, or the log hasn't all of it.
-    """
+    """A log with a watcher's channels."""
 
     log: FlightLog
+    # the same with its gyros and whole attitude, on the same clock, the heading by r where the log has none; None where
+    # the watcher rests on no motion, or the log hasn't all of it
     motion: FlightLog | None = field(repr=False)
 
     def part(self, spans: Sequence[Span]) -> Part:
@@ -72,70 +66,38 @@ class OpenedLog:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Opened:
-    """A log and the healthy ones, opened for who watches.
-
-    Attributes
-    ----------
-    asked : Asked
-    watcher : Detector or Monitor
-        As the logs allow it and their attitude wants it.
-    own : OpenedLog
-        The log that is watched.
-    others : tuple of OpenedLog
-        Healthy ones, at its rate.
-    imus : mapping of name to three Samples
-        What the gyros of its IMUs read beside the one that is watched.
-    watched_imu : str
-        The name of that; "" where a log has one, or p, q and r are none of theirs.
-    sensors : tuple of SensorReadings
-        Those of the log that no gyro enters; none where the log has no heading, or nothing rests on motion.
-    estimator : tuple of EstimatorWord
-        What the log's estimator says of gyros and sensors; it is reported and never used.
-    attitude : Origin or None
-        Whether the gyros drive the attitude; None where nothing rests on that.
-    findings : tuple of str
-        What is worth a word.
-    bends : bool
-        Whether the gyros may drive the attitude, while the monitor was calibrated for one of its own: then a gyro's
-        fault shows in other residuals, too.
-    unwatched : mapping of str to str
-        Why gyros aren't watched that the channels give no relation.
-    there : tuple of str
-        The sensors that the log has, whoever watches them.
-    readings : mapping of channel to Samples
-        What these sensors and vanes read, each on its own stamps.
-    flight : Flight or None
-        Gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion.
-    judged : Judged or None
-        What the engine says of that flight, before anything is learnt; None where nothing has to be.
-    beyond : tuple of OutOfRange
-        The readings of the log that no sensor reads, but for those of the channels that it was opened with.
-    airframe, hardware : str
-        Whose log it is, by what it says itself, else by its folder; the autopilot's identifier, "" where it has none.
-    temperature_c : float
-        Its IMU's; NaN where it isn't logged.
-    """
+    """A log and the healthy ones, opened for who watches."""
 
     asked: Asked
-    watcher: Detector | Monitor
-    own: OpenedLog
-    others: tuple[OpenedLog, ...]
-    imus: ImuSamples = field(repr=False)
-    watched_imu: str
+    watcher: Detector | Monitor  # as the logs allow it and their attitude wants it
+    own: OpenedLog  # the log that is watched
+    others: tuple[OpenedLog, ...]  # healthy ones, at its rate
+    imus: ImuSamples = field(repr=False)  # what the gyros of its IMUs read beside the one that is watched
+    watched_imu: str  # the name of that; "" where a log has one, or p, q and r are none of theirs
+    # those of the log that no gyro enters; none where the log has no heading, or nothing rests on motion
     sensors: tuple[SensorReadings, ...] = field(repr=False)
+    # what the log's estimator says of gyros and sensors; it is reported and never used
     estimator: tuple[EstimatorWord, ...] = field(repr=False)
-    attitude: Origin | None
-    findings: tuple[str, ...]
+    attitude: Origin | None  # whether the gyros drive the attitude; None where nothing rests on that
+    findings: tuple[str, ...]  # what is worth a word
+    # whether the gyros may drive the attitude, while the monitor was calibrated for one of its own: then a gyro's fault
+    # shows in other residuals, too
     bends: bool
-    unwatched: Mapping[str, str]
-    there: tuple[str, ...]
+    unwatched: Mapping[str, str]  # why gyros aren't watched that the channels give no relation
+    there: tuple[str, ...]  # the sensors that the log has, whoever watches them
+    # what these sensors and vanes read, each on its own stamps
     readings: Mapping[str, Samples] = field(default_factory=dict, repr=False)
+    # gyros, attitude and accelerometers as the engine reads them; None where nothing rests on motion
     flight: Flight | None = field(default=None, repr=False)
+    # what the engine says of that flight, before anything is learnt; None where nothing has to be
     judged: Judged | None = field(default=None, repr=False)
+    # the readings of the log that no sensor reads, but for those of the channels that it was opened with
     beyond: tuple[OutOfRange, ...] = field(default=(), repr=False)
+    # airframe, hardware: whose log it is, by what it says itself, else by its folder; the autopilot's identifier, ""
+    # where it has none
     airframe: str = ""
     hardware: str = ""
-    temperature_c: float = float("nan")
+    temperature_c: float = float("nan")  # its IMU's; NaN where it isn't logged
 
     @property
     def is_driven(self) -> bool:
@@ -158,13 +120,7 @@ class Opened:
 
 
 def opened(asked: Asked) -> Opened:
-    """Read the logs that are asked about, and open them.
-
-    Raises
-    ------
-    InputError
-        Where one can't be read, lacks a channel, or is too slow for a monitor that is ready.
-    """
+    """Read the logs that are asked about, and open them."""
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
     asked, without = _but_heading(asked, read)
     watcher: Detector | Monitor

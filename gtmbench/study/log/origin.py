@@ -49,21 +49,8 @@ def origin_in_logs(
     for a broken gyro says nothing of its attitude. They are taken at the slowest channel's rate, the highest at which
     gyros and attitude can be compared.
 
-    Parameters
-    ----------
-    logs : sequence of Path or ReadLog
-        The first is the one that is watched; the others are healthy.
-    mapping : sequence of str
-        As `open_log` takes it, for all of them.
-    attitude : str
-        "auto", or "own" or "driven" where somebody knows.
-    spans : sequence of (start, end), optional
-        What of the first log is healthy; without it, its first part.
-
-    Raises
-    ------
-    InputError
-        Where a log can't be read.
+    `logs`: the first is the one that is watched; the others are healthy. `attitude`: "auto", or "own" or "driven" where
+    somebody knows. `spans`: what of the first log is healthy; without it, its first part.
     """
     if check_attitude(attitude) != FROM_LOG:
         return _told(attitude)

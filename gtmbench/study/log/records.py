@@ -48,11 +48,8 @@ def open_for(
 
     For a bank with the witnesses beside them that its diagnoses may read, where the log has any.
 
-    Raises
-    ------
-    InputError
-        Where it can't be read, is too slow, or lacks a channel: saying what looks like it, or which banks the log
-        allows.
+    Raises InputError where it can't be read, is too slow, or lacks a channel: saying what looks like it, or which banks
+    the log allows.
     """
     basis, read = basis_of(watcher), read_log(path)
     try:
@@ -109,13 +106,7 @@ def flying_part(log: FlightLog, moving: Sequence[Record], since_s: float = -np.i
     does; or where motion begins that lasts, if that holds twice as much of it.
     Motion is what gyros and attitude both tell of, so that no sensor's fault passes for it.
 
-    Parameters
-    ----------
-    log : FlightLog
-    moving : sequence of Record
-        The log with gyros and attitude; without any, it is the log's `first_part`.
-    since_s : float
-        What comes before isn't taken.
+    `moving`: the log with gyros and attitude; without any, it is the log's `first_part`.
     """
     lively = lively_seconds(moving)
     lively = lively[lively >= since_s]
@@ -171,10 +162,8 @@ def turning_by_second(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]
 def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:
     """Return spans of a log in time, without open ends; those that overlap are one, so that no sample counts twice.
 
-    Raises
-    ------
-    InputError
-        Where a span holds nothing of the log, or next to nothing: stamps may be in another unit than was thought.
+    Raises InputError where a span holds nothing of the log, or next to nothing: stamps may be in another unit than was
+    thought.
     """
     first_s, last_s = whole_s(log)
     clipped = [(max(start_s, first_s), min(end_s, last_s)) for start_s, end_s in given]
@@ -208,11 +197,6 @@ def between_pauses(records: Iterable[Record], channels: Sequence[str]) -> list[R
     """Return some channels of records, cut where one of them misses more than a sample or two: to identify on.
 
     What is left between pauses is as long as a log's segments are, and begins and ends with values that are known.
-
-    Raises
-    ------
-    InputError
-        Where nothing is left.
     """
     parts = [part for record in records for part in _complete(record.select(channels) if channels else record)]
     if not parts:

@@ -43,36 +43,22 @@ _OTHER_NOISE = 3.0  # times the calibrated level, or a part of it, that is worth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Said:
-    """What a monitor said.
-
-    Attributes
-    ----------
-    learnt : Learnt
-    watches : tuple of Watch
-        One a stretch that was watched, in time; none where the check stops.
-    excursions : tuple of Excursion
-        The stretches in which nothing can be told.
-    check : SelfCheck
-    installation : Installation or None
-        Lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them.
-    judged : Judged or None
-        What the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
-        nothing rests on them.
-    course : CourseJudged or None
-        What the engine says of the sensors that no gyro enters, by the attitude where nobody broke it.
-    findings : tuple of str
-        Why it can't be told, where it can't; what limits what was said, where it can.
-    """
+class Monitored:
+    """What a monitor said."""
 
     learnt: Learnt
+    # one a stretch that was watched, in time; none where the check stops
     watches: tuple[Watch, ...] = field(default=(), repr=False)
-    excursions: tuple[Excursion, ...] = field(default=(), repr=False)
+    excursions: tuple[Excursion, ...] = field(default=(), repr=False)  # the stretches in which nothing can be told
     check: SelfCheck = field(repr=False)
+    # lag, clocks, scales and axes of gyros and attitude that were undone before the monitor heard them
     installation: Installation | None = None
+    # what the engine says of gyros and attitude over the whole log; None where the log hasn't both, is misread, or
+    # nothing rests on them
     judged: Judged | None = field(default=None, repr=False)
+    # what the engine says of the sensors that no gyro enters, by the attitude where nobody broke it
     course: CourseJudged | None = field(default=None, repr=False)
-    findings: tuple[str, ...]
+    findings: tuple[str, ...]  # why it can't be told, where it can't; what limits what was said, where it can
 
 
 def first_alarms(watches: Sequence[Watch], judged: Judged | None) -> tuple[Alarm, ...]:
@@ -93,12 +79,12 @@ def _is_same(each: Alarm, alarm: Alarm) -> bool:
     return each.sensor in named and alarm.onset_s - _SOON_S <= each.time_s <= until_s
 
 
-def listened(learnt: Learnt, progress: Progress) -> Said:
+def listened(learnt: Learnt, progress: Progress) -> Monitored:
     """Let a monitor listen to every segment of a log but the spans that it was learnt on.
 
     Of a log that it wasn't learnt on, the wiring is checked first, and the installation undone.
     """
-    said = Said(learnt=learnt, check=learnt.check, findings=learnt.findings)
+    said = Monitored(learnt=learnt, check=learnt.check, findings=learnt.findings)
     monitor = learnt.monitor
     if learnt.check.stops or not is_ready(monitor):
         return said
@@ -116,7 +102,7 @@ def listened(learnt: Learnt, progress: Progress) -> Said:
     return replace(said, watches=tuple(_watches(monitor, rest.records, said.excursions, learnt.before, progress)))
 
 
-def doubted(said: Said, progress: Progress) -> Said:
+def doubted(said: Monitored, progress: Progress) -> Monitored:
     """Judge gyros and attitude over the whole log; doubt what other IMUs contradict; say what limits what was said."""
     learnt, monitor = said.learnt, said.learnt.monitor
     whole = _judged(said)
@@ -172,7 +158,7 @@ def _but_lost(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     return _changed(watches, lambda each: each.disbelieved(LOST) if each.test == MISSING else each)
 
 
-def _judged(said: Said) -> Judged | None:
+def _judged(said: Monitored) -> Judged | None:
     """Return what the engine says; None where there is nothing to judge, or the log isn't what it is taken for."""
     opened = said.learnt.opened
     if opened.flight is None or said.check.causes:
@@ -188,7 +174,7 @@ def _judged(said: Said) -> Judged | None:
     return opened.judged if opened.judged is not None and flown is opened.flight else judged(flown)
 
 
-def course_of(said: Said, whole: Judged | None) -> CourseJudged | None:
+def course_of(said: Monitored, whole: Judged | None) -> CourseJudged | None:
     """Return what the engine says of the log's other sensors; None where no attitude tells how they turn."""
     readings = said.learnt.opened.readings
     if whole is None or not readings or said.check.stops:

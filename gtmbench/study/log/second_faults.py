@@ -23,16 +23,7 @@ _LATER_S = 3.0  # than the first one, another begins: nearer ones are told toget
 
 
 def second_faults(monitor: Monitor | Detector, watches: Sequence[Watch], before: Record | None) -> tuple[Alarm, ...]:
-    """Return the alarms of other gyros that are raised when those that failed read what is predicted.
-
-    Parameters
-    ----------
-    monitor : Monitor or Detector
-    watches : sequence of Watch
-        Its own.
-    before : Record or None
-        On which it had learnt the noise.
-    """
+    """Return the alarms of other gyros that are raised when those that failed read what is predicted."""
     if not predicts(monitor):
         return ()
     return tuple(alarm for watch in watches for alarm in _beside(monitor, watch, before))

@@ -33,19 +33,13 @@ def rows_by_second(record: Record, start_s: float) -> Iterator[tuple[int, slice]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seconds:
-    """What rows come to, second by second; NaN where a sample is missing, or a second isn't covered.
+    """What rows come to, second by second; NaN where a sample is missing, or a second isn't covered."""
 
-    Attributes
-    ----------
-    at : shape (seconds,)
-        Numbers of the seconds, counted from a time.
-    first_row, stop_row : shape (seconds,)
-    means, deviations : shape (seconds, columns)
-    """
-
-    at: IntArray
+    at: IntArray  # shape (seconds,); numbers of the seconds, counted from a time
+    # first_row, stop_row: shape (seconds,)
     first_row: IntArray
     stop_row: IntArray
+    # means, deviations: shape (seconds, columns)
     means: FloatArray
     deviations: FloatArray
 

@@ -27,7 +27,7 @@ _LAST_SHARE = 0.4  # of a log that is learnt from instead: as much as is by defa
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Swap:
+class SwapCheck:
     """What a monitor of the log's end says of the part that the log's own was learnt from.
 
     Attributes
@@ -46,14 +46,10 @@ class Swap:
         return tuple(alarm for watch in self.watches for alarm in watch.faults if alarm.test != MISSING)
 
 
-def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
+def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, SwapCheck | None]:
     """Return a bank that was learnt where nobody failed, as far as a swap tells, and that swap; None without one.
 
-    Parameters
-    ----------
-    first : Learnt
-        Where the swap accuses nobody, it stays.
-    progress : callable
+    `first`: where the swap accuses nobody, it stays.
     """
     swap = swapped(first)
     if swap is None or first.opened.judged is None:
@@ -70,13 +66,8 @@ def crossed(first: Learnt, progress: Progress) -> tuple[Learnt, Swap | None]:
     return first, swap
 
 
-def swapped(first: Learnt) -> Swap | None:
-    """Return what judges the part that was learnt from; None where nothing stands out there, or nothing can.
-
-    Parameters
-    ----------
-    first : Learnt
-    """
+def swapped(first: Learnt) -> SwapCheck | None:
+    """Return what judges the part that was learnt from; None where nothing stands out there, or nothing can."""
     if first.check.stops or not first.identified_s or not predicts(first.monitor) or not _stands_out(first):
         return None
     start_s, end_s = whole_s(first.opened.log)
@@ -88,7 +79,7 @@ def swapped(first: Learnt) -> Swap | None:
             part = first.opened.own.part(overlaps(union(first.identified_s), (start_s, begins_s)))
             outside = excursions_of(other.monitor, part)
             watches = tuple(other.monitor.watch(record, outside=outside) for record in part.records)
-            return Swap(monitor=other.monitor, watches=watches)
+            return SwapCheck(monitor=other.monitor, watches=watches)
     return None
 
 

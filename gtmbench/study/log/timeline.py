@@ -52,63 +52,32 @@ class Certified:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
-    """All that is known of a log when its timeline is laid out.
-
-    Attributes
-    ----------
-    log : FlightLog
-    sensors : tuple of str
-        The sensors that the log has.
-    monitor : Monitor or Detector
-    moving : tuple of Record
-        The log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them.
-    has_heading : bool
-        Whether its heading is a sensor's.
-    is_driven : bool
-        Whether the gyros drive the attitude.
-    judged : Judged or None
-        What the engine says of gyros and attitude over the whole log.
-    course : CourseJudged or None
-        What it says of the others.
-    alarms : tuple of Alarm
-        Of all others.
-    watches : tuple of Watch
-    check : SelfCheck
-    excursions : tuple of Excursion
-    unwatched : tuple of (sensor, reason)
-    certified : tuple of Certified
-        Of a monitor that rests on no motion: what clears the sensors that it predicts.
-    watched_imu : str
-    reasons : tuple of str
-        What limits the verdict, where nothing could have alarmed.
-    out_of_range : tuple of OutOfRange
-        Of all that was read.
-    beside : Standing or None
-        What the flight is beside those of its airframe before.
-    """
+class LogEvidence:
+    """All that is known of a log when its timeline is laid out."""
 
     log: FlightLog
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  # the sensors that the log has
     monitor: Monitor | Detector
+    # the log with gyros and attitude; none where the monitor doesn't compare these, or the log hasn't them
     moving: tuple[Record, ...] = field(repr=False)
-    has_heading: bool
-    is_driven: bool
+    has_heading: bool  # whether its heading is a sensor's
+    is_driven: bool  # whether the gyros drive the attitude
+    # what the engine says of gyros and attitude over the whole log
     judged: Judged | None = field(default=None, repr=False)
-    course: CourseJudged | None = field(default=None, repr=False)
-    alarms: tuple[Alarm, ...]
+    course: CourseJudged | None = field(default=None, repr=False)  # what it says of the others
+    alarms: tuple[Alarm, ...]  # of all others
     watches: tuple[Watch, ...] = field(repr=False)
     check: SelfCheck
     excursions: tuple[Excursion, ...] = field(repr=False)
     unwatched: tuple[tuple[str, str], ...]
-    certified: tuple[Certified, ...]
+    certified: tuple[Certified, ...]  # of a monitor that rests on no motion: what clears the sensors that it predicts
     watched_imu: str
-    reasons: tuple[str, ...] = ()
-    out_of_range: tuple[OutOfRange, ...] = ()
-    beside: Standing | None = field(default=None, repr=False)
+    reasons: tuple[str, ...] = ()  # what limits the verdict, where nothing could have alarmed
+    out_of_range: tuple[OutOfRange, ...] = ()  # of all that was read
+    beside: Standing | None = field(default=None, repr=False)  # what the flight is beside those of its airframe before
 
 
-def timeline_of(evidence: Evidence) -> Timeline:
+def timeline_of(evidence: LogEvidence) -> Timeline:
     """Return the timeline of a watched log."""
     span_s, unread = evidence.log.span_s, evidence.log.unread
     claims = _accused(evidence, span_s)
@@ -141,7 +110,7 @@ def timeline_of(evidence: Evidence) -> Timeline:
     return laid_out(span_s, by_sensor, motion_s=motion, told=told)
 
 
-def _of_course(evidence: Evidence) -> list[Claim]:
+def _of_course(evidence: LogEvidence) -> list[Claim]:
     """Return what the engine claims of sensors that no gyro enters, by the rows that the log has for them."""
     found: list[Claim] = []
     for sensor, span in () if evidence.course is None else evidence.course.claims:
@@ -161,20 +130,20 @@ def rows_of(sensor: str, there: Sequence[str]) -> list[str]:
     return [name for name in WHOLE.get(sensor, (sensor,)) if name in there] or [sensor]
 
 
-def _left_open(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+def _left_open(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give where the other sensors that some relation holds aren't clear, and nobody says why."""
     for row in _compared(evidence):
         clear = [(span.start_s, span.end_s) for sensor, span in claims if (sensor, span.state) == (row, State.CLEAR)]
         yield from ((row, unjudged(left, _COMPARED)) for left in without([evidence.log.span_s], clear))
 
 
-def _compared(evidence: Evidence) -> list[str]:
+def _compared(evidence: LogEvidence) -> list[str]:
     """Return the rows of the other sensors that some relation holds."""
     held = () if evidence.course is None else evidence.course.compared
     return [row for sensor in held for row in rows_of(sensor, evidence.sensors)]
 
 
-def _accused(evidence: Evidence, span_s: Span) -> list[Claim]:
+def _accused(evidence: LogEvidence, span_s: Span) -> list[Claim]:
     """Return whom engine and alarms accuse; of failures that overlap and share a residual each is suspected."""
     alarmed = list(_alarmed(evidence, span_s))
     judged = evidence.judged
@@ -235,7 +204,7 @@ def _is_same(span: SensorSpan, other: SensorSpan) -> bool:
     return both and span.meets(other.start_s, other.end_s) and abs(span.start_s - other.start_s) < _SOON_S
 
 
-def _but_at_odds(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+def _but_at_odds(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give claims of alarms; nobody is named against the engine, which has seen the whole log."""
     judged = evidence.judged
     if judged is None:
@@ -300,7 +269,7 @@ def _share_a_residual(sensor: str, other: str) -> bool:
     return {sensor, other} <= {*JUDGED} and bool({sensor, other} & {*ATTITUDE})
 
 
-def _alarmed(evidence: Evidence, span_s: Span) -> Iterator[Claim]:
+def _alarmed(evidence: LogEvidence, span_s: Span) -> Iterator[Claim]:
     """Give what alarms claim; a failure without an end is over where the sensor reads again as it did before."""
     for alarm in evidence.alarms:
         concerned = _concerned(evidence, alarm)
@@ -312,7 +281,7 @@ def _alarmed(evidence: Evidence, span_s: Span) -> Iterator[Claim]:
             yield sensor, span if agrees_s is None else replace(span, end_s=agrees_s)
 
 
-def _cleared(evidence: Evidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+def _cleared(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give where sensors are clear, by what the monitor rests on."""
     if evidence.judged is not None:
         said = _hindsight(evidence.judged, claims)
@@ -343,7 +312,7 @@ def _hindsight(judged: Judged, claims: Sequence[Claim]) -> Hindsight:
     return judged.hindsight(failures)
 
 
-def shifted_gyros(evidence: Evidence) -> set[str]:
+def shifted_gyros(evidence: LogEvidence) -> set[str]:
     """Return the gyros that part from the attitude somewhere in a log, and that nobody has named."""
     if evidence.judged is None:
         return set()
@@ -351,12 +320,12 @@ def shifted_gyros(evidence: Evidence) -> set[str]:
     return {GYROS[change.axis] for change in said.changes}
 
 
-def _spoken_for(evidence: Evidence) -> tuple[str, ...]:
+def _spoken_for(evidence: LogEvidence) -> tuple[str, ...]:
     monitor = evidence.monitor
     return suspects_of(monitor) or basis_of(monitor).predicts or monitor.channels or evidence.log.channels
 
 
-def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:
+def _concerned(evidence: LogEvidence, alarm: Alarm) -> tuple[str, ...]:
     """Return the sensors that an alarm's statistic depends on."""
     for watch in evidence.watches:
         if any(alarm is each for each in watch.alarms) and alarm.source in watch.scores:
@@ -364,7 +333,7 @@ def _concerned(evidence: Evidence, alarm: Alarm) -> tuple[str, ...]:
     return _spoken_for(evidence)
 
 
-def _told(evidence: Evidence, claims: Sequence[Claim]) -> list[str]:
+def _told(evidence: LogEvidence, claims: Sequence[Claim]) -> list[str]:
     """Say in a line which sensors of the log nothing clears, and who compares some of them."""
     heard = {sensor for sensor, _ in claims}
     silent = [name for name in evidence.sensors if name not in heard]

@@ -46,28 +46,14 @@ _MARGIN_S, _SHORTEST_S, _LONGEST_S = 6.0, 15.0, 300.0  # of what is healthy befo
 
 @dataclass(frozen=True, kw_only=True)
 class Scored:
-    """A failure that was injected, and what was said of it.
-
-    Attributes
-    ----------
-    injection : Injection
-    why_not : str
-        Why it isn't scored; empty where it is.
-    alarm : Alarm or None
-        The first within its window.
-    said : str
-        What that alarm comes to: named, either-or, can't tell, named wrong, passed; empty without one.
-    others : tuple of Alarm
-        Further ones within its window that are named wrong.
-    word : Event or None
-        The autopilot's first within its window: of a gyro or accelerometer, else of an estimator or the flight.
-    """
+    """A failure that was injected, and what was said of it."""
 
     injection: Injection
-    why_not: str
-    alarm: Alarm | None
-    said: str
-    others: tuple[Alarm, ...]
+    why_not: str  # why it isn't scored; empty where it is
+    alarm: Alarm | None  # the first within its window
+    said: str  # what that alarm comes to: named, either-or, can't tell, named wrong, passed; empty without one
+    others: tuple[Alarm, ...]  # further ones within its window that are named wrong
+    # the autopilot's first within its window: of a gyro or accelerometer, else of an estimator or the flight
     word: Event | None
 
     @property

@@ -172,10 +172,8 @@ def taught_by(
 ) -> Learnt:
     """Return the monitor that a log's healthy part teaches, as `watch_log` takes these; it watches nothing.
 
-    Raises
-    ------
-    InputError
-        As `watch_log`; and where the log isn't what the detector expects, or nothing of it is left to learn from.
+    Raises InputError as `watch_log`; and where the log isn't what the detector expects, or nothing of it is left to
+    learn from.
     """
     question = asked(
         path,

@@ -27,11 +27,11 @@ from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.certificate import Certificate, certificate_of
 from gtmbench.study.log.gps_itself import gps_alarms
 from gtmbench.study.log.identified import LeftOut
-from gtmbench.study.log.said import Said, beyond, first_alarms
+from gtmbench.study.log.said import Monitored, beyond, first_alarms
 from gtmbench.study.log.second_faults import second_faults
 from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.swap import Swap
-from gtmbench.study.log.timeline import Certified, Evidence, rows_of, shifted_gyros, timeline_of
+from gtmbench.study.log.swap import SwapCheck
+from gtmbench.study.log.timeline import Certified, LogEvidence, rows_of, shifted_gyros, timeline_of
 from gtmbench.values.channels import axis_of
 from gtmbench.values.notebook import card
 from gtmbench.values.ranges import OutOfRange
@@ -96,7 +96,7 @@ class WatchedLog:
         The IMU whose gyros p, q and r are; "" where a log has one, or none of its IMUs is.
     later : tuple of Alarm
         Those that name another gyro while a first one that failed is replaced by what is predicted.
-    swap : Swap or None
+    swap : SwapCheck or None
         What judges the part that the monitor was identified on, where no relation of gyros and attitude does.
     scope : Scope
         What the verdict is asked.
@@ -146,7 +146,7 @@ class WatchedLog:
     out_of_range: tuple[OutOfRange, ...] = ()
     watched_imu: str = ""
     later: tuple[Alarm, ...] = ()
-    swap: Swap | None = field(default=None, repr=False)
+    swap: SwapCheck | None = field(default=None, repr=False)
     scope: Scope = field(default=Scope(sensors=()), repr=False)
     airframe: str = ""
     hardware: str = ""
@@ -264,9 +264,9 @@ class WatchedLog:
         return (*told, *beyond(told, (*self.later, *of_swap)))
 
     @property
-    def evidence(self) -> Evidence:
+    def evidence(self) -> LogEvidence:
         """All that its timeline is laid out of."""
-        return Evidence(
+        return LogEvidence(
             log=self.log,
             sensors=self.there or self.log.channels,
             monitor=self.monitor,
@@ -297,7 +297,7 @@ class WatchedLog:
         return replace(self, is_named=True)
 
 
-def concluded(said: Said, swap: Swap | None = None) -> WatchedLog:
+def concluded(said: Monitored, swap: SwapCheck | None = None) -> WatchedLog:
     """Conclude what was said of a log, and of the part that its monitor was learnt from."""
     first, opened = _concluded(said, swap), said.learnt.opened
     is_bent = opened.bends or (opened.attitude is not None and opened.is_driven and not opened.attitude.is_assumed)
@@ -310,7 +310,7 @@ def concluded(said: Said, swap: Swap | None = None) -> WatchedLog:
     return replace(first, later=tuple(alarm for alarm in later if alarm.sensor in shifted))
 
 
-def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
+def _concluded(said: Monitored, swap: SwapCheck | None) -> WatchedLog:
     learnt = said.learnt
     opened = learnt.opened
     return WatchedLog(
@@ -344,7 +344,7 @@ def _concluded(said: Said, swap: Swap | None) -> WatchedLog:
     )
 
 
-def moving_of(said: Said) -> tuple[Record, ...]:
+def moving_of(said: Monitored) -> tuple[Record, ...]:
     """Return a log with gyros and attitude, as its monitor read them; none where it doesn't compare these."""
     opened = said.learnt.opened
     if opened.own.motion is None or not basis_of(said.learnt.monitor).kinematic:
@@ -353,12 +353,12 @@ def moving_of(said: Said) -> tuple[Record, ...]:
     return tuple(watch.record for watch in said.watches) if installed else opened.own.motion.segments
 
 
-def there_of(said: Said) -> tuple[str, ...]:
+def there_of(said: Monitored) -> tuple[str, ...]:
     """Return the sensors that a log has, and what else its monitor may name, such as surfaces."""
     return tuple(dict.fromkeys([*said.learnt.opened.there, *suspects_of(said.learnt.monitor)]))
 
 
-def usual_of(said: Said) -> tuple[str, ...]:
+def usual_of(said: Monitored) -> tuple[str, ...]:
     """Return the sensors that are asked where nobody says which: those that the monitor speaks for."""
     monitor = said.learnt.monitor
     if basis_of(monitor).is_whole:
@@ -368,14 +368,14 @@ def usual_of(said: Said) -> tuple[str, ...]:
     return basis_of(monitor).predicts or suspects_of(monitor) or monitor.channels or said.learnt.opened.log.channels
 
 
-def others_of(said: Said) -> tuple[str, ...]:
+def others_of(said: Monitored) -> tuple[str, ...]:
     """Return the sensors that no gyro enters and that some relation holds, by the rows of the log's timeline."""
     there = there_of(said)
     compared = () if said.course is None else said.course.compared
     return tuple(row for sensor in compared for row in rows_of(sensor, there))
 
 
-def held_of(said: Said) -> tuple[str, ...]:
+def held_of(said: Monitored) -> tuple[str, ...]:
     """Return the sensors that some relation holds, further IMUs' among them: what ``--judge all`` asks for."""
     there, others = there_of(said), others_of(said)
     imus = () if said.judged is None else said.judged.flight.imus
@@ -385,7 +385,7 @@ def held_of(said: Said) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*usual, *others, *surfaces, *(name for imu in imus for name in imu.channels)]))
 
 
-def gps_of(said: Said) -> tuple[Alarm, ...]:
+def gps_of(said: Monitored) -> tuple[Alarm, ...]:
     """Return what a log's GPS shows by itself."""
     opened = said.learnt.opened
     moving = () if opened.own.motion is None else opened.own.motion.segments

@@ -13,12 +13,12 @@ from typing import Any
 from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.errors import InputError
-from gtmbench.testing.contract.subject import Case, refused, same
+from gtmbench.testing.contract.subject import ContractCase, refused, same
 
 _RATE = 0.01  # false alarms an hour
 
 
-def recalibrated(case: Case) -> None:
+def recalibrated(case: ContractCase) -> None:
     """Check that calibrating again gives the same monitor, and changes neither recipe nor records."""
     if case.detector is None:
         return
@@ -31,7 +31,7 @@ def recalibrated(case: Case) -> None:
     assert figures is None or figures == _figures(again), "calibrated again on the same records, its figures differ"
 
 
-def rate(case: Case) -> None:
+def rate(case: ContractCase) -> None:
     """Check that a false-alarm rate is either honoured or refused."""
     if case.detector is None:
         return
@@ -43,7 +43,7 @@ def rate(case: Case) -> None:
         monitor.watch(case.healthy[0])
 
 
-def frozen_value(case: Case) -> None:
+def frozen_value(case: ContractCase) -> None:
     """Check that the monitor can't be changed, and goes to other processes."""
     try:
         case.monitor.name = case.monitor.name  # type: ignore[misc]
@@ -61,7 +61,7 @@ def frozen_value(case: Case) -> None:
     _alike(case, there, "pickled and back, it says")
 
 
-def stated(case: Case) -> None:
+def stated(case: ContractCase) -> None:
     """Check that what a monitor states can be meant."""
     monitor = case.monitor
     assert isinstance(monitor.name, str), f"its name is {monitor.name!r}"
@@ -74,7 +74,7 @@ def stated(case: Case) -> None:
     json.dumps(dict(monitor.provenance), allow_nan=False)
 
 
-def saved(case: Case) -> None:
+def saved(case: ContractCase) -> None:
     """Check that, saved and loaded, it says the same and saves as the same bytes; one without figures says so."""
     if _figures(case.monitor) is None:
         refused("saving a monitor without figures", case.monitor.figures)
@@ -91,7 +91,7 @@ def saved(case: Case) -> None:
     _alike(case, loaded, "saved and loaded, it says")
 
 
-def _alike(case: Case, monitor: Monitor, what: str) -> None:
+def _alike(case: ContractCase, monitor: Monitor, what: str) -> None:
     watch = monitor.watch(case.record)
     same(case.told(watch.alarms), case.told(case.watch.alarms), what, "it said")
     for name, score in case.watch.scores.items():
@@ -115,7 +115,7 @@ def _state(recipe: Any) -> Any:
         return repr(copy.copy(vars(recipe)))
 
 
-CALIBRATION: dict[str, Callable[[Case], None]] = {
+CALIBRATION: dict[str, Callable[[ContractCase], None]] = {
     "calibrated again": recalibrated,
     "rate": rate,
     "frozen": frozen_value,

@@ -9,11 +9,11 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Stream
-from gtmbench.testing.contract.subject import Case, refused, rows_of, same
+from gtmbench.testing.contract.subject import ContractCase, refused, rows_of, same
 from gtmbench.values.record import Record
 
 
-def _cut(case: Case, kind: str) -> list[int]:
+def _cut(case: ContractCase, kind: str) -> list[int]:
     """Return where the chunks begin and end: all at once, by 100, and by 7 and 1 around the first alarm."""
     count = len(case.record)
     if kind == "1":
@@ -50,7 +50,7 @@ def _pushed(stream: Stream, record: Record, edges: Sequence[int], kind: str) -> 
     assert len(stream.alarms) == numbers, f"the stream holds {len(stream.alarms)} alarms and has given {numbers}"
 
 
-def _batch(case: Case, record: Record, kind: str) -> None:
+def _batch(case: ContractCase, record: Record, kind: str) -> None:
     stream = case.monitor.stream()
     _pushed(stream, record, _cut(case, kind), kind)
     watch = case.watch if record is case.record else case.monitor.watch(record)
@@ -65,27 +65,27 @@ def _ends(alarms: Iterable[Alarm]) -> list[str]:
     return [f"{fault}: {[None if at is None else round(at, 6) for at in ends]}" for fault, *ends in known]
 
 
-def all_at_once(case: Case) -> None:
+def all_at_once(case: ContractCase) -> None:
     """Check that a record pushed as one chunk gives the alarms of `watch`."""
     _batch(case, case.record, "all")
 
 
-def hundreds(case: Case) -> None:
+def hundreds(case: ContractCase) -> None:
     """Check that chunks of 100 samples give the alarms of `watch`."""
     _batch(case, case.record, "100")
 
 
-def sevens(case: Case) -> None:
+def sevens(case: ContractCase) -> None:
     """Check that chunks of 7 samples, around the first alarm, give the alarms of `watch`."""
     _batch(case, case.record, "7")
 
 
-def singles(case: Case) -> None:
+def singles(case: ContractCase) -> None:
     """Check that single samples, around the first alarm, give the alarms of `watch`, each when it becomes known."""
     _batch(case, case.record, "1")
 
 
-def gaps(case: Case) -> None:
+def gaps(case: ContractCase) -> None:
     """Check that a record with missing samples gives the alarms of `watch`."""
     values = np.array(case.record.values)
     first = case.cuts[0]
@@ -99,7 +99,7 @@ def gaps(case: Case) -> None:
     _batch(case, record, "100")
 
 
-def refused_chunks(case: Case) -> None:
+def refused_chunks(case: ContractCase) -> None:
     """Check that a chunk that is refused changes nothing."""
     stream, half = case.monitor.stream(), max(case.cuts[0] - 5, 1)
     stream.push(rows_of(case.record, 0, half))
@@ -111,7 +111,7 @@ def refused_chunks(case: Case) -> None:
     same(case.told(stream.alarms), told, "after refused chunks the stream's alarms are", "those of watch are")
 
 
-def _wrong(case: Case, half: int) -> Iterator[tuple[str, Record]]:
+def _wrong(case: ContractCase, half: int) -> Iterator[tuple[str, Record]]:
     record = case.record
     yield "comes after a gap", rows_of(record, half + 1, half + 50)
     yield "comes again", rows_of(record, half - 1, half + 50)
@@ -125,7 +125,7 @@ def _wrong(case: Case, half: int) -> Iterator[tuple[str, Record]]:
     yield f"lacks '{names[-1]}'", right.select([name for name in record.channels if name != names[-1]])
 
 
-def armed(case: Case) -> None:
+def armed(case: ContractCase) -> None:
     """Check that `armed` says of each score whether it could raise an alarm: just before one, it could."""
     stream = case.monitor.stream()
     stream.push(rows_of(case.record, 0, case.cuts[0]))
@@ -136,7 +136,7 @@ def armed(case: Case) -> None:
     assert test == MISSING or said.get(source), f"just before an alarm of '{source}', armed is {dict(said)}"
 
 
-STREAM: dict[str, Callable[[Case], None]] = {
+STREAM: dict[str, Callable[[ContractCase], None]] = {
     "stream at once": all_at_once,
     "stream by 100": hundreds,
     "stream by 7": sevens,

@@ -26,25 +26,13 @@ _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those o
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
-    """One detector under the contract.
+class ContractCase:
+    """One detector under the contract."""
 
-    Attributes
-    ----------
-    detector : Detector or None
-        None where a Monitor is checked, which is calibrated already.
-    monitor : Monitor
-    healthy : tuple of Record
-        That it was calibrated on.
-    last : Record
-        Healthy, and not of those.
-    faults : tuple of Fault
-    """
-
-    detector: Detector | None
+    detector: Detector | None  # None where a Monitor is checked, which is calibrated already
     monitor: Monitor
-    healthy: tuple[Record, ...]
-    last: Record
+    healthy: tuple[Record, ...]  # that it was calibrated on
+    last: Record  # healthy, and not of those
     faults: tuple[Fault, ...]
 
     @cached_property
@@ -78,19 +66,8 @@ class Case:
 
 def contract_case(
     detector: object, records: Sequence[Record] | None = None, *, fault: Fault | Sequence[Fault] | None = None
-) -> Case:
-    """Return a detector calibrated, and a record with a fault, for the properties of the contract.
-
-    Parameters
-    ----------
-    detector, records, fault
-        As `check_detector` takes them.
-
-    Raises
-    ------
-    InputError
-        Where an argument can't be meant.
-    """
+) -> ContractCase:
+    """Return a detector calibrated, and a record with a fault, for the properties of the contract."""
     given = as_detector(detector)
     *healthy, last = standard_records() if records is None else as_records(records)
     if not healthy:
@@ -99,7 +76,7 @@ def contract_case(
     monitor = recipe.calibrate(healthy) if recipe is not None else cast(Monitor, given)
     channel = next(name for name in (*monitor.channels, *last.channels) if name in last)
     channel = next((name for name in GYROS if name in (monitor.channels or ("p",))), channel)
-    return Case(
+    return ContractCase(
         detector=recipe,
         monitor=monitor,
         healthy=tuple(healthy),

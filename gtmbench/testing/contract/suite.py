@@ -7,11 +7,11 @@ from collections.abc import Callable, Sequence
 from gtmbench.faults.fault import Fault
 from gtmbench.testing.contract.calibrating import CALIBRATION
 from gtmbench.testing.contract.streaming import STREAM
-from gtmbench.testing.contract.subject import Case, contract_case
+from gtmbench.testing.contract.subject import ContractCase, contract_case
 from gtmbench.testing.contract.watching import WATCH
 from gtmbench.values.record import Record
 
-CONTRACT: dict[str, Callable[[Case], None]] = {**WATCH, **STREAM, **CALIBRATION}
+CONTRACT: dict[str, Callable[[ContractCase], None]] = {**WATCH, **STREAM, **CALIBRATION}
 """By name, each a function of a `contract_case`, for ``pytest.mark.parametrize``."""
 
 
@@ -53,7 +53,7 @@ def check_detector(
         check_property(case, name)
 
 
-def check_property(case: Case, name: str) -> None:
+def check_property(case: ContractCase, name: str) -> None:
     """Fail where a detector breaks one property, by its name in `CONTRACT`; whatever it raises is a breach, too."""
     __tracebackhide__ = True
     try:

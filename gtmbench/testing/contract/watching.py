@@ -8,16 +8,16 @@ import numpy as np
 
 from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.trials import WatchedTrials, trials_on
-from gtmbench.testing.contract.subject import Case, refused, rows_of, same
+from gtmbench.testing.contract.subject import ContractCase, refused, rows_of, same
 from gtmbench.values.record import Record
 
 
-def detects(case: Case) -> None:
+def detects(case: ContractCase) -> None:
     """Check that it alarms on the fault: without an alarm there is nothing to check."""
     assert case.watch.alarms, "no alarm on the record with a fault; give fault=, one that it detects, or other records"
 
 
-def in_time(case: Case) -> None:
+def in_time(case: ContractCase) -> None:
     """Check that alarms come sorted and numbered from 0, within the record, and that judgements follow them."""
     alarms, record = case.watch.alarms, case.record
     numbers = [alarm.number for alarm in alarms]
@@ -39,7 +39,7 @@ def in_time(case: Case) -> None:
         assert not unknown, f"it names {', '.join(map(str, unknown))}; its suspects are {case.monitor.suspects}"
 
 
-def scores_fit(case: Case) -> None:
+def scores_fit(case: ContractCase) -> None:
     """Check that scores stand row for row beside the record, known after their samples, and are the alarms' sources."""
     record, scores = case.record, case.watch.scores
     for name, score in scores.items():
@@ -55,7 +55,7 @@ def scores_fit(case: Case) -> None:
     assert not scores or not odd, f"alarms of {', '.join(odd)}, and scores of {', '.join(scores)}"
 
 
-def trials(case: Case) -> None:
+def trials(case: ContractCase) -> None:
     """Check that trials of a monitor's own say when each fault alone would first alarm, as `watch` does."""
     if not hasattr(case.monitor, "trials"):
         return
@@ -67,7 +67,7 @@ def trials(case: Case) -> None:
         assert own.first_alarm_s(fault) == wanted.alarm_s, f"{what} {own.first_alarm_s(fault)} at once"
 
 
-def untouched(case: Case) -> None:
+def untouched(case: ContractCase) -> None:
     """Check that watching leaves the record as it is."""
     before = case.record.values.tobytes()
     case.monitor.watch(case.record)
@@ -75,7 +75,7 @@ def untouched(case: Case) -> None:
     assert not case.record.values.flags.writeable, "the record's samples can be written"
 
 
-def repeatable(case: Case) -> None:
+def repeatable(case: ContractCase) -> None:
     """Check that watching twice says the same, whatever was watched between."""
     case.monitor.watch(case.healthy[0])
     same(
@@ -83,7 +83,7 @@ def repeatable(case: Case) -> None:
     )
 
 
-def cut(case: Case) -> None:
+def cut(case: ContractCase) -> None:
     """Check that a record that ends earlier has the alarms that the whole has by then: nothing is known beforehand."""
     for count in case.cuts:
         part = rows_of(case.record, 0, count)
@@ -95,7 +95,7 @@ def cut(case: Case) -> None:
         )
 
 
-def later_samples(case: Case) -> None:
+def later_samples(case: ContractCase) -> None:
     """Check that other samples later change no alarm before, and no score that was known."""
     count = case.cuts[-1] if len(case.cuts) == 1 else case.cuts[-2]
     until_s = case.record.start_s + round((count - 1) * case.record.sample_period_s, 9)
@@ -115,7 +115,7 @@ def later_samples(case: Case) -> None:
         )
 
 
-def missing_samples(case: Case) -> None:
+def missing_samples(case: ContractCase) -> None:
     """Check that missing samples raise no exception and give no times that are none; without samples, no alarm."""
     first = case.cuts[0]
     values = np.array(case.record.values)
@@ -131,7 +131,7 @@ def missing_samples(case: Case) -> None:
     case.monitor.watch(begin)  # one sample: nothing to say, but no error
 
 
-def declared_channels(case: Case) -> None:
+def declared_channels(case: ContractCase) -> None:
     """Check that what it declares has to be there, and is enough: alone, it says the same of this fault."""
     if not case.monitor.channels:
         return
@@ -145,7 +145,7 @@ def declared_channels(case: Case) -> None:
             assert name in said, f"{what} of a record without '{name}' is refused without naming it: {said}"
 
 
-def sample_period(case: Case) -> None:
+def sample_period(case: ContractCase) -> None:
     """Check that another sample period than the one it states is refused."""
     if case.monitor.sample_period_s is None:
         return
@@ -163,7 +163,7 @@ def _with(record: Record, values: np.ndarray) -> Record:
     return Record(values, channels=record.channels, sample_period_s=record.sample_period_s, start_s=record.start_s)
 
 
-WATCH: dict[str, Callable[[Case], None]] = {
+WATCH: dict[str, Callable[[ContractCase], None]] = {
     "detects": detects,
     "in time": in_time,
     "scores fit": scores_fit,

@@ -13,7 +13,7 @@ from gtmbench.report.tables.fleet import fleet_row
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.certificate import certificate_lines, certificate_text
 from gtmbench.report.words.log import log_report
-from gtmbench.study.log.certificate import SHARE, Certificate, Smallest, certificate_of, kinds
+from gtmbench.study.log.certificate import SHARE, Certificate, SmallestSeen, certificate_of, kinds
 from gtmbench.study.log.claims import of_certificate
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out
@@ -210,7 +210,7 @@ def test_with_names_asks_for_them(monkeypatch):
 
 
 def row(sensor, size, kind="bias", within_s=10.0, **more):
-    return Smallest(sensor=sensor, kind=kind, size=size, share=0.9 if size else 0.45, within_s=within_s, **more)
+    return SmallestSeen(sensor=sensor, kind=kind, size=size, share=0.9 if size else 0.45, within_s=within_s, **more)
 
 
 @pytest.mark.parametrize(

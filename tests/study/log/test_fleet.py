@@ -21,7 +21,7 @@ from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
 from gtmbench.report.words.fleet import fleet_table
 from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.log_fleet import Kept, Watching, conduct, logs_in
+from gtmbench.study.log.log_fleet import FleetQuestion, Kept, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of
 from gtmbench.study.log.watch import bank_between
 from gtmbench.verdict.scope import Scope
@@ -31,7 +31,7 @@ from tests.helpers.monitors import monitor
 from tests.helpers.timelines import Judged, clear, failed, suspected, unjudged, verdict
 
 HOW = ("--detector", "C", "--healthy", "0:30")
-SMALL = Watching(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
+SMALL = FleetQuestion(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
 
 
 def ended(*arguments):
@@ -367,11 +367,11 @@ def test_a_folder_with_other_columns_says_in_one_line_what_to_do(tmp_path, cli):
 
 
 def test_what_is_asked_is_a_fact_of_the_fleet():
-    usual, gyros = Watching(), Watching(judge="gyros", limits=("2deg/s",))
+    usual, gyros = FleetQuestion(), FleetQuestion(judge="gyros", limits=("2deg/s",))
     gyros.check()
     assert usual.facts() | {"judge": "gyros", "limits": ["2deg/s"]} == gyros.facts()
     with pytest.raises(gb.InputError, match="--limit is 0"):
-        Watching(limits=("0deg",)).check()
+        FleetQuestion(limits=("0deg",)).check()
 
 
 def test_a_row_has_the_verdict_on_the_asked_sensors():

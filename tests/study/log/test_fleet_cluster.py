@@ -15,12 +15,12 @@ import pytest
 import gtmbench as gb
 from gtmbench.intake.objects import fetched, object_digest, objects_in
 from gtmbench.report.tables.fleet import COLUMNS
-from gtmbench.study.log.log_fleet import Watching, conduct
+from gtmbench.study.log.log_fleet import FleetQuestion, conduct
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.clusters import Cluster, row_or_kill, row_or_worse
 
 pytest.importorskip("distributed", reason="no extra [scale]")
-SMALL = Watching(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
+SMALL = FleetQuestion(detector=bank_between(["p"], ["q"]), healthy=((0.0, 30.0),))
 
 
 def written(folder, names):

@@ -14,7 +14,7 @@ from gtmbench.engine.judged import judged
 from gtmbench.intake.flight_log import FlightLog, Unread
 from gtmbench.study.log.flight import flight_of_records
 from gtmbench.study.log.self_check.outcome import SelfCheck, Stop
-from gtmbench.study.log.timeline import Evidence, shifted_gyros, timeline_of
+from gtmbench.study.log.timeline import LogEvidence, shifted_gyros, timeline_of
 from gtmbench.verdict.timeline import State
 from tests.helpers.night import by_day
 from tests.helpers.turning import SENSORS, from_on, motion, with_error
@@ -50,7 +50,7 @@ def evidence(*records, alarms=(), moves=True, **more):
     excused = [(each.start_s, each.end_s) for each in told["excursions"] if each.reason != MOTION]
     flight = flight_of_records(records, is_driven=told["is_driven"], is_assumed=False)
     said = judged(flight.without(excused)) if moves else None
-    return Evidence(log=log, judged=said, alarms=tuple(alarms), **told)
+    return LogEvidence(log=log, judged=said, alarms=tuple(alarms), **told)
 
 
 def states(timeline, sensor):

@@ -11,8 +11,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.study.log.self_check.causes import (
-    Change,
-    Guess,
+    WiringChange,
+    WiringGuess,
     as_it_is,
     causes_among,
     guesses,
@@ -315,7 +315,9 @@ def test_what_reads_as_well_as_it_is_or_in_three_ways_has_no_cause():
     sure = {"p": 0.9, "q": 0.9, "r": 0.9}
 
     def guess(score, *signs):
-        return Guess(changes=tuple(Change(kind="sign", channels=(name,)) for name in signs), score=score, fits=sure)
+        return WiringGuess(
+            changes=tuple(WiringChange(kind="sign", channels=(name,)) for name in signs), score=score, fits=sure
+        )
 
     one, two, other = guess(-2.0, "p"), guess(-1.99, "q"), guess(-1.98, "r")
     wrong = [MUTATIONS["-p"].mutate(flight())]

@@ -61,46 +61,28 @@ _GAINS = np.array([1.0, -1.0, _DEG, -_DEG, 1.0 / _DEG, -1.0 / _DEG])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
-    """One thing that has to be undone.
+class WiringChange:
+    """One thing that has to be undone."""
 
-    Attributes
-    ----------
-    kind : str
-        ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
-        `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
-        seconds); ``euler`` (the rates of phi, theta and psi instead of the body's).
-    channels : tuple of str
-    size : float
-    """
-
+    # ``sign``; ``unit`` (times `size`); ``swap`` (each reads as the next one, the last as the first); ``late`` (by
+    # `size` seconds); ``clock`` (its steps are `size` times too long); ``held`` (each reading repeated for `size`
+    # seconds); ``euler`` (the rates of phi, theta and psi instead of the body's)
     kind: str
     channels: tuple[str, ...]
     size: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Guess:
-    """How a log may have to be read.
+class WiringGuess:
+    """How a log may have to be read."""
 
-    Attributes
-    ----------
-    changes : tuple of Change
-        None: as it is.
-    score : float
-        Less is better.
-    fits : mapping
-        How much of each live gyro's slow motion it explains: 1 all, 0 nothing.
-    gains : mapping
-        Between what the gain of each live gyro on its rate lies, as it is read; of the guess without changes alone.
-    lags_s : mapping
-        By how much the rate of each live gyro is late against it, likewise; by "" that of all of them together.
-    """
-
-    changes: tuple[Change, ...]
-    score: float
+    changes: tuple[WiringChange, ...]  # None: as it is
+    score: float  # less is better
+    # how much of each live gyro's slow motion it explains: 1 all, 0 nothing
     fits: Mapping[str, float] = field(default_factory=dict)
+    # between what the gain of each live gyro on its rate lies, as it is read; of the guess without changes alone
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # by how much the rate of each live gyro is late against it, likewise; by "" that of all of them together
     lags_s: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -122,16 +104,16 @@ class _Reading:
         return shifted(read, self.late_s, pieces[0].period_s) if self.late_s else read
 
     @property
-    def changes(self) -> tuple[Change, ...]:
+    def changes(self) -> tuple[WiringChange, ...]:
         made = []
         if self.order != (0, 1, 2):
-            made.append(Change(kind="swap", channels=tuple(ATTITUDE[i] for i in range(3) if self.order[i] != i)))
+            made.append(WiringChange(kind="swap", channels=tuple(ATTITUDE[i] for i in range(3) if self.order[i] != i)))
         for factor in dict.fromkeys(self.factors):
             if factor != 1.0:
                 own = tuple(ATTITUDE[self.order[i]] for i in range(3) if self.factors[i] == factor)
-                made.append(Change(kind="unit", channels=tuple(sorted(own, key=ATTITUDE.index)), size=factor))
+                made.append(WiringChange(kind="unit", channels=tuple(sorted(own, key=ATTITUDE.index)), size=factor))
         made += [
-            Change(kind="late", channels=(ATTITUDE[self.order[column]],), size=size)
+            WiringChange(kind="late", channels=(ATTITUDE[self.order[column]],), size=size)
             for column, size in self.late_s.items()
         ]
         return tuple(made)
@@ -148,12 +130,12 @@ class _Wiring:
     live: tuple[int, ...]
 
     @property
-    def changes(self) -> tuple[Change, ...]:
+    def changes(self) -> tuple[WiringChange, ...]:
         turned_signs = [self.reading.order[i] for i in range(3) if self.signs[i] < 0]
-        swapped = [Change(kind="swap", channels=_cycle(self.order))] if self.order != (0, 1, 2) else []
+        swapped = [WiringChange(kind="swap", channels=_cycle(self.order))] if self.order != (0, 1, 2) else []
         return (
             *self.reading.changes,
-            *(Change(kind="sign", channels=(ATTITUDE[i],)) for i in turned_signs),
+            *(WiringChange(kind="sign", channels=(ATTITUDE[i],)) for i in turned_signs),
             *swapped,
         )
 
@@ -173,8 +155,8 @@ class _Wiring:
         return price + min(float(total[self.table.now]), _PRICE + float(total.min()))
 
     def guess(
-        self, places: Sequence[int], extra: Sequence[Change] = (), scale: float = 1.0, *, plain: bool = False
-    ) -> Guess:
+        self, places: Sequence[int], extra: Sequence[WiringChange] = (), scale: float = 1.0, *, plain: bool = False
+    ) -> WiringGuess:
         """Return what comes of a lag a gyro, given by its place, with the best gains or, `plain`, with signs only."""
         gains, left = {}, {}
         for i in self.live:
@@ -186,26 +168,23 @@ class _Wiring:
         return _guess(changes, left)
 
 
-def guesses(records: Iterable[Record]) -> list[Guess]:
+def guesses(records: Iterable[Record]) -> list[WiringGuess]:
     """Return how some records may have to be read, the likeliest first; empty where nothing moves.
 
-    Parameters
-    ----------
-    records : iterable of Record
-        With p, q, r, phi, theta, psi.
+    `records`: with p, q, r, phi, theta, psi.
     """
     records = list(records)
     made, held = _guesses(records), _repeated_channels(records)
     if held:
         fresh = [undone(record, held) for record in records]
         made += [_with(guess, held) for guess in _guesses(fresh)]
-    best: dict[tuple[Change, ...], Guess] = {}
+    best: dict[tuple[WiringChange, ...], WiringGuess] = {}
     for guess in sorted(made, key=lambda guess: guess.score):
         best.setdefault(guess.changes, guess)
     return list(best.values())
 
 
-def _repeated_channels(records: Sequence[Record]) -> list[Change]:
+def _repeated_channels(records: Sequence[Record]) -> list[WiringChange]:
     """Return the channels whose readings are repeated: as many at a time, by the median, as it takes to be noticed."""
     changes: dict[float, list[str]] = {}
     for name in (*GYROS, *ATTITUDE) if records else ():
@@ -213,7 +192,7 @@ def _repeated_channels(records: Sequence[Record]) -> list[Change]:
         length = float(np.median(runs)) if len(runs) else 1.0
         if length >= _HELD:
             changes.setdefault(length * records[0].sample_period_s, []).append(name)
-    return [Change(kind="held", channels=tuple(names), size=seconds) for seconds, names in changes.items()]
+    return [WiringChange(kind="held", channels=tuple(names), size=seconds) for seconds, names in changes.items()]
 
 
 def _fresh(values: FloatArray) -> NDArray[np.int64]:
@@ -221,12 +200,12 @@ def _fresh(values: FloatArray) -> NDArray[np.int64]:
     return np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
 
 
-def _with(guess: Guess, changes: Sequence[Change]) -> Guess:
+def _with(guess: WiringGuess, changes: Sequence[WiringChange]) -> WiringGuess:
     made = tuple(sorted((*guess.changes, *changes), key=lambda change: (change.kind, change.channels)))
     return replace(guess, changes=made, score=guess.score + _PRICE * len(changes))
 
 
-def _guesses(records: Sequence[Record]) -> list[Guess]:
+def _guesses(records: Sequence[Record]) -> list[WiringGuess]:
     pieces = pieces_of(records)
     if not pieces:
         return []
@@ -241,7 +220,7 @@ def _guesses(records: Sequence[Record]) -> list[Guess]:
     return [*made, _euler_rates(pieces, plain.live)]
 
 
-def _euler_rates(pieces: Sequence[Piece], live: Sequence[int]) -> Guess:
+def _euler_rates(pieces: Sequence[Piece], live: Sequence[int]) -> WiringGuess:
     """Return the guess that what is read as gyros are the angles' own rates, in the unit that fits best."""
     gyros, rates, both = np.zeros(3), np.zeros(3), np.zeros(3)
     for piece in pieces:
@@ -252,26 +231,18 @@ def _euler_rates(pieces: Sequence[Piece], live: Sequence[int]) -> Guess:
     for factor in (1.0, _DEG, 1.0 / _DEG):
         own = np.maximum(factor**2 * gyros, 1e-300)
         left = 1.0 - 2.0 * factor * both / own + rates / own
-        changes = [Change(kind="euler", channels=GYROS)]
-        changes += [Change(kind="unit", channels=GYROS, size=factor)] if factor != 1.0 else []
+        changes = [WiringChange(kind="euler", channels=GYROS)]
+        changes += [WiringChange(kind="unit", channels=GYROS, size=factor)] if factor != 1.0 else []
         made.append(_guess(changes, {i: float(left[i]) for i in live}))
     return min(made, key=lambda guess: guess.score)
 
 
-def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Guess]:
+def causes_among(tried: Sequence[WiringGuess], records: Sequence[Record]) -> list[WiringGuess]:
     """Return the guesses that are the cause of what is wrong with some records; two are either-or.
 
     None where nothing is wrong, where nothing makes every live gyro fit, where more than two guesses fit alike, or
     where what fits isn't in all parts of the records: what comes in half-way is a fault, not a matter of how to read.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-    records : sequence of Record
-
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> turned = [flight.replace("q", -flight["q"])]
@@ -290,31 +261,16 @@ def causes_among(tried: Sequence[Guess], records: Sequence[Record]) -> list[Gues
     return alike if is_told and all(holds(guess.changes, records) for guess in alike) else []
 
 
-def is_doubtful(tried: Sequence[Guess], outputs: Iterable[str]) -> bool:
-    """Tell whether a gyro would read much better in another way, be it that no cause can be named.
-
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-    outputs : iterable of str
-        The gyros that are asked for.
-    """
+def is_doubtful(tried: Sequence[WiringGuess], outputs: Iterable[str]) -> bool:
+    """Tell whether a gyro would read much better in another way, be it that no cause can be named."""
     as_read = next((guess.fits for guess in tried if not guess.changes), {})
     best = tried[0].fits if tried else {}
     return any(best.get(name, 0.0) > max(_FITS, as_read.get(name, 0.0) + _MUCH_BETTER) for name in outputs)
 
 
-def other_scales(tried: Sequence[Guess]) -> dict[str, tuple[float, float]]:
+def other_scales(tried: Sequence[WiringGuess]) -> dict[str, tuple[float, float]]:
     """Return the gyros that turn much less, or more, than their attitude, and between what their gain on it lies.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> small = flight.replace("q", 0.7 * flight["q"])
@@ -325,19 +281,12 @@ def other_scales(tried: Sequence[Guess]) -> dict[str, tuple[float, float]]:
     return {name: (low, high) for name, (low, high) in gains.items() if high < _LEAST_GAIN or low > 1.0 / _LEAST_GAIN}
 
 
-def small_lags_s(tried: Sequence[Guess]) -> dict[str, float]:
+def small_lags_s(tried: Sequence[WiringGuess]) -> dict[str, float]:
     """Return by how much the attitude is late against some gyros, or they against it (less than 0): by "" all of them.
 
     Such a lag is a part of a sample, or hardly more than a filter's: it is no cause that could be named, and yet is
     there. Samples that come seldom tell it by the top of the correlation between them.
 
-    Parameters
-    ----------
-    tried : sequence of Guess
-        As `guesses` returns them.
-
-    Examples
-    --------
     >>> from gtmbench.bench.flight import fly
     >>> flight = fly(excitation="multisine", duration_s=40.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> late = flight
@@ -355,7 +304,7 @@ def small_lags_s(tried: Sequence[Guess]) -> dict[str, float]:
     return {name: told.lags_s[name] for name in GYROS if name in clear and abs(told.lags_s[name]) >= _OWN_LAG_S}
 
 
-def holds(changes: Sequence[Change], records: Sequence[Record]) -> bool:
+def holds(changes: Sequence[WiringChange], records: Sequence[Record]) -> bool:
     """Tell whether some changes are in all of some records: no part has what they concern explained as it is."""
     parts = [part for record in records for part in _parts(record)]
     return not any(_is_right(part, undone(part, changes)) for part in parts)
@@ -377,14 +326,14 @@ def _parts(record: Record) -> list[Record]:
     return [record.between(first, last) for first, last in pairwise(edges.tolist())]
 
 
-def as_it_is(records: Iterable[Record]) -> Guess | None:
+def as_it_is(records: Iterable[Record]) -> WiringGuess | None:
     """Return the guess that records read as they are; None where nothing moves."""
     pieces = pieces_of(records)
     wirings = _wirings(_Reading(), pieces) if pieces else []
     return _unchanged(wirings[0]) if wirings else None
 
 
-def undone(record: Record, changes: Iterable[Change]) -> Record:
+def undone(record: Record, changes: Iterable[WiringChange]) -> Record:
     """Return a record as it would read without some changes.
 
     >>> record = Record([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]], channels=["p", "q"], sample_period_s=0.1)
@@ -396,7 +345,7 @@ def undone(record: Record, changes: Iterable[Change]) -> Record:
     return record
 
 
-def _without(record: Record, change: Change) -> Record:
+def _without(record: Record, change: WiringChange) -> Record:
     columns = {name: record[name] for name in change.channels if name in record}
     if change.kind == "clock":
         return Record(
@@ -464,7 +413,7 @@ def _wirings(reading: _Reading, pieces: Sequence[Piece]) -> list[_Wiring]:
     ]
 
 
-def _unchanged(wiring: _Wiring) -> Guess:
+def _unchanged(wiring: _Wiring) -> WiringGuess:
     table, live = wiring.table, wiring.live
     left = {i: table.left(i, i, table.now, 1.0) for i in live}
     lags_s = {GYROS[i]: table.between([i], wiring.order, int(np.argmin(table.cost[i, i]))) for i in live}
@@ -472,7 +421,7 @@ def _unchanged(wiring: _Wiring) -> Guess:
     return replace(_guess((), left), gains={GYROS[i]: table.gains_between(i) for i in live}, lags_s=lags_s)
 
 
-def _gyros_late(wiring: _Wiring) -> list[Guess]:
+def _gyros_late(wiring: _Wiring) -> list[WiringGuess]:
     """Return the guesses without a lag, with one of all, and with one gyro late."""
     table = wiring.table
     now = [table.now] * 3
@@ -482,28 +431,30 @@ def _gyros_late(wiring: _Wiring) -> list[Guess]:
         place = int(np.flatnonzero(far)[np.argmin(wiring.total[far])])
         lag_s = table.between(wiring.live, wiring.order, place)
         made.append(
-            wiring.guess([place] * 3, [Change(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))])
+            wiring.guess(
+                [place] * 3, [WiringChange(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))]
+            )
         )
     for i in wiring.live if early.any() else ():
         places = list(now)
         places[i] = int(np.flatnonzero(early)[np.argmin(table.cost[i, wiring.order[i]][early])])
         lag_s = table.between([i], wiring.order, places[i])
-        made.append(wiring.guess(places, [Change(kind="late", channels=(GYROS[i],), size=abs(lag_s))]))
+        made.append(wiring.guess(places, [WiringChange(kind="late", channels=(GYROS[i],), size=abs(lag_s))]))
     return made
 
 
-def _a_little_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[Guess]:
+def _a_little_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[WiringGuess]:
     """Return the guess of a common lag that is less than a sample, where samples come so seldom that it counts."""
     table = wiring.table
     lag_s = table.between(wiring.live, wiring.order, table.now)
     if abs(lag_s) < _LEAST_LAG_S or int(np.argmin(wiring.total)) != table.now:
         return []
     late = wiring.read(replace(wiring.reading, late_s=dict.fromkeys(range(3), lag_s)), pieces)
-    change = Change(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))
+    change = WiringChange(kind="late", channels=ATTITUDE if lag_s > 0 else GYROS, size=abs(lag_s))
     return [replace(late, reading=wiring.reading).guess([late.table.now] * 3, [change])]
 
 
-def _clocks(wiring: _Wiring) -> list[Guess]:
+def _clocks(wiring: _Wiring) -> list[WiringGuess]:
     """Return the guess that the time base is wrong, where all gyros say by the same factor, and no unit's."""
     table, order = wiring.table, wiring.order
     if len(wiring.live) < 2 or set(wiring.reading.factors) != {1.0}:
@@ -518,11 +469,11 @@ def _clocks(wiring: _Wiring) -> list[Guess]:
     is_unit = any(1.0 / _SAME_FACTOR < factor / unit < _SAME_FACTOR for unit in (_DEG, 1.0 / _DEG))
     if is_usual or is_unit or not (ratios / factor < _SAME_FACTOR).all() or not (factor / ratios < _SAME_FACTOR).all():
         return []
-    clock = Change(kind="clock", channels=("time",), size=factor)
+    clock = WiringChange(kind="clock", channels=("time",), size=factor)
     return [wiring.guess([table.now] * 3, [clock], factor, plain=True)]
 
 
-def _angles_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[Guess]:
+def _angles_late(wiring: _Wiring, pieces: Sequence[Piece]) -> list[WiringGuess]:
     """Return the guesses that one angle is late, by what the gyro that it turns says, step by step."""
     made = []
     for i in wiring.live:
@@ -611,28 +562,28 @@ class _Table:
         return float(lags_s[place] + aside * (lags_s[1] - lags_s[0]))
 
 
-def _guess(changes: Sequence[Change], left: Mapping[int, float]) -> Guess:
+def _guess(changes: Sequence[WiringChange], left: Mapping[int, float]) -> WiringGuess:
     logs = [math.log(min(max(each, _BEST), _WORST)) / 2.0 for each in left.values()]
-    return Guess(
+    return WiringGuess(
         changes=tuple(sorted(changes, key=lambda change: (change.kind, change.channels))),
         score=sum(logs) / len(logs) + _PRICE * _count(changes),
         fits={GYROS[i]: 1.0 - math.sqrt(max(each, 0.0)) for i, each in left.items()},
     )
 
 
-def _count(changes: Sequence[Change]) -> int:
+def _count(changes: Sequence[WiringChange]) -> int:
     """Return how many changes some are: three sensors that have changed places did so twice."""
     return sum(2 if change.kind == "swap" and len(change.channels) > 2 else 1 for change in changes)
 
 
-def _gain_changes(gains: Mapping[int, float]) -> list[Change]:
-    changes = [Change(kind="sign", channels=(GYROS[i],)) for i, gain in gains.items() if gain < 0]
+def _gain_changes(gains: Mapping[int, float]) -> list[WiringChange]:
+    changes = [WiringChange(kind="sign", channels=(GYROS[i],)) for i, gain in gains.items() if gain < 0]
     for factor in (_DEG, 1.0 / _DEG):
         own = [GYROS[i] for i, gain in gains.items() if math.isclose(abs(gain), factor)]
         if len(own) == len(gains) > 1:
-            changes.append(Change(kind="unit", channels=tuple(own), size=factor))
+            changes.append(WiringChange(kind="unit", channels=tuple(own), size=factor))
         else:
-            changes += [Change(kind="unit", channels=(name,), size=factor) for name in own]
+            changes += [WiringChange(kind="unit", channels=(name,), size=factor) for name in own]
     return changes
 
 

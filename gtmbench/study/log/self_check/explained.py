@@ -20,32 +20,20 @@ _LOUDER = 1.5  # times what a residual was where it was identified: less is a ca
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
-    """What is left of a sensor's motion.
-
-    Attributes
-    ----------
-    output : str
-    where : str
-        ``identified`` or ``watched``.
-    share : float
-        1 - RMS of the residual / RMS of the signal, of slow motion about its mean; NaN where nothing moves.
-    residual, signal : float
-        These RMS values, in the sensor's unit.
-    is_asked : bool
-        Whether it must explain: where a pseudo input reads as the sensor. Other operators are tied to how the aircraft
-        is excited, and nothing says how much they have to explain.
-    is_calm : bool
-        Whether the residual is noise, more fast than slow and not against the virtual sensor, or no more than where it
-        was identified: too little motion to tell anything from.
-    """
+class ExplainedMotion:
+    """What is left of a sensor's motion."""
 
     output: str
-    where: str
-    share: float
+    where: str  # ``identified`` or ``watched``
+    share: float  # 1 - RMS of the residual / RMS of the signal, of slow motion about its mean; NaN where nothing moves
+    # residual, signal: these RMS values, in the sensor's unit
     residual: float
     signal: float
+    # Whether it must explain: where a pseudo input reads as the sensor. Other operators are tied to how the aircraft is
+    # excited, and nothing says how much they have to explain.
     is_asked: bool
+    # whether the residual is noise, more fast than slow and not against the virtual sensor, or no more than where it
+    # was identified: too little motion to tell anything from
     is_calm: bool
 
     @property
@@ -59,7 +47,7 @@ class Explained:
         return not self.is_shown and not self.is_calm
 
 
-def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Record]) -> list[Explained]:
+def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Record]) -> list[ExplainedMotion]:
     """Return what every residual of a sensor explains of the records that a monitor stands on."""
     found = []
     for sensor in monitor.basis.predicts:
@@ -70,7 +58,7 @@ def explained_where_identified(monitor: PredictingMonitor, records: Sequence[Rec
 
 def explained_where_watched(
     monitor: PredictingMonitor, watches: Sequence[Watch], left_out: Sequence[Span]
-) -> list[Explained]:
+) -> list[ExplainedMotion]:
     """Return what every residual of a sensor explains of what a monitor watched, but for some spans."""
     found = []
     for sensor in monitor.basis.predicts if watches else ():
@@ -106,7 +94,7 @@ def _moments(values: FloatArray, readings: FloatArray) -> tuple[float, float, fl
 
 def _explained(
     monitor: PredictingMonitor, output: str, where: str, residuals: Iterable[FloatArray], signals: Iterable[FloatArray]
-) -> Explained:
+) -> ExplainedMotion:
     squares, against, rows = np.zeros(4), 0.0, 1
     for values, readings in zip(residuals, signals, strict=True):
         whole = deviation([values])
@@ -120,7 +108,7 @@ def _explained(
     alike = against / max(float(np.sqrt(squares[1] * squares[2])), 1e-300)
     residual, signal, _, whole = np.sqrt(squares / rows).tolist()
     usual = float(np.asarray(monitor.operators[output].rms_residual).ravel()[0])
-    return Explained(
+    return ExplainedMotion(
         output=output,
         where=where,
         share=1.0 - residual / signal if signal > 0.0 else float("nan"),

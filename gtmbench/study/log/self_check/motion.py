@@ -43,22 +43,11 @@ class Piece:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moments:
-    """Second moments of slow motion over all pieces.
+    """Second moments of slow motion over all pieces."""
 
-    Attributes
-    ----------
-    gyros : FloatArray
-        Mean squares of p, q, r, shape (3,).
-    terms : FloatArray
-        Covariance of the six terms of the attitude's rates, shape (6, 6).
-    cross : FloatArray
-        Covariance of a gyro now with a term `lags_s` later, shape (3, 6, lags).
-    lags_s : FloatArray
-    """
-
-    gyros: FloatArray
-    terms: FloatArray = field(repr=False)
-    cross: FloatArray = field(repr=False)
+    gyros: FloatArray  # mean squares of p, q, r, shape (3,)
+    terms: FloatArray = field(repr=False)  # covariance of the six terms of the attitude's rates, shape (6, 6)
+    cross: FloatArray = field(repr=False)  # covariance of a gyro now with a term `lags_s` later, shape (3, 6, lags)
     lags_s: FloatArray = field(repr=False)
 
 

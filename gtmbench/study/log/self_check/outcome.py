@@ -17,8 +17,8 @@ from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Detector, Monitor, Watch
 from gtmbench.intake.flight_log import FlightLog, Remark, Source
 from gtmbench.study.log.self_check.causes import (
-    Change,
-    Guess,
+    WiringChange,
+    WiringGuess,
     as_it_is,
     causes_among,
     guesses,
@@ -26,11 +26,7 @@ from gtmbench.study.log.self_check.causes import (
     other_scales,
     small_lags_s,
 )
-from gtmbench.study.log.self_check.explained import (
-    Explained,
-    explained_where_identified,
-    explained_where_watched,
-)
+from gtmbench.study.log.self_check.explained import ExplainedMotion, explained_where_identified, explained_where_watched
 from gtmbench.study.log.self_check.told import cause_text, fits_text, mapping_for, nothing_found_text
 from gtmbench.values.channels import COMMANDS, axis_of
 from gtmbench.values.pieces import pieces
@@ -45,26 +41,13 @@ _OTHER_MOTION = "gyros and attitude don't show one motion"
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Why a log isn't what a monitor expects.
+    """Why a log isn't what a monitor expects."""
 
-    Attributes
-    ----------
-    log : str
-        Its name.
-    changes : tuple of Change
-        What has to be undone.
-    text : str
-    why : str
-        How much of the motion the attitude explains with that undone, and as it is.
-    to_type : str
-        The options under which the log reads as it should; "" where there are none.
-    """
-
-    log: str
-    changes: tuple[Change, ...]
+    log: str  # its name
+    changes: tuple[WiringChange, ...]  # what has to be undone
     text: str
-    why: str
-    to_type: str
+    why: str  # how much of the motion the attitude explains with that undone, and as it is
+    to_type: str  # the options under which the log reads as it should; "" where there are none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,26 +90,13 @@ class Doubt:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfCheck:
-    """What the self-check found.
+    """What the self-check found."""
 
-    Attributes
-    ----------
-    causes : tuple of Cause
-        Of a log that isn't what was expected; two of one log are either-or.
-    explained : tuple of Explained
-    stops : tuple of Stop
-        Why nothing is watched.
-    doubts : tuple of Doubt
-        Why silence says nothing, where something was watched.
-    notes : tuple of str
-        What isn't checked.
-    """
-
-    causes: tuple[Cause, ...] = ()
-    explained: tuple[Explained, ...] = ()
-    stops: tuple[Stop, ...] = ()
-    doubts: tuple[Doubt, ...] = ()
-    notes: tuple[str, ...] = ()
+    causes: tuple[Cause, ...] = ()  # of a log that isn't what was expected; two of one log are either-or
+    explained: tuple[ExplainedMotion, ...] = ()
+    stops: tuple[Stop, ...] = ()  # why nothing is watched
+    doubts: tuple[Doubt, ...] = ()  # why silence says nothing, where something was watched
+    notes: tuple[str, ...] = ()  # what isn't checked
 
     @property
     def passed(self) -> bool:
@@ -146,38 +116,18 @@ class SelfCheck:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Part:
-    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude.
-
-    Attributes
-    ----------
-    log : FlightLog
-    records : sequence of Record
-        With the detector's channels.
-    spans : sequence of Span
-    motion : sequence of Record
-        With p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them.
-    sources : tuple of Source
-        Which columns these are.
-    """
+    """Records of a log, where they lie in it, and what they hold of gyros and a whole attitude."""
 
     log: FlightLog
-    records: Sequence[Record]
+    records: Sequence[Record]  # with the detector's channels
     spans: Sequence[Span]
+    # with p, q, r, phi, theta, psi; none where the log hasn't all of them, or nothing rests on them
     motion: Sequence[Record] = ()
-    sources: tuple[Source, ...] = ()
+    sources: tuple[Source, ...] = ()  # which columns these are
 
 
 def check_wiring(watcher: Detector | Monitor, parts: Sequence[Part], where: str) -> SelfCheck:
-    """Check the channels that a detector reads, before anything is made of them.
-
-    Parameters
-    ----------
-    watcher : Detector or Monitor
-    parts : sequence of Part
-        One a log.
-    where : str
-        What they are: `IDENTIFIED`, `WATCHED` or `ALL`.
-    """
+    """Check the channels that a detector reads, before anything is made of them."""
     causes: list[Cause] = []
     stops: list[Stop] = []
     doubts: list[Doubt] = []
@@ -250,20 +200,13 @@ def lag_text(gyro: str, late_s: float) -> str:
 
 
 def wrong_wiring(monitor: Monitor, motion: Record) -> str:
-    """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" where nothing is.
-
-    Parameters
-    ----------
-    monitor : Monitor
-    motion : Record
-        With p, q, r, phi, theta and psi.
-    """
+    """Say what is wrong with how gyros and attitude are read, as far as a stretch of them shows; "" if nothing."""
     tried = guesses([motion])
     found = [guess for guess in causes_among(tried, [motion]) if _concerns(monitor, guess)]
     return " or ".join(cause_text(guess.changes) for guess in found)
 
 
-def _cause(part: Part, guess: Guess) -> Cause:
+def _cause(part: Part, guess: WiringGuess) -> Cause:
     sources = {source.channel: source for source in part.sources}
     return Cause(
         log=part.log.path.name,
@@ -274,7 +217,7 @@ def _cause(part: Part, guess: Guess) -> Cause:
     )
 
 
-def _better(part: Part, guess: Guess) -> str:
+def _better(part: Part, guess: WiringGuess) -> str:
     now = as_it_is(part.motion)
     said = f"with that undone, the attitude explains {fits_text(guess.fits)} of the motion"
     return said if now is None else f"{said}; as it is, {fits_text(now.fits)}"
@@ -304,15 +247,7 @@ def check_watched(
 
     What an impact leaves unexplained says nothing of the flight before and after it.
 
-    Parameters
-    ----------
-    check : SelfCheck
-    monitor : Monitor
-    watches : sequence of Watch
-    log : FlightLog
-    spans : sequence of Span
-        What isn't learnt from.
-    excursions : sequence of Excursion
+    `spans`: what isn't learnt from.
     """
     alarms = [alarm for watch in watches for alarm in watch.faults if not alarm.has_passed]
     told = {alarm.source for alarm in alarms} | {name for alarm in alarms for name in alarm.candidates}
@@ -339,7 +274,7 @@ def check_watched(
     return replace(check, explained=(*check.explained, *explained), doubts=doubts)
 
 
-def unexplained_text(each: Explained) -> str:
+def unexplained_text(each: ExplainedMotion) -> str:
     """Say how little of a sensor's motion is explained."""
     share = 100.0 * max(each.share, 0.0) if np.isfinite(each.share) else 0.0
     return (
@@ -397,7 +332,7 @@ def _still(records: Sequence[Record], dead: Mapping[str, float]) -> list[Record]
     return still
 
 
-def _concerns(watcher: Detector | Monitor, guess: Guess) -> bool:
+def _concerns(watcher: Detector | Monitor, guess: WiringGuess) -> bool:
     """Tell whether a guess changes a channel that a detector reads, or the time."""
     touched = {name for change in guess.changes for name in change.channels}
     return bool(touched & {*watcher.channels, "time"})

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from gtmbench.checks import listed
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.units import alike_unit
-from gtmbench.study.log.self_check.causes import Change, Guess
+from gtmbench.study.log.self_check.causes import WiringChange, WiringGuess
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 
-def cause_text(changes: Sequence[Change]) -> str:
+def cause_text(changes: Sequence[WiringChange]) -> str:
     """Say what would have to be undone.
 
     >>> cause_text([Change(kind="sign", channels=("p",)), Change(kind="late", channels=("psi",), size=0.5)])
@@ -25,7 +25,7 @@ def cause_text(changes: Sequence[Change]) -> str:
     return f"{text}, or so it seems: a common scale hardly changes how they fit" if is_common_scale(changes) else text
 
 
-def is_common_scale(changes: Sequence[Change]) -> bool:
+def is_common_scale(changes: Sequence[WiringChange]) -> bool:
     """Tell whether all gyros and all angles would have to be so many times larger: nearly the same motion.
 
     >>> is_common_scale([Change(kind="unit", channels=(*GYROS, *ATTITUDE), size=57.3)])
@@ -54,14 +54,10 @@ def nothing_found_text() -> str:
     )
 
 
-def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
+def mapping_for(guess: WiringGuess, sources: Mapping[str, Source]) -> str:
     """Return the options under which a log reads as a guess says; "" where none would do.
 
-    Parameters
-    ----------
-    guess : Guess
-    sources : mapping of str to Source
-        Which column each channel is read from, and how; ``time``, too, where a column tells it.
+    `sources`: which column each channel is read from, and how; ``time``, too, where a column tells it.
     """
     if any(change.kind in ("held", "euler") for change in guess.changes):
         return ""
@@ -73,11 +69,11 @@ def mapping_for(guess: Guess, sources: Mapping[str, Source]) -> str:
     return "" if None in options else " ".join(option for option in options if option is not None)
 
 
-def _touched(guess: Guess) -> list[str]:
+def _touched(guess: WiringGuess) -> list[str]:
     return list(dict.fromkeys(name for change in guess.changes for name in change.channels))
 
 
-def _option(channel: str, source: Source | None, changes: Sequence[Change], read_as: str) -> str | None:
+def _option(channel: str, source: Source | None, changes: Sequence[WiringChange], read_as: str) -> str | None:
     """Return the option that maps the column of one channel; None where none can."""
     if source is None:
         return None
@@ -98,14 +94,14 @@ def _option(channel: str, source: Source | None, changes: Sequence[Change], read
     return "--map " + shlex.quote(f"{channel}={turned}{source.column}:{unit}{late}")
 
 
-def _unit_text(change: Change) -> str:
+def _unit_text(change: WiringChange) -> str:
     small, large = ("rad/s", "deg/s") if change.channels[0] in GYROS else ("rad", "deg")
     if change.size > 1.0:
         return f"{listed(change.channels)} {_are(change.channels)} 57 times too small: {small} taken for {large}"
     return f"{listed(change.channels)} {_are(change.channels)} 57 times too large: {large} taken for {small}"
 
 
-def _swap_text(change: Change) -> str:
+def _swap_text(change: WiringChange) -> str:
     if len(change.channels) == 2:
         return f"{listed(change.channels)} are swapped"
     others = (*change.channels[1:], change.channels[0])
@@ -113,25 +109,25 @@ def _swap_text(change: Change) -> str:
     return f"gyros have changed places: {places}"
 
 
-def _late_text(change: Change) -> str:
+def _late_text(change: WiringChange) -> str:
     against = ""
     if len(change.channels) > 1:
         against = " against the gyros" if change.channels[0] in ATTITUDE else " against the attitude"
     return f"{listed(change.channels)} {_are(change.channels)} {change.size:.2f} s late{against}"
 
 
-def _clock_text(change: Change) -> str:
+def _clock_text(change: WiringChange) -> str:
     factor = change.size if change.size > 1.0 else 1.0 / change.size
     way = "long" if change.size > 1.0 else "short"
     digits = max(0, 1 - math.floor(math.log10(factor)))
     return f"the time base is wrong: steps of the clock are {factor:.{digits}f} times too {way}"
 
 
-def _held_text(change: Change) -> str:
+def _held_text(change: WiringChange) -> str:
     return f"{listed(change.channels)} {_are(change.channels)} held: one fresh reading in {change.size:.2g} s"
 
 
-def _euler_text(change: Change) -> str:
+def _euler_text(change: WiringChange) -> str:
     return (
         f"{listed(change.channels)} are the rates of {listed(ATTITUDE)}, made of the attitude, and no gyros of the body"
     )

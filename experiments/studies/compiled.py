@@ -7,7 +7,6 @@ import re
 import shutil
 import subprocess
 from dataclasses import dataclass, field
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -38,18 +37,10 @@ def missing_tools() -> list[str]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told:
-    """What an exported monitor said, a row a sample.
+class BoardOutput:
+    """What an exported monitor said, a row a sample."""
 
-    Attributes
-    ----------
-    alarms, above, possible, involved, missing, flags, backlog : shape (rows,)
-        As the events have them.
-    statistics : shape (rows, residuals, windows, 2)
-        Over their thresholds, of mean and of energy; none where they weren't asked for.
-    predicted, residuals, levels : shape (rows, residuals)
-    """
-
+    # alarms, above, possible, involved, missing, flags, backlog: shape (rows,); as the events have them
     alarms: Array = field(repr=False)
     above: Array = field(repr=False)
     possible: Array = field(repr=False)
@@ -57,7 +48,10 @@ class Told:
     missing: Array = field(repr=False)
     flags: Array = field(repr=False)
     backlog: Array = field(repr=False)
+    # shape (rows, residuals, windows, 2); over their thresholds, of mean and of energy; none where they weren't asked
+    # for
     statistics: Array = field(repr=False)
+    # predicted, residuals, levels: shape (rows, residuals)
     predicted: Array = field(repr=False)
     residuals: Array = field(repr=False)
     levels: Array = field(repr=False)
@@ -66,15 +60,7 @@ class Told:
 class Compiled:
     """An exported folder as a library of this machine; every state of `begin` is a monitor of its own.
 
-    Parameters
-    ----------
-    folder : Path
-        As `gtmbench.export_c` wrote it; it isn't written to.
-    board : Board
-    aside : Path
-        A folder for the library.
-    flags : str
-        For the compiler, beside strict warnings.
+    `folder`: as `gtmbench.export_c` wrote it; it isn't written to.
     """
 
     def __init__(self, folder: Path, board: Board, aside: Path, *flags: str) -> None:
@@ -99,18 +85,10 @@ class Compiled:
         times_us: Array | None = None,
         state: ctypes.Array[ctypes.c_char] | None = None,
         statistics: bool = True,
-    ) -> Told:
+    ) -> BoardOutput:
         """Return what a monitor says of rows of the board's channels, shape (rows, channels).
 
-        Parameters
-        ----------
-        values : array
-        times_us : array, optional
-            By default a period apart.
-        state : optional
-            Of `begin`, which goes on; by default a new one.
-        statistics : bool
-            Whether all else than events is asked for, too.
+        `times_us`: by default a period apart. `state`: of `begin`, which goes on; by default a new one.
         """
         board, rows = self.board, np.ascontiguousarray(values, dtype=np.float32)
         even_us = 1_000_000 + np.arange(len(rows)) * round(board.period_s * 1e6)
@@ -129,7 +107,7 @@ class Compiled:
             others.ctypes if statistics else None,
         )
         alarms, above, possible, involved, missing, flags, backlog = events.T.astype(int)
-        return Told(
+        return BoardOutput(
             alarms=alarms,
             above=above,
             possible=possible,
@@ -146,41 +124,19 @@ class Compiled:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnM4:
-    """An exported monitor on a Cortex-M4 with an FPU, as far as a PC goes.
+    """An exported monitor on a Cortex-M4 with an FPU, as far as a PC goes."""
 
-    Attributes
-    ----------
-    flash_bytes : int
-        Code and tables, compiled for size; without the library's functions.
-    state_bytes : int
-    instructions : shape (rows,)
-        A call, of a made-up flight whose last third has a fault.
-    said : str
-        By the folder's own test.
-    """
-
-    flash_bytes: int
+    flash_bytes: int  # code and tables, compiled for size; without the library's functions
     state_bytes: int
+    # shape (rows,); A call, of a made-up flight whose last third has a fault
     instructions: FloatArray = field(repr=False)
-    said: str
+    said: str  # by the folder's own test
 
 
 def run_on_m4(folder: Path, board: Board, aside: Path, *, optimised: str = "-O2") -> OnM4:
     """Cross-compile an exported folder, run its own test in qemu's M4 machine, and count instructions a call.
 
-    Parameters
-    ----------
-    folder : Path
-    board : Board
-    aside : Path
-        A folder for what is compiled.
-    optimised : str
-        How it is compiled where instructions are counted. Flash is always of ``-Os``.
-
-    Raises
-    ------
-    GtmbenchError
-        Where a tool is missing, or the folder's own test fails there.
+    `optimised`: how it is compiled where instructions are counted. Flash is always of ``-Os``.
     """
     if missing_tools():
         raise GtmbenchError(f"{', '.join(missing_tools())} isn't installed here; {M4_INSTALL}")
@@ -210,7 +166,7 @@ def run_on_m4(folder: Path, board: Board, aside: Path, *, optimised: str = "-O2"
 
 
 def _file(name: str) -> Path:
-    return Path(str(resources.files("gtmbench.testing").joinpath("c", name)))
+    return Path(__file__).parent / "c" / name
 
 
 def _run(command: list[str]) -> str:
