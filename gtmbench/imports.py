@@ -47,7 +47,7 @@ def load_module(source: str | Path) -> ModuleType:
         return module
     if not all(part.isidentifier() for part in text.split(".")):
         raise InputError(f"{shown(text)} names no module; {_HOW}")
-    with _without_current_folder(), _import_told(text):
+    with _without_current_folder(), _import_errors(text):
         _brought[text] = import_module(text)
     return _brought[text]
 
@@ -173,7 +173,7 @@ def _of_file(path: Path) -> ModuleType:
         raise InputError(f"{path} isn't Python; {_HOW}")
     module = sys.modules[name] = module_from_spec(spec)
     try:
-        with _without_current_folder(), _import_told(str(path)):
+        with _without_current_folder(), _import_errors(str(path)):
             spec.loader.exec_module(module)
     except BaseException:
         del sys.modules[name]
@@ -182,7 +182,7 @@ def _of_file(path: Path) -> ModuleType:
 
 
 @contextmanager
-def _import_told(source: str) -> Iterator[None]:
+def _import_errors(source: str) -> Iterator[None]:
     """Turn whatever an import raises into one line."""
     try:
         yield

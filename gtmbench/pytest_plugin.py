@@ -72,14 +72,14 @@ def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestR
     """Name the recordings in the failure's report, and as properties in JUnit's XML."""
     test = item.stash.get(_ARTEFACTS, Artefacts())  # none, where another plugin runs tests in its own way
     paths = [str(path) for path in test.recordings]
-    item.user_properties += [("gtmbench_recording", path) for path in paths if not _recording_told(item, path)]
+    item.user_properties += [("gtmbench_recording", path) for path in paths if not _is_listed(item, path)]
     report = yield
     if report.failed:
         report.sections += [("gtmbench recording", path) for path in paths]
     return report
 
 
-def _recording_told(item: pytest.Item, path: str) -> bool:
+def _is_listed(item: pytest.Item, path: str) -> bool:
     return any(value == path for _, value in item.user_properties)
 
 

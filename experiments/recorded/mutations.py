@@ -100,7 +100,7 @@ def mutated(record: Record, changes: Iterable[WiringChange]) -> Record:
     """Return a record from which some changes have to be undone.
 
     >>> record = Record([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]], channels=["p", "q"], sample_period_s=0.1)
-    >>> mutated(record, [Change(kind="unit", channels=("p",), size=57.3)])["p"].round(3)
+    >>> mutated(record, [WiringChange(kind="unit", channels=("p",), size=57.3)])["p"].round(3)
     array([0.017, 0.035, 0.052])
     """
     for change in changes:

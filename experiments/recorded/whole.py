@@ -61,7 +61,7 @@ class Whole:
     ----------
     path : Path
     learnt : Learnt
-    said : Said
+    said : Monitored
     watched : WatchedLog
     cpu_s : float
         What that took, from the file to the verdict.

@@ -217,12 +217,12 @@ def _own(controller: object, simulation: Simulation) -> tuple[Command, Callable[
             failure.flight = simulation.flight()
             raise failure from error
 
-    def told(readings: Readings) -> Sequence[float]:
+    def checked(readings: Readings) -> Sequence[float]:
         commands: Sequence[float] = tried(lambda: checked_commands(command(Sample._make(readings), simulation.time_s)))
         return commands
 
     listens = listener(command)
-    return told, None if listens is None else lambda event: tried(lambda: listens(event))
+    return checked, None if listens is None else lambda event: tried(lambda: listens(event))
 
 
 def _watched(

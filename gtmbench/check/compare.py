@@ -77,7 +77,7 @@ def compare(
     baseline of something else.
 
     >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
-    >>> now = Group(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
+    >>> now = FigureGroup(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
     >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
     >>> threshold.regressed, threshold.high
     (True, 6.12)

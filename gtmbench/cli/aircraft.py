@@ -44,7 +44,9 @@ def aircraft_options(command: F) -> F:
     )(condition_options(command))
 
 
-def told_aircraft(name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool) -> Aircraft:
+def loaded_aircraft(
+    name: str, *, altitude: float | None, tas: float | None, without_io: bool, silent: bool
+) -> Aircraft:
     """Load an aircraft; say what of its model is left out, and where its condition seems to be in other units."""
     from gtmbench.bench.equilibrium import mistaken_units
     from gtmbench.bench.known_aircraft import load_aircraft
@@ -140,7 +142,7 @@ def aircraft_command(
         return
     if finds_gains and out is not None:
         claim_file(out, force=force)
-    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     if finds_gains:
         _find_gains(_at_condition(aircraft, altitude, tas), sensors, out, as_json=as_json, quiet=quiet)
     else:

@@ -10,7 +10,7 @@ import click
 from click.core import ParameterSource
 
 from gtmbench.checks import number
-from gtmbench.cli.aircraft import aircraft_options, told_aircraft
+from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
 from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.faults import chosen_faults, fault_options
 from gtmbench.cli.output import common_options, echo, print_json
@@ -162,7 +162,7 @@ def fly_command(
         _check_open_loop(controller, attitude, noise, breaks=bool(of_sensors) and target is None)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
-    aircraft = told_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
     sensors = sensors or (aircraft.loop_sensors if closed_loop and controller is None else IDEAL)
     chain = aircraft.chain_of(sensors)
     if chain is not None and noise is None and not closed_loop:

@@ -230,7 +230,7 @@ def _print_end(
             echo(line)
         echo(f"link: {link.counts}")
         if save is not None and not link.unsaved:
-            echo(f"saved: {save}    look closer: gtmbench monitor {save}{_asked(detector)} --details")
+            echo(f"saved: {save}    look closer: gtmbench monitor {save}{_detector_option(detector)} --details")
     _print_drawn(link, quiet=quiet)
 
 
@@ -253,7 +253,7 @@ def _closing_lines(link: Live) -> list[str]:
     return [*verdict_lines(closing.verdict, labels, screen_width()), *doubtful]
 
 
-def _asked(detector: str | None) -> str:
+def _detector_option(detector: str | None) -> str:
     """Return the option of `gtmbench monitor` that asks the same."""
     return "" if detector is None else f" --detector {shlex.quote(detector)}"
 

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gtmbench.cli.aircraft import told_aircraft
+from gtmbench.cli.aircraft import loaded_aircraft
 from gtmbench.cli.output import claim_file, echo, print_json
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -52,7 +52,7 @@ def fly_twice(
     _check_files(out, figure, force=force)
     faults = faults or _own_faults()
     silent = as_json or quiet
-    flown = told_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
+    flown = loaded_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
     with progress_bar(silent=silent) as tell:
         kept = load_monitor(monitor_file) if monitor_file else None
         sensors = sensors or (flown.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))

@@ -82,7 +82,7 @@ def verify_command(
         return compare_recordings(paths[0], against, limits, overlay, force=force, as_json=as_json, quiet=quiet)
     if tolerance or absolute or overlay is not None:
         raise InputError("--tolerance, --absolute and --overlay are of --against, which is missing")
-    told = [each for path in paths for each in _told_of(path)]
+    told = [each for path in paths for each in _integrity_of(path)]
     wrong = [each for each in told if each.wrong]
     code = _ALTERED if wrong else 0
     findings = [{"text": f"{each.path}: {each.wrong}", "file": str(each.path), "wrong": each.wrong} for each in wrong]
@@ -101,7 +101,7 @@ def _verdict(told: Sequence[_Told], wrong: Sequence[_Told]) -> str:
     return f"{counted(len(told), 'file')} {'holds' if len(told) == 1 else 'hold'} what was written."
 
 
-def _told_of(path: Path) -> Iterator[_Told]:
+def _integrity_of(path: Path) -> Iterator[_Told]:
     if is_folder(path):
         yield from _folder(path)
     elif not is_file(path):

@@ -13,7 +13,7 @@ from itertools import permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.physics import rates_told
+from gtmbench.intake.physics import rates_beside_attitude
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray
@@ -88,7 +88,7 @@ def _feels_down(known: Known) -> bool:
 
 def _rotation(raw: RawLog, known: Known) -> _Rotation | None:
     """Return the rotation by which gyros show the attitude's motion; None of none, or none that is plain."""
-    told = rates_told(
+    told = rates_beside_attitude(
         raw, [known[name][0] for name in GYROS], [known[name][0] for name in ATTITUDE], _factors(known, ATTITUDE)
     )
     if told is None:

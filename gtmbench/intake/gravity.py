@@ -19,7 +19,7 @@ _WITHIN, _OTHERS = 0.03, 0.1  # of a unit, as a logarithm: which it is, and how 
 _ALONG = 0.8  # of what is felt: the way that z points
 
 
-def forces_told(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
+def forces_by_gravity(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
     """Return the accelerometers beside the gyros, in the unit and on the axes that gravity shows; none elsewhere.
 
     They are mounted as the gyros of the same sensor are, and gravity has to agree with that. Milligrams can't be told

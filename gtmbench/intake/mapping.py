@@ -16,8 +16,8 @@ from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
 from gtmbench.intake.frames import in_frame
-from gtmbench.intake.gravity import forces_told
-from gtmbench.intake.names import NameGuess, asked, guess, is_table_header, known_as, stated_unit
+from gtmbench.intake.gravity import forces_by_gravity
+from gtmbench.intake.names import NameGuess, guess, is_table_header, known_as, stated_unit, unit_option
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.stamps import Clock
 from gtmbench.intake.units import Unit, dimension_of, hint, unit
@@ -185,7 +185,7 @@ def _mapped_or_recognised(raw: RawLog, mapped: Mapping[str, str]) -> dict[str, C
     units, sure = _units(mapped), _sure(raw, mapped)
     by_name = {series.name: series for series in raw.series}
     tried = {
-        meaning.channel: _as_told(by_name[name], meaning, f", guessed by {meaning.guessed}")
+        meaning.channel: _column_of(by_name[name], meaning, f", guessed by {meaning.guessed}")
         for name, meaning in _tried(raw, sure, units).meanings.items()
     }
     settled = _in_units(raw, units) | tried | sure
@@ -223,7 +223,7 @@ def _in_units(raw: RawLog, units: str) -> dict[str, ChosenColumn]:
         ):
             looks.setdefault(told.channel, []).append(series)
     return {
-        channel: _as_told(
+        channel: _column_of(
             only[0], Meaning(channel=channel, unit=f"{units}/s" if channel in GYROS else units), ", as told"
         )
         for channel, only in looks.items()
@@ -269,9 +269,9 @@ def _by_motion(raw: RawLog, settled: Mapping[str, ChosenColumn]) -> dict[str, Ch
     before = _SHOWN.setdefault(next(iter(known.values()))[0], {})
     if key not in before:
         turned = in_frame(raw, known)
-        told = turned | forces_told(raw, known | turned)
+        told = turned | forces_by_gravity(raw, known | turned)
         before[key] = {
-            name: _as_told(series, meaning, f", guessed by {meaning.guessed}")
+            name: _column_of(series, meaning, f", guessed by {meaning.guessed}")
             for name, (series, meaning) in told.items()
         }
     return before[key]
@@ -317,10 +317,10 @@ def _by_meaning(series: RawSeries, raw: RawLog, rather: str) -> ChosenColumn:
     meaning = judged(series, raw).meaning
     assert meaning is not None  # the caller looked
     turned = meaning.sign < 0 and series.meaning is None
-    return _as_told(series, meaning, (" (taken to point down)" if turned else "") + rather)
+    return _column_of(series, meaning, (" (taken to point down)" if turned else "") + rather)
 
 
-def _as_told(series: RawSeries, meaning: Meaning, why: str) -> ChosenColumn:
+def _column_of(series: RawSeries, meaning: Meaning, why: str) -> ChosenColumn:
     known = unit(meaning.unit)
     return ChosenColumn(
         channel=meaning.channel,
@@ -420,7 +420,7 @@ def missing(raw: RawLog, lacking: Sequence[str], channels: Sequence[str], why: s
     unlike = [channel for channel in lacking if _open(raw, channel) == ""]
     asks = list(dict.fromkeys(_open(raw, channel) for channel in lacking if channel not in unlike))
     if unlike and not raw.is_nameless:
-        asks.append(f"nothing looks like {listed(unlike, 'or')}: {asked(unlike[0], 'COLUMN')}")
+        asks.append(f"nothing looks like {listed(unlike, 'or')}: {unit_option(unlike[0], 'COLUMN')}")
     if raw.is_nameless and not asks:
         return f"no {names}; {there(raw)}"
     return (

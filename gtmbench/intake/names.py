@@ -95,7 +95,7 @@ def guess(header: str, unit_beside: str = "") -> NameGuess:
             return _judged(header, "tas", stated, 1.0)
         if key in _OPEN:
             channel, why = _OPEN[key]
-            return NameGuess(channel=channel, why_not=f"{why}: {asked(channel, header)} if it is {channel}")
+            return NameGuess(channel=channel, why_not=f"{why}: {unit_option(channel, header)} if it is {channel}")
     return NameGuess()
 
 
@@ -115,10 +115,10 @@ def _judged(header: str, channel: str, stated: str, sign: float) -> NameGuess:
     if known is not None and channel == "time":
         return NameGuess()  # T in degrees is a temperature
     said = f"states '{stated}', not a unit of {dimension_of(channel)} that is known" if stated else "states no unit"
-    return NameGuess(channel=channel, why_not=f"looks like {channel}, but {said}: {asked(channel, header)}")
+    return NameGuess(channel=channel, why_not=f"looks like {channel}, but {said}: {unit_option(channel, header)}")
 
 
-def asked(channel: str, header: str) -> str:
+def unit_option(channel: str, header: str) -> str:
     """Return how a mapping would state a column's unit, as it is typed."""
     first, second = hint(channel)
     option = shlex.quote(f"{channel}={header}:{first}")

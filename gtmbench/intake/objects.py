@@ -37,7 +37,7 @@ def objects_in(address: str) -> list[str]:
             return [each for each in system.glob(path) if not system.isdir(each)]
         return system.find(path) if system.isdir(path) else [path] if system.exists(path) else []
 
-    objects = [str(system.unstrip_protocol(each)) for each in _asked(address, found)]
+    objects = [str(system.unstrip_protocol(each)) for each in _answer(address, found)]
     if not objects:
         raise InputError(f"{address}: there is no such object; give one, a folder of some, or a pattern")
     return objects
@@ -46,7 +46,7 @@ def objects_in(address: str) -> list[str]:
 def object_digest(address: str) -> str:
     """Return what changes when an object does: a digest of what its store says of it, its size and tag."""
     system, path = _opened(address)
-    return str(_asked(address, lambda: system.ukey(path)))[:16]
+    return str(_answer(address, lambda: system.ukey(path)))[:16]
 
 
 @contextmanager
@@ -56,12 +56,12 @@ def fetched(address: str) -> Iterator[Path]:
     Raises InputError where it isn't there, or is larger than a log may be.
     """
     system, path = _opened(address)
-    size = _asked(address, lambda: system.size(path))
+    size = _answer(address, lambda: system.size(path))
     if size is not None and size > LARGEST_LOG_BYTES:
         raise InputError(f"{address} has {size:.3g} bytes; a log of at most {LARGEST_LOG_BYTES:.3g} is read")
     with tempfile.TemporaryDirectory(prefix="gtmbench-") as folder:
         file = Path(folder, Path(path).name)
-        _asked(address, lambda: system.get_file(path, str(file)))
+        _answer(address, lambda: system.get_file(path, str(file)))
         yield file
 
 
@@ -77,7 +77,7 @@ def _opened(address: str) -> tuple[Any, str]:
     return system, str(path)
 
 
-def _asked(address: str, ask: Callable[[], Found]) -> Found:
+def _answer(address: str, ask: Callable[[], Found]) -> Found:
     """Return what a store answers; whatever its library raises is one line."""
     try:
         return ask()

@@ -153,7 +153,7 @@ def tells_of_one_motion(raw: RawLog) -> bool:
     return any(fit.signs[0] == gyros.signs for fit in _fits(raw, gyros, angles, ""))
 
 
-def rates_told(
+def rates_beside_attitude(
     raw: RawLog, gyros: Sequence[RawSeries], angles: Sequence[RawSeries], factors: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.

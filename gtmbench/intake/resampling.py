@@ -288,7 +288,7 @@ def _between(places: Places, time_s: FloatArray, values: FloatArray, at_s: Float
     bends = slopes[0] * step - rises, rises - slopes[1] * step
     lost = np.flatnonzero(step[:, 0] > places.lost_s)
     if len(lost):
-        lefts[lost] = np.where(_are_told(places, time_s, values, starts[lost]), lefts[lost], np.nan)
+        lefts[lost] = np.where(_are_predictable(places, time_s, values, starts[lost]), lefts[lost], np.nan)
     u = (since_s / steps_s)[:, np.newaxis]
     out: FloatArray = bends[0][which]
     out += u * (bends[1][which] - out)
@@ -348,7 +348,7 @@ def _about(starts: _Rows, count: int) -> _Rows:
     return np.flatnonzero(np.cumsum(change[:-1]) > 0)
 
 
-def _are_told(places: Places, time_s: FloatArray, values: FloatArray, lost: _Rows) -> BoolArray:
+def _are_predictable(places: Places, time_s: FloatArray, values: FloatArray, lost: _Rows) -> BoolArray:
     """Tell whether neighbours tell what was lost after some samples to within the noise, shape (lost, channels).
 
     Tried on the samples just before: each is told by the four about it that are as far away as those about the lost

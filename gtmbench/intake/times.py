@@ -57,7 +57,7 @@ def with_time(raw: RawLog, mapped: str | None) -> RawLog:
     tables = dict.fromkeys(series.clock for series in raw.series)
     if len(tables) > 1 and not raw.clocks and mapped is None:
         return _table_by_table(raw, list(tables))
-    told = _told_time(raw, mapped)
+    told = _stated_time(raw, mapped)
     clocks, since = in_seconds({told.clock: told.stamps}, told.per_second)
     taken = {column.name for column in told.columns}
     rest = tuple(other for other in raw.series if other.name not in taken)
@@ -103,7 +103,7 @@ class _Told:
         return f"time: column '{self.name}'{told}{f', by {self.guessed}' if self.guessed else ''}"
 
 
-def _told_time(raw: RawLog, mapped: str | None) -> _Told:
+def _stated_time(raw: RawLog, mapped: str | None) -> _Told:
     series, meaning = mapped_column(raw, "time", mapped) if mapped is not None else _time_column(raw)
     stated, per_second = _unit_of_time(meaning, mapped)
     beyond = beyond_seconds(raw, series)
@@ -127,7 +127,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
     for table in tables:
         own = tuple(series for series in raw.series if series.clock == table)
         try:
-            told[table] = _told_time(replace(raw, series=own, by_name=True), None)
+            told[table] = _stated_time(replace(raw, series=own, by_name=True), None)
         except InputError as error:
             without, why = [*without, table], why or str(error)
     if not told:

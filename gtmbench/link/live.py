@@ -73,7 +73,7 @@ class Live:
         The verdict: so far failed, or unknown, for nobody is clear before the flight is over.
     verdict : str
         The verdict in one sentence.
-    closing : Closing or None
+    closing : ClosingWord or None
         What the flight comes to; None while it lasts.
     monitor : Monitor or None
         The monitor that watches; None while one is learnt.
@@ -195,7 +195,7 @@ class Live:
             return self._unjudged("nothing came")
         of_system = self._source.is_table or options.system is None
         log = kept.path if of_system else Path(f"{kept.path}:{options.system}")
-        told = () if self._session is None else self._session.alarms_told
+        told = () if self._session is None else self._session.first_alarms
         try:
             return closed(log, self._given, told, mapping=options.mapping, attitude=options.attitude, progress=progress)
         except InputError as error:

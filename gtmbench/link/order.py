@@ -25,7 +25,7 @@ class InOrder:
 
     >>> order = InOrder(0.01)
     >>> arrived = [0.00, 0.01, 0.03, 0.02, 0.02, 0.04]
-    >>> [[each.time_s for each in order.push(Sample(topic="", time_s=at, values=()))] for at in arrived]
+    >>> [[each.time_s for each in order.push(LinkSample(topic="", time_s=at, values=()))] for at in arrived]
     [[0.0], [0.01], [], [0.02, 0.03], [], [0.04]]
     >>> order.doubled, order.late, order.lost
     (1, 0, 0)

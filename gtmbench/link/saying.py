@@ -43,7 +43,7 @@ class Saying:
         """Say an event; of several within a second the last."""
         severity = _SAID.get(event.kind)
         if severity is not None:
-            self._next = severity, said_text(event)
+            self._next = severity, status_text(event)
         self.tick()
 
     def tick(self) -> None:
@@ -74,10 +74,10 @@ class Saying:
         self._send(bytes(packed))
 
 
-def said_text(event: LiveEvent) -> str:
+def status_text(event: LiveEvent) -> str:
     """Return an event in 50 characters.
 
-    >>> said_text(LiveEvent(kind=LiveKind.ALARM, time_s=1.0, text="p (mean 0.16 s) rose above its threshold; the"))
+    >>> status_text(LiveEvent(kind=LiveKind.ALARM, time_s=1.0, text="p (mean 0.16 s) rose above its threshold; the"))
     'gtmbench alarm: p (mean 0.16 s) rose above its thr'
     """
     judged = None if event.alarm is None else event.alarm.last

@@ -159,10 +159,10 @@ class Session:
         if self._reader.is_open or self._mixed_until_s is not None:
             why = self._reader.is_open or "two senders are mixed on this link"
         sensors = self._monitor.suspects or self._monitor.channels
-        return verdict_so_far(sensors, self._span_s or (0.0, 0.0), self.alarms_told, why)
+        return verdict_so_far(sensors, self._span_s or (0.0, 0.0), self.first_alarms, why)
 
     @property
-    def alarms_told(self) -> list[Alarm]:
+    def first_alarms(self) -> list[Alarm]:
         """The first alarm of each fault so far."""
         return self._story.first
 
@@ -202,7 +202,7 @@ class Session:
     def tick(self, now_s: float) -> Iterator[LiveEvent]:
         """Give what silence makes known."""
         if self._watcher.pending and now_s - self._arrived_s > _HELD_S:
-            yield from self._told(self._watcher.push([], 1))
+            yield from self._alarm_events(self._watcher.push([], 1))
         if self._arrived_s and self._lost_since_s is None and now_s - self._arrived_s > SILENT_S:
             self._lost_since_s = self._arrived_s
             yield self._event(LiveKind.LINK_LOST, f"no message for {SILENT_S:g} s; nothing is watched until one comes")
@@ -210,7 +210,7 @@ class Session:
     def end(self) -> Iterator[LiveEvent]:
         """Give what is left to be told."""
         if not self._watcher.problem and not self._reader.is_open:
-            yield from self._told(self._watcher.end())
+            yield from self._alarm_events(self._watcher.end())
 
     def note(self, text: str) -> LiveEvent:
         """Return a note."""
@@ -223,9 +223,9 @@ class Session:
             self._span_s = min(first_s, *at_s), max(last_s, *at_s)
             told = self._watcher.push(messages, self.at_once)
             yield from self._states(has_alarmed=bool(told))
-            yield from self._told(told)
+            yield from self._alarm_events(told)
 
-    def _told(self, alarms: tuple[Alarm, ...]) -> Iterator[LiveEvent]:
+    def _alarm_events(self, alarms: tuple[Alarm, ...]) -> Iterator[LiveEvent]:
         for kind, time_s, text, alarm in self._story.lines(alarms):
             yield self._event(kind, text, alarm, time_s)
 
@@ -348,7 +348,7 @@ class Session:
         yield from self._fed(strays)
 
     def _anew(self, text: str, *, keep: bool) -> Iterator[LiveEvent]:
-        yield from self._told(self._watcher.end())
+        yield from self._alarm_events(self._watcher.end())
         self._past = self.counts
         self._watched += self._watcher.watched
         learner = self._watcher.learner if keep else None

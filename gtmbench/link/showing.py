@@ -154,7 +154,7 @@ class Showing:
         if self._process.is_alive():
             self._process.terminate()
         self._pipe.close()
-        failure = drawn.failure and _told(drawn.failure, self._path)
+        failure = drawn.failure and _why_undrawn(drawn.failure, self._path)
         return drawn._replace(left_out=self._left_out, failure=failure, path=self._path)
 
     def _flush(self) -> None:
@@ -177,7 +177,7 @@ class Showing:
             self._pipe.send(None)
 
 
-def _told(why: str, path: Path | None) -> str:
+def _why_undrawn(why: str, path: Path | None) -> str:
     """Say what isn't drawn; of a full disk rerun tells nothing, so its folder is asked for room."""
     if path is None:
         return f"the rerun viewer ended before the flight: {why}"

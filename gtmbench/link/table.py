@@ -27,7 +27,7 @@ class TableRows:
 
     `wants`: others, which are read where they are there.
 
-    >>> table = Table(["p"])
+    >>> table = TableRows(["p"])
     >>> end = bytes([10])
     >>> [message.time_s for message in table.read(b"time_s,p_deg_s" + end + b"0.0,1.5" + end + b"0.1,")], table.broken
     ([0.0], 0)

@@ -173,7 +173,7 @@ class Watcher:
             return []
         self.problem = ""
         for name, topic in read.items():
-            if name in self._needs or self._is_told(name, topic):
+            if name in self._needs or self._is_ever_read(name, topic):
                 self._channels[topic] = (*self._channels.get(topic, ()), name)
         routes = [Route(topic=topic, channels=own, period_s=periods_s[topic]) for topic, own in self._channels.items()]
         begin_s = max(min(stamps[route.topic]) for route in routes)
@@ -183,7 +183,7 @@ class Watcher:
         probed, self._probed = self._probed, []
         return probed
 
-    def _is_told(self, name: str, topic: str) -> bool:
+    def _is_ever_read(self, name: str, topic: str) -> bool:
         """Tell whether a channel is ever read: one that a sender leaves out throughout is nothing to wait for."""
         own = (self._reader.sample(message, (name,)) for message in self._probed if message.topic == topic)
         return any(sample is not None and math.isfinite(sample.values[0]) for sample in own)

@@ -83,7 +83,7 @@ def signals_of(watched: WatchedLog) -> list[str]:
     return list(dict.fromkeys([*predicted, *failed] or used[:_MOST_SIGNALS]))
 
 
-def told_sensors(verdict: LogVerdict) -> tuple[str, ...]:
+def reported_sensors(verdict: LogVerdict) -> tuple[str, ...]:
     """Return the sensors that have something to tell: those that are asked, and others that failed or are suspected."""
     accused = [sensor for sensor, _ in (*verdict.failed, *verdict.suspected)]
     shown = dict.fromkeys([*verdict.scope.sensors, *accused])

@@ -160,7 +160,7 @@ class Trial(InjectedFaults, Verdict):
             "settings": settings_of(self.injected),
             "also": [fault_row(fault) for fault in self.also],
             "departure_time_s": self.departure_time_s,
-            "expected": None if self.expected is None else _told_expected(self.expected),
+            "expected": None if self.expected is None else _expectation_dict(self.expected),
             "unexpected": list(self.unexpected),
         }
 
@@ -235,7 +235,7 @@ def settings_of(fault: Fault) -> dict[str, object]:
     return {**own, **times, **{f"intermittent_{name}": value for name, value in spells.items()}}
 
 
-def _told_expected(expected: Expectation) -> dict[str, object]:
+def _expectation_dict(expected: Expectation) -> dict[str, object]:
     return {**asdict(expected), "isolate_as": list(expected.isolate_as)}
 
 

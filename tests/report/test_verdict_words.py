@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gtmbench.report.figures.log import log_figure
-from gtmbench.report.log_findings import told_sensors
+from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.timeline import timeline_table
 from gtmbench.report.words.timeline import span_lines, timeline_rows
@@ -344,4 +344,4 @@ def test_the_page_has_a_bar_a_sensor_and_the_table():
 
 def test_whoever_isnt_asked_and_found_nothing_is_in_no_picture():
     found = verdict(changed(tas=clear()["p"], nx=[failed("nx", 20.0, 40.0)]), asked=("q", "nowhere"))
-    assert told_sensors(found) == ("q", "nx")
+    assert reported_sensors(found) == ("q", "nx")

@@ -95,7 +95,7 @@ def clock_texts(cells: Sequence[Any]) -> ClockTexts | None:
     >>> clock_texts(["12:59:59.5 PM", "01:00:00.5 PM"]).seconds
     array([0., 1.])
     >>> clock_texts(["0 days 00:00:00.020000", "0 days 00:00:00.040000"]).told, clock_texts(["on", "off"])
-    (<Told.DURATION: 'duration'>, None)
+    (<ClockKind.DURATION: 'duration'>, None)
     """
     texts = ["" if cell is None or cell != cell else str(cell).strip() for cell in cells]
     if any(map(_WITHOUT_MARKS.match, texts[:_FIRST])):

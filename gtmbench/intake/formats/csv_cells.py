@@ -137,7 +137,7 @@ def _coding(path: Path, layout: CsvLayout) -> tuple[str, str]:
 def _pieces(line: str, layout: CsvLayout) -> list[str]:
     """Cut a row into its cells; where spaces separate them, these lie between, and come first.
 
-    >>> layout = Layout(names=(), units=(), encoding="", separator=";", decimal=".", skipped=0)
+    >>> layout = CsvLayout(names=(), units=(), encoding="", separator=";", decimal=".", skipped=0)
     >>> _pieces('1; "a;b";3', layout)
     ['1', ' "a;b"', '3']
     """

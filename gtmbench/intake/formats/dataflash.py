@@ -110,23 +110,23 @@ def _hardware(tables: dict[str, _Table]) -> str:
 
 def _events(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Event]:
     with reading(path, "ArduPilot DataFlash log"):
-        events = dataflash_events.dataflash_events(_all_told(dataflash_events.TOLD_BY, tables, clocks))
+        events = dataflash_events.dataflash_events(_messages_of_types(dataflash_events.TOLD_BY, tables, clocks))
         complaints = dataflash_complaints.TOLD_BY
-        return events + dataflash_complaints.dataflash_complaints(_all_told(complaints, tables, clocks))
+        return events + dataflash_complaints.dataflash_complaints(_messages_of_types(complaints, tables, clocks))
 
 
 def _injections(path: Path, tables: dict[str, _Table], clocks: dict[str, FloatArray]) -> list[Injection]:
     with reading(path, "ArduPilot DataFlash log"):
-        told = _all_told(dataflash_injections.TOLD_BY, tables, clocks)
+        told = _messages_of_types(dataflash_injections.TOLD_BY, tables, clocks)
         return dataflash_injections.dataflash_injections(told)
 
 
-def _all_told(
+def _messages_of_types(
     names: Sequence[str], tables: dict[str, _Table], clocks: dict[str, FloatArray]
 ) -> dict[str, MessageTable]:
     """Return the messages of some types, those of the second instance as ``XKF4#1``."""
     return {
-        f"{name}#{instance}" if instance else name: _told(tables, name, instance, clocks)
+        f"{name}#{instance}" if instance else name: _messages(tables, name, instance, clocks)
         for name in names
         if name in tables
         for instance in _instances(tables[name])
@@ -139,7 +139,7 @@ def _instances(table: _Table) -> list[int]:
     return [int(number) for number in np.unique(table.column(table.layout.instance_field))[:_MOST_INSTANCES]]
 
 
-def _told(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str, FloatArray]) -> MessageTable:
+def _messages(tables: dict[str, _Table], name: str, instance: int, clocks: dict[str, FloatArray]) -> MessageTable:
     """Return a type's messages with their times, of one instance; old logs stamp few types, but keep order."""
     table = tables[name]
     rows: NDArray[Any] | slice = slice(None)

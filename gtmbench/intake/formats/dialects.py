@@ -37,7 +37,7 @@ class DialectLine:
     def of(cls, text: str) -> DialectLine:
         """Read a line of the table.
 
-        >>> line = Line.of("nx ny -nz = IMU.Acc{X,Y,Z} : g")
+        >>> line = DialectLine.of("nx ny -nz = IMU.Acc{X,Y,Z} : g")
         >>> line.columns, line.meanings[2].channel, line.meanings[2].sign
         (('IMU.AccX', 'IMU.AccY', 'IMU.AccZ'), 'nz', -1.0)
         """

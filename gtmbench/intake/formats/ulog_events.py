@@ -78,15 +78,15 @@ def _alignments(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Ev
 
 
 def _landings(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
-    def told(*fields: str) -> list[tuple[float, bool]]:
+    def changes_of(*fields: str) -> list[tuple[float, bool]]:
         changes = [_changes(topics, clocks, "vehicle_land_detected", field) for field in fields]
         return sorted((time_s, bool(value)) for each in changes for _, time_s, value in each)
 
-    landings = told("landed")
+    landings = changes_of("landed")
     for time_s, landed in landings:
         if not landed:
             yield Event(kind=EventKind.TAKEOFF, time_s=time_s, text="land detector")
-    for time_s in touchdowns(told("ground_contact") or told("maybe_landed"), landings):
+    for time_s in touchdowns(changes_of("ground_contact") or changes_of("maybe_landed"), landings):
         yield Event(kind=EventKind.TOUCHDOWN, time_s=time_s, text="land detector")
 
 

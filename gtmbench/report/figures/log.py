@@ -17,11 +17,11 @@ from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legen
 from gtmbench.report.log_findings import (
     about,
     faults_of,
+    reported_sensors,
     residuals_of,
     scores_of,
     signals_of,
     tints_of,
-    told_sensors,
     whole_of,
 )
 from gtmbench.report.score_units import LOWEST, level, part
@@ -74,7 +74,7 @@ def _figure(watched: WatchedLog) -> Figure:
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]
     whole = whole_of(watched)
     spans = [whole, *(about(fault, whole) for fault in faults)]
-    lanes = len(told_sensors(watched.verdict)) + bool(watched.log.remarks)
+    lanes = len(reported_sensors(watched.verdict)) + bool(watched.log.remarks)
     heights = [_LANE * max(lanes, 1), *([2.4] if scores_of(watched) else [])]
     heights += [1.7] * len(_curves(watched))
     for name in signals_of(watched):
@@ -127,7 +127,7 @@ def _column(axes: Sequence[Axes], watched: WatchedLog, span: Span) -> None:
 
 def _timelines(axis: Axes, watched: WatchedLog) -> None:
     """Draw a bar a sensor in its states' colours, where faults began, and the remarks on the log below."""
-    timeline, sensors = watched.verdict.timeline, told_sensors(watched.verdict)
+    timeline, sensors = watched.verdict.timeline, reported_sensors(watched.verdict)
     for lane, sensor in enumerate(sensors):
         for state, tint in STATES.items():
             spans = [(each.start_s, each.duration_s) for each in timeline.sensors[sensor] if each.state == state]

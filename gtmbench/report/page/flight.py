@@ -12,7 +12,15 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
 from gtmbench.report.axes import time_title
-from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, told_sensors, whole_of
+from gtmbench.report.log_findings import (
+    about,
+    faults_of,
+    reported_sensors,
+    residuals_of,
+    scores_of,
+    signals_of,
+    whole_of,
+)
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
 from gtmbench.report.score_units import LOWEST, level
@@ -80,14 +88,14 @@ def flight_page(watched: WatchedLog, command: str) -> str:
         zero=zero,
         panels=panels(watched, span, close),
         marks=marks(watched),
-        lanes=[(sensor, sensor_text(sensor), bands(watched, sensor)) for sensor in told_sensors(watched.verdict)],
+        lanes=[(sensor, sensor_text(sensor), bands(watched, sensor)) for sensor in reported_sensors(watched.verdict)],
         states=list(STATES.items()),
         windows=[(f"Fault at {time_text(began_s(fault))}", *near) for fault, near in zip(faults, close, strict=True)],
         alarms=[_alarm_row(alarm, zero) for alarm in watched.alarms[:_MOST_ROWS]],
         more_alarms=max(len(watched.alarms) - _MOST_ROWS, 0),
         explained=(FINDING_COLUMNS, finding_rows(watched.judged, watched.course)),
         events=[
-            (_told_s(event.time_s, watched.log.zero_stamp), event_name(event))
+            (_time_text(event.time_s, watched.log.zero_stamp), event_name(event))
             for event in watched.log.events[:_MOST_ROWS]
         ],
         more_events=max(len(watched.log.events) - _MOST_ROWS, 0),
@@ -118,12 +126,12 @@ def panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> list[Panel
         if any(np.isfinite(values).any() for _, values in virtual):
             lines.append((_PREDICTED, _PREDICTED, virtual))
         title = sensor_text(name)
-        described = f"{title}, measured and predicted from the other sensors. {_alarms_said(watched)}"
+        described = f"{title}, measured and predicted from the other sensors. {_alarms_text(watched)}"
         own_bands = bands(watched, name)
         made.append(panel(capitalised(title), unit, lines, span, close, bands=own_bands, description=described))
         if name in residuals_of(watched):
             residual = [(watch.record.time_s, watch.residuals[name]) for watch in watched.watches]
-            described = f"{title}, measured minus predicted. {_alarms_said(watched)}"
+            described = f"{title}, measured minus predicted. {_alarms_text(watched)}"
             own = [(_RESIDUAL, _RESIDUAL, residual)]
             made.append(panel(f"Residual of {name}", unit, own, span, close, bands=own_bands, description=described))
     return made
@@ -146,7 +154,7 @@ def _level_panels(watched: WatchedLog, span: Span, close: Sequence[Span]) -> lis
     lines = [
         (name, f"level{place}", levels[name]) for place, name in enumerate(name for name in levels if name in largest)
     ]
-    described = f"Test statistics over their thresholds: an alarm above 1. {_alarms_said(watched)}"
+    described = f"Test statistics over their thresholds: an alarm above 1. {_alarms_text(watched)}"
     few = f", the {_MOST_LEVELS} largest of {len(levels)}" if len(levels) > _MOST_LEVELS else ""
     return [
         panel(
@@ -207,14 +215,14 @@ def marks(watched: WatchedLog) -> list[Mark]:
 def _alarm_row(alarm: Alarm, zero_stamp: str) -> tuple[str, ...]:
     what = "nothing is left to explain: a false alarm" if alarm.has_passed else alarm_text(alarm)
     times = (began_s(alarm), alarm.time_s, alarm.isolated_s, alarm.ended_s)
-    return *("" if time_s is None else _told_s(time_s, zero_stamp) for time_s in times), what
+    return *("" if time_s is None else _time_text(time_s, zero_stamp) for time_s in times), what
 
 
-def _told_s(time_s: float, zero_stamp: str) -> str:
+def _time_text(time_s: float, zero_stamp: str) -> str:
     return f"{time_s:.2f}{beside_text(zero_stamp, time_s)}"
 
 
-def _alarms_said(watched: WatchedLog) -> str:
+def _alarms_text(watched: WatchedLog) -> str:
     told = [f"alarm at {alarm.time_s:.1f} s" for alarm in watched.alarms if not alarm.has_passed]
     return f"{capitalised(', '.join(told[:_MOST_FAULTS]))}." if told else "No alarm."
 

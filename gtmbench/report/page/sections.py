@@ -118,7 +118,7 @@ class Contents:
             *[(f"healthy {name}", _words(values)) for name, values in (campaign["healthy"] or {}).items()],
             ("noise and seed", "; ".join(dict.fromkeys(map(_setup_words, campaign["scenarios"].values())))),
             ("calibrated on", ", ".join(f"{name} {_words(value)}" for name, value in calibration.items() if value)),
-            ("thresholds", _asked_words(rate) if rate else "as each detector sets its own"),
+            ("thresholds", _rate_text(rate) if rate else "as each detector sets its own"),
             ("target, deadline", f"{self.scores.target_per_hour:g} false alarms an hour, {self.scores.deadline_s:g} s"),
             *[(f"{name}", str(value)) for name, value in self.facts["versions"].items()],
             *[(name, str(digest)) for name, digest in self.facts.get("monitors", {}).items()],
@@ -153,7 +153,7 @@ def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_
     return Contents(facts=parts.facts, tasks=flights, done=done, scores=scores)
 
 
-def _asked_words(rate: float) -> str:
+def _rate_text(rate: float) -> str:
     return f"for {rate:g} false alarms an hour, extrapolated; what healthy records show of it stands in the first table"
 
 

@@ -13,7 +13,15 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
-from gtmbench.report.log_findings import about, faults_of, residuals_of, scores_of, signals_of, told_sensors, whole_of
+from gtmbench.report.log_findings import (
+    about,
+    faults_of,
+    reported_sensors,
+    residuals_of,
+    scores_of,
+    signals_of,
+    whole_of,
+)
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
 from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES
@@ -326,7 +334,7 @@ def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]
         time_view=_time_axis(span),
     )
     signal_grid = signal_plots(signals, what, span)
-    lanes = _LANE * len(told_sensors(watched.verdict))  # every sensor's is seen without scrolling
+    lanes = _LANE * len(reported_sensors(watched.verdict))  # every sensor's is seen without scrolling
     shares = [2.0, 4.0, max(lanes, 1.0)]
     return beside(rrb.Vertical(scores, signal_grid, states, row_shares=shares), event_log("/events"), name)
 

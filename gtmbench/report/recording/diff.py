@@ -114,7 +114,7 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None
     >>> import pandas as pd
     >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
     >>> b = a.assign(value=[1.0, 2.5])
-    >>> compare(a, b).lines[0].worst.at, compare(a, b, Tolerance(relative=0.2)).equal
+    >>> compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal
     (0.1, True)
     """
     tolerance = tolerance or Closeness()

@@ -109,7 +109,7 @@ def write_watch_recording(failed: FailedWatch, path: Path) -> None:
             log_threshold(recording, whole(watch.record))
         log_marks(recording, "", failed.marks)
         log_events(recording, "/events", _failure_events(failed))
-        _log_said(recording, failed.said)
+        _log_text(recording, failed.said)
 
 
 def _failure_events(failed: FailedWatch) -> list[Event]:
@@ -131,7 +131,7 @@ def write_residual_recording(
         _log_channels(recording, record, channels)
         for o, output in enumerate(residual.outputs):
             _log_bounded(recording, record, residual, o, bounds[output])
-        _log_said(recording, said)
+        _log_text(recording, said)
 
 
 def _log_bounded(recording: rr.RecordingStream, record: Record, residual: Residual, o: int, bound: float) -> None:
@@ -163,5 +163,5 @@ def _log_predicted(recording: rr.RecordingStream, record: Record, name: str, val
     log_line(recording, entity("/virtual", name), (record.time_s, values), label, COLOURS["virtual"])
 
 
-def _log_said(recording: rr.RecordingStream, said: str) -> None:
+def _log_text(recording: rr.RecordingStream, said: str) -> None:
     recording.log("/failed", rr.TextDocument(said), static=True)

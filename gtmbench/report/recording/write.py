@@ -75,7 +75,7 @@ import rerun as rr
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
-from gtmbench.report.log_findings import residuals_of, scores_of, signals_of, tints_of, told_sensors, whole_of
+from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of, whole_of
 from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
     MEASURED,
@@ -336,7 +336,7 @@ def _log_virtual_sensors(recording: rr.RecordingStream, watched: WatchedLog) -> 
 def _log_states(recording: rr.RecordingStream, watched: WatchedLog) -> None:
     colours = [[*rgb(tint), 255] for tint in STATES.values()]
     known = rr.StateConfiguration(values=list(STATES), colors=colours)
-    for sensor in told_sensors(watched.verdict):
+    for sensor in reported_sensors(watched.verdict):
         path, spans = entity("/state", sensor), watched.verdict.timeline.sensors[sensor]
         recording.log(path, known, static=True)
         for span in spans:
@@ -361,7 +361,7 @@ def _log_story(watched: WatchedLog) -> list[Event]:
     events: list[Event] = [(remark.start_s, "WARN", f"remark: {remark_text(remark)}") for remark in remarks]
     events += [(told.time_s, "INFO", f"the log reports: {event_text(told)}") for told in watched.log.events]
     timeline = watched.verdict.timeline
-    for sensor in told_sensors(watched.verdict):
+    for sensor in reported_sensors(watched.verdict):
         for span in timeline.sensors[sensor]:
             state = f"{sensor} until {span.end_s:.2f} s: {span.state}{span_text(sensor, span)}"
             events.append((span.start_s, "INFO", state))

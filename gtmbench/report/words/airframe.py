@@ -20,7 +20,7 @@ def airframe_lines(name: str, flights: Sequence[Entry], width: int) -> list[str]
     shown = overviews_of(flights)
     told = [each for each in shown if each.trend is not None or (len(each.is_apart) and each.is_apart[-1])]
     lines = [airframe_text(name, flights, len(told))]
-    lines += [f"{each.title}: {_told(each)}" for each in told[:_MOST]]
+    lines += [f"{each.title}: {_remark(each)}" for each in told[:_MOST]]
     return [line for text in lines for line in wrapped(text, width)]
 
 
@@ -39,9 +39,9 @@ def airframe_rows(flights: Sequence[Entry]) -> list[tuple[str, ...]]:
 def _row(each: Overview) -> tuple[str, ...]:
     last, (low, high) = each.values[-1], each.intervals[-1]
     usual = "-" if each.usual is None else f"{each.usual[0]:.3g} to {each.usual[1]:.3g}"
-    return each.title, str(len(each.flights)), f"{last:.3g}", f"{low:.3g} to {high:.3g}", usual, _told(each)
+    return each.title, str(len(each.flights)), f"{last:.3g}", f"{low:.3g} to {high:.3g}", usual, _remark(each)
 
 
-def _told(each: Overview) -> str:
+def _remark(each: Overview) -> str:
     apart = "the last flight is another than before" if len(each.is_apart) and each.is_apart[-1] else ""
     return "; ".join(filter(None, [apart, "" if each.trend is None else trend_text(each.trend)])) or "as before"

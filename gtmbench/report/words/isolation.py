@@ -28,7 +28,7 @@ def isolation_lines(told: Isolability) -> list[str]:
         lines.append(f"isolable by which residuals rise: {', '.join(said)}")
     if alike := "; ".join(_by_shape(told)):
         lines.append(f"isolable only by how they rise: {alike}")
-    if mistaken := "; ".join(_not_told(told)):
+    if mistaken := "; ".join(_indistinguishable(told)):
         unknown = listed([name for name in told.suspects if name not in told.predicted])
         lines.append(f"not isolable: {mistaken}, because nothing predicts {unknown}")
     return lines
@@ -48,7 +48,7 @@ def _by_shape(told: Isolability) -> Iterator[str]:
     yield from (f"{listed(names)} from each other" for names in like.values())
 
 
-def _not_told(told: Isolability) -> Iterator[str]:
+def _indistinguishable(told: Isolability) -> Iterator[str]:
     """Say whose fault can't be told from that of a suspect which nothing predicts."""
     unknown = [name for name in told.suspects if name not in told.predicted]
     mistaken, mixed = defaultdict(list), []

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.isolation.fitter import UNKNOWN
-from gtmbench.report.log_findings import told_sensors
+from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.report.words.other_sensors import NAMES
 from gtmbench.report.words.times import beside_text, clock_text, time_text
@@ -207,7 +207,7 @@ def _accused_text(sensor: str, span: SensorSpan) -> str:
 
 def timeline_rows(verdict: LogVerdict) -> list[SensorRow]:
     """Return a row for each sensor that is asked, and for others that failed or are suspected."""
-    shown = dict.fromkeys([*verdict.scope.sensors, *told_sensors(verdict)])
+    shown = dict.fromkeys([*verdict.scope.sensors, *reported_sensors(verdict)])
     return [sensor_row(verdict, sensor) for sensor in shown]
 
 

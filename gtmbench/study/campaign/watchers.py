@@ -93,7 +93,7 @@ def calibrated(
                 if is_ready(detector) and not _is_kept(detector):
                     monitors[name, aircraft, attitude] = detector
                     continue
-                path = parts.folder / _file_name(name, *_told_by(campaign, aircraft, attitude))
+                path = parts.folder / _file_name(name, *_file_words(campaign, aircraft, attitude))
                 if not path.is_file():
                     if _learns(detector) and not records:
                         records = _flown(flights, detectors, processes, progress)
@@ -157,7 +157,7 @@ def _monitor(
     return with_provenance(monitor, flights.provenance() | {"records": len(records)})
 
 
-def _told_by(campaign: Campaign, aircraft: str, attitude: str) -> list[str]:
+def _file_words(campaign: Campaign, aircraft: str, attitude: str) -> list[str]:
     """Return what tells the monitors of a detector apart."""
     several = [len({*values}) > 1 for values in zip(*campaign.told_apart, strict=True)]
     return [word for word, is_told in zip((Path(aircraft).name, attitude), several, strict=True) if is_told]

@@ -49,7 +49,7 @@ class AttitudeFollowing:
     def text(self) -> str:
         """Two sentences that tell it.
 
-        >>> Following(estimator=None, why="it was asked for").text
+        >>> AttitudeFollowing(estimator=None, why="it was asked for").text
         'The attitude stays as it is (it was asked for).'
         """
         does = "stays as it is"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.study.log.identified import Stretches, healthy_stretches
-from gtmbench.study.log.mishaps import clear_parts, flying_part_but, is_enough, left_of
+from gtmbench.study.log.mishaps import clear_parts, is_enough, left_of, part_without_mishap
 from gtmbench.study.log.opened import Opened
 from gtmbench.study.log.records import healthy_spans, lively_seconds, whole_s, within
 from gtmbench.study.log.self_check.outcome import Part
@@ -63,7 +63,7 @@ def chosen(opened: Opened, broken_s: Sequence[Span] = ()) -> Healthy:
         left = tuple(part for span in spans for part in left_of(span, broken))
         spans = left if any(is_enough(log, lively_seconds(moving), part) for part in left) else spans
     else:
-        span, doubt = flying_part_but(log, moving)
+        span, doubt = part_without_mishap(log, moving)
         spans = clear_parts(log, moving, span, broken)
         if not spans:
             why = "nothing is left to learn a bank from but what failed, so only the whole log is judged"

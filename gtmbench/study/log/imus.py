@@ -73,7 +73,7 @@ def imu_samples(read: ReadLog, log: FlightLog, mapping: Sequence[str]) -> tuple[
     return found, beyond
 
 
-def told_of_imus(judged: Judged, claims: Sequence[Claim]) -> ImuClaims:
+def imu_claims(judged: Judged, claims: Sequence[Claim]) -> ImuClaims:
     """Return where the gyros of other IMUs are clear, beside all that failed, and how they are mounted."""
     failures: dict[str, list[Failure]] = {}
     for sensor, span in claims:

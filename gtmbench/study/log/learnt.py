@@ -17,7 +17,7 @@ from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
 from gtmbench.study.log.healthy import Healthy, chosen
 from gtmbench.study.log.identified import LeftOut, undisturbed
-from gtmbench.study.log.opened import Opened, but_heading
+from gtmbench.study.log.opened import Opened, without_heading
 from gtmbench.study.log.opened import opened as opened_anew
 from gtmbench.study.log.records import outside, whole_s
 from gtmbench.study.log.self_check.outcome import ALL, IDENTIFIED, Doubt, SelfCheck, check_identified, check_wiring
@@ -48,18 +48,18 @@ def learnt(healthy: Healthy, progress: Progress) -> Learnt:
     """
     found = _learnt(healthy, progress)
     question = healthy.opened.asked
-    without = but_heading(question)
+    without = without_heading(question)
     is_asked = isinstance(question.watcher, AutoDetector) and without.mapping != question.mapping
     if not (is_asked and found.check.of_heading):
         return found
     with contextlib.suppress(InputError):  # too little to learn from: it stays as it was found
         others = _learnt(chosen(opened_anew(without)), progress)
         if not others.check.stops:
-            return _but_r(found, others)
+            return _with_doubt_of_r(found, others)
     return found
 
 
-def _but_r(found: Learnt, others: Learnt) -> Learnt:
+def _with_doubt_of_r(found: Learnt, others: Learnt) -> Learnt:
     """Return a monitor of p and q with the doubt that remains of r."""
     doubt = f"{found.check.of_heading}, so r or the heading is wrong; p and q are watched without the heading"
     untold = others.opened.unwatched.get(_R)

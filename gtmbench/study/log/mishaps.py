@@ -64,7 +64,7 @@ def mishaps(events: Sequence[Event], moving: Sequence[Record]) -> tuple[Mishap, 
     return tuple(found)
 
 
-def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str]:
+def part_without_mishap(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str]:
     """Return the span that is taken as healthy where nobody says what is, and why silence then says nothing, or "".
 
     It is the log's `flying_part`. Where that holds a mishap, it is what comes before, or, where that is too little, the
@@ -87,8 +87,8 @@ def flying_part_but(log: FlightLog, moving: Sequence[Record]) -> tuple[Span, str
             held = held or mishap.text
             part = flying_part(log, moving, since_s=end_s)
             if part[0] < end_s:  # hardly any motion is left
-                return usual, _of_want(held)
-    return (usual, _of_want(held)) if held and not is_enough(log, lively_s, part) else (part, doubt)
+                return usual, _want_text(held)
+    return (usual, _want_text(held)) if held and not is_enough(log, lively_s, part) else (part, doubt)
 
 
 def clear_parts(log: FlightLog, moving: Sequence[Record], part: Span, broken: Sequence[Span]) -> tuple[Span, ...]:
@@ -125,7 +125,7 @@ def left_of(part: Span, broken: Sequence[Span]) -> list[Span]:
     return [span for span in without([part], margins) if span[0] < span[1]]
 
 
-def _of_want(mishap: str) -> str:
+def _want_text(mishap: str) -> str:
     return f"{mishap}, in what had to be learnt from for want of other flights"
 
 

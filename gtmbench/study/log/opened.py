@@ -122,7 +122,7 @@ class Opened:
 def opened(asked: Asked) -> Opened:
     """Read the logs that are asked about, and open them."""
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
-    asked, without = _but_heading(asked, read)
+    asked, without = _without_useless_heading(asked, read)
     watcher: Detector | Monitor
     attitude: Origin | None
     bends = False
@@ -186,7 +186,7 @@ def _there(read: ReadLog, asked: Asked, log: FlightLog) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys([*log.channels, *usable]) if name not in COMMANDS)
 
 
-def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
+def _without_useless_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
     """Return what is asked without a heading that is of no use, and why, where the bank is chosen by the channels."""
     if not isinstance(asked.watcher, AutoDetector):
         return asked, ()
@@ -194,10 +194,10 @@ def _but_heading(asked: Asked, read: ReadLog) -> tuple[Asked, tuple[str, ...]]:
     with contextlib.suppress(InputError):  # whoever opens it to watch it says why
         if {*GYROS, *ATTITUDE} <= set(log_contents(read, mapping=asked.mapping).usable):
             why = no_heading(open_log(read, mapping=asked.mapping, needs=ATTITUDE))
-    return (but_heading(asked), (f"{why}{_WITHOUT}",)) if why else (asked, ())
+    return (without_heading(asked), (f"{why}{_WITHOUT}",)) if why else (asked, ())
 
 
-def but_heading(asked: Asked) -> Asked:
+def without_heading(asked: Asked) -> Asked:
     """Return what is asked of a log without its heading."""
     mapping = (*(text for text in asked.mapping if text.partition("=")[0].strip() != "psi"), f"psi={NONE}")
     return replace(asked, mapping=mapping)

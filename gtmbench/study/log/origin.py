@@ -53,7 +53,7 @@ def origin_in_logs(
     somebody knows. `spans`: what of the first log is healthy; without it, its first part.
     """
     if check_attitude(attitude) != FROM_LOG:
-        return _told(attitude)
+        return _as_given(attitude)
     reads = [read_log(log) for log in logs]
     contents = [log_contents(read, mapping=mapping) for read in reads]
     if any(each.attitude_from_gyros for each in contents):
@@ -71,11 +71,11 @@ def origin_in_logs(
 def origin_in_log(log: FlightLog, attitude: str = FROM_LOG) -> Origin:
     """Return the same of a log as it is opened, by all of it."""
     if attitude != FROM_LOG:
-        return _told(attitude)
+        return _as_given(attitude)
     return origin_of(log.segments, documented=log.attitude_from_gyros or None)
 
 
-def _told(attitude: str) -> Origin:
+def _as_given(attitude: str) -> Origin:
     return Origin(is_driven=attitude == DRIVEN, why="as it was told")
 
 

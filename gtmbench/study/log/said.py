@@ -113,13 +113,13 @@ def doubted(said: Monitored, progress: Progress) -> Monitored:
     log, watches = learnt.opened.log, said.watches
     watched_s = round(sum(len(watch.record) for watch in watches) * log.sample_period_s)
     progress("compare", watched_s, watched_s)
-    watches = _but_contradicted(watches, whole)
+    watches = _contradicted_doubted(watches, whole)
     if learnt.opened.bends:
-        watches = _but_bent(watches)
+        watches = _bent_doubted(watches)
     if log.is_received:
-        watches = _but_lost(watches)
+        watches = _missing_disbelieved(watches)
     if isinstance(learnt.opened.asked.watcher, AutoDetector) and learnt.opened.attitude is None:
-        watches = _but_alone(watches)
+        watches = _gyros_alone_doubted(watches)
     check = check_watched(said.check, monitor, watches, log, _left_s(learnt), said.excursions)
     findings = (*map(str, check.doubts), *_limits(watches), *_installed(said.installation), *said.findings)
     return replace(said, watches=watches, check=check, findings=findings)
@@ -136,24 +136,24 @@ def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
-def _but_contradicted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
+def _contradicted_doubted(watches: Sequence[Watch], whole: Judged | None) -> tuple[Watch, ...]:
     """Return watches that doubt of a gyro what the other IMUs contradict."""
     return _changed(watches, lambda each: with_doubt(each, SAME) if is_contradicted(each, whole) else each)
 
 
-def _but_bent(watches: Sequence[Watch]) -> tuple[Watch, ...]:
+def _bent_doubted(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches that doubt what a bent attitude may have raised, as `are_bent` tells."""
     told = [alarm for watch in watches for alarm in watch.faults]
     bent = {id(alarm) for alarm, is_bent in zip(told, are_bent(told), strict=True) if is_bent and alarm.judgements}
     return _changed(watches, lambda each: with_doubt(each, BENT) if id(each) in bent else each)
 
 
-def _but_alone(watches: Sequence[Watch]) -> tuple[Watch, ...]:
+def _gyros_alone_doubted(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches of gyros alone: operators hold for the motion that they were learnt from, so nobody is accused."""
     return _changed(watches, lambda each: with_doubt(each, ALONE) if each.accuses and each.test != MISSING else each)
 
 
-def _but_lost(watches: Sequence[Watch]) -> tuple[Watch, ...]:
+def _missing_disbelieved(watches: Sequence[Watch]) -> tuple[Watch, ...]:
     """Return watches of a log that a radio received: what is missing may be lost."""
     return _changed(watches, lambda each: each.disbelieved(LOST) if each.test == MISSING else each)
 

@@ -29,7 +29,7 @@ from gtmbench.study.log.claims import (
     of_unread,
     of_watches,
 )
-from gtmbench.study.log.imus import told_of_imus
+from gtmbench.study.log.imus import imu_claims
 from gtmbench.study.log.records import lively_seconds
 from gtmbench.study.log.self_check.outcome import SelfCheck
 from gtmbench.values.channels import ATTITUDE, GYROS, WHOLE, axis_of
@@ -91,9 +91,9 @@ def timeline_of(evidence: LogEvidence) -> Timeline:
     claims += of_watches(evidence.watches)
     if not evidence.check.causes:
         claims += _cleared(evidence, claims)
-    told = _told(evidence, claims)
+    told = _silence_lines(evidence, claims)
     if evidence.judged is not None and not evidence.check.stops:
-        of_imus = told_of_imus(evidence.judged, claims)
+        of_imus = imu_claims(evidence.judged, claims)
         claims += of_imus.claims
         told += of_imus.lines
     claims += _left_open(evidence, claims)
@@ -149,7 +149,7 @@ def _accused(evidence: LogEvidence, span_s: Span) -> list[Claim]:
     judged = evidence.judged
     accused = [] if judged is None else [(sensor, _to_the_end(judged, span, span_s)) for sensor, span in judged.accused]
     own = [_unless_unlike(*claim, alarmed) for claim in accused]
-    claims = _as_one(own, list(_but_at_odds(evidence, alarmed)))
+    claims = _as_one(own, list(_beside_engine(evidence, alarmed)))
     return [(sensor, _joint(sensor, span, claims)) for sensor, span in claims]
 
 
@@ -204,7 +204,7 @@ def _is_same(span: SensorSpan, other: SensorSpan) -> bool:
     return both and span.meets(other.start_s, other.end_s) and abs(span.start_s - other.start_s) < _SOON_S
 
 
-def _but_at_odds(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
+def _beside_engine(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
     """Give claims of alarms; nobody is named against the engine, which has seen the whole log."""
     judged = evidence.judged
     if judged is None:
@@ -333,7 +333,7 @@ def _concerned(evidence: LogEvidence, alarm: Alarm) -> tuple[str, ...]:
     return _spoken_for(evidence)
 
 
-def _told(evidence: LogEvidence, claims: Sequence[Claim]) -> list[str]:
+def _silence_lines(evidence: LogEvidence, claims: Sequence[Claim]) -> list[str]:
     """Say in a line which sensors of the log nothing clears, and who compares some of them."""
     heard = {sensor for sensor, _ in claims}
     silent = [name for name in evidence.sensors if name not in heard]

@@ -166,11 +166,11 @@ class WatchedLog:
     def alarms(self) -> tuple[Alarm, ...]:
         """The first alarm of each fault, in order of time."""
         told = first_alarms(self.watches, self.judged)
-        more = beyond(told, (*self.later, *self._of_swap))
+        more = beyond(told, (*self.later, *self._swap_alarms))
         return tuple(sorted([*told, *more], key=lambda alarm: alarm.time_s))
 
     @property
-    def _of_swap(self) -> tuple[Alarm, ...]:
+    def _swap_alarms(self) -> tuple[Alarm, ...]:
         return () if self.swap is None else tuple(alarm for alarm in self.swap.alarms if alarm.accuses)
 
     @property
@@ -181,7 +181,7 @@ class WatchedLog:
         """
         own = [(alarm, watch) for watch in self.watches for alarm in watch.faults]
         of_swap = [] if self.swap is None else [(alarm, watch) for watch in self.swap.watches for alarm in watch.faults]
-        more = beyond([alarm for alarm, _ in own], self._of_swap)
+        more = beyond([alarm for alarm, _ in own], self._swap_alarms)
         own += [(alarm, watch) for alarm, watch in of_swap if any(alarm is each for each in more)]
         return sorted(own, key=lambda told: told[0].time_s)
 

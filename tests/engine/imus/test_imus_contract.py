@@ -8,7 +8,7 @@ from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
-from gtmbench.study.log.imus import is_contradicted, told_of_imus
+from gtmbench.study.log.imus import imu_claims, is_contradicted
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.autopilot_logs import STEP, imus
@@ -49,7 +49,7 @@ def name_of(channel, number):
 def test_healthy_imus_accuse_nobody_and_are_clear(count, seed):
     found = said(count=count, seed=seed)
     assert accused(found) == (set(), set())
-    told = told_of_imus(found, ())
+    told = imu_claims(found, ())
     assert told.lines == ()
     names = {gyro_of(gyro, f"IMU{number}") for gyro in GYROS for number in range(2, count + 1)}
     assert {sensor for sensor, span in told.claims if span.state is State.CLEAR} == names
@@ -124,7 +124,7 @@ def test_one_that_is_mounted_turned_along_the_axes_is_told_and_judged_by_its_own
     found = said((1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)), count=2, turned=turned)
     column = int(np.argmax(np.abs(turned[1])))  # of the IMU, which reads the aircraft's q
     own, sign = gyro_of(GYROS[column], "IMU2"), turned[1, column]
-    told = told_of_imus(found, found.accused)
+    told = imu_claims(found, found.accused)
     (line,) = [line for line in told.lines if "mounted" in line]
     assert line.startswith("IMU2 is mounted turned by ")
     failed, suspected = accused(found)
@@ -146,7 +146,7 @@ def test_one_that_is_mounted_askew_is_told_and_not_judged():
         (1, gb.Bias(channel="q", onset_s=ONSET_S, size=3.0)),
         turned=np.array([[half, -half, 0.0], [half, half, 0.0], [0.0, 0.0, 1.0]]),
     )
-    told = told_of_imus(found, found.accused)
+    told = imu_claims(found, found.accused)
     assert any(line.startswith("IMU2 is mounted turned by 45 deg") for line in told.lines)
     assert accused(found) == (set(), set())
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
@@ -157,14 +157,14 @@ def test_a_scale_that_lasts_is_told_and_accuses_nobody(factor):
     found = said(turned=factor * np.eye(3))
     assert accused(found) == (set(), set())
     more = "more" if factor > 1.0 else "less"
-    lines = [line for line in told_of_imus(found, found.accused).lines if f"% {more} of each turn" in line]
+    lines = [line for line in imu_claims(found, found.accused).lines if f"% {more} of each turn" in line]
     assert len(lines) == 3
-    assert not [line for line in told_of_imus(said(), ()).lines if "of each turn" in line or " ms " in line]
+    assert not [line for line in imu_claims(said(), ()).lines if "of each turn" in line or " ms " in line]
 
 
 def test_one_whose_axis_has_the_wrong_sign_is_told_and_not_judged():
     found = said(turned=np.diag([1.0, 1.0, -1.0]))
-    told = told_of_imus(found, found.accused)
+    told = imu_claims(found, found.accused)
     assert any("no mounting does" in line for line in told.lines)
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
 

@@ -7,7 +7,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.study.log.mishaps import clear_parts, flying_part_but, mishaps
+from gtmbench.study.log.mishaps import clear_parts, mishaps, part_without_mishap
 from gtmbench.testing.mechanisms import MECHANISMS
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome
@@ -44,21 +44,21 @@ UP, SIDE, BACK = (0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0)
 def test_a_flight_without_a_mishap_is_chosen_as_ever():
     record = flight((10.0, False, UP), (200.0, True, UP))
     assert mishaps([], [record]) == ()
-    span, doubt = flying_part_but(log_of(record), [record])
+    span, doubt = part_without_mishap(log_of(record), [record])
     assert (doubt, span[0]) == ("", 0.0)
     assert span[1] == pytest.approx(90.0, abs=2.0)
 
 
 def test_what_is_learnt_ends_before_a_crash():
     record = flight((40.0, True, UP), (LIES_S, False, SIDE), (160.0, True, UP))
-    span, doubt = flying_part_but(log_of(record), [record])
+    span, doubt = part_without_mishap(log_of(record), [record])
     assert (span, doubt) == ((0.0, pytest.approx(35.0, abs=1.0)), "")
-    assert flying_part_but(log_of(flight((200.0, True, UP)), [failure(40.0)]), [record])[0] == (0.0, 35.0)
+    assert part_without_mishap(log_of(flight((200.0, True, UP)), [failure(40.0)]), [record])[0] == (0.0, 35.0)
 
 
 def test_it_begins_behind_a_crash_that_comes_early_and_then_silence_says_nothing():
     record = flight((12.0, True, UP), (LIES_S, False, BACK), (30.0, False, UP), (160.0, True, UP))
-    span, doubt = flying_part_but(log_of(record), [record])
+    span, doubt = part_without_mishap(log_of(record), [record])
     assert span[0] == pytest.approx(54.0, abs=1.5)
     assert "lies on its back from 12.0 s on" in doubt
 
@@ -66,9 +66,9 @@ def test_it_begins_behind_a_crash_that_comes_early_and_then_silence_says_nothing
 def test_a_failure_before_what_is_taken_is_said_and_an_aircraft_that_is_carried_isnt():
     """A short hop far before a flight teaches nothing; where it failed, silence says nothing of it."""
     record = flight((8.0, True, UP), (LIES_S, False, SIDE), (320.0, False, UP), (160.0, True, UP))
-    span, doubt = flying_part_but(log_of(record), [record])
+    span, doubt = part_without_mishap(log_of(record), [record])
     assert (span[0] > 320.0, doubt) == (True, "")
-    _, doubt = flying_part_but(log_of(record, [failure(9.0)]), [record])
+    _, doubt = part_without_mishap(log_of(record, [failure(9.0)]), [record])
     assert doubt.endswith("so it is not judged")
 
 
@@ -100,7 +100,7 @@ def test_what_makes_up_for_a_failure_ends_before_a_crash():
 def test_where_every_choice_holds_a_crash_that_is_said():
     record = flight((12.0, True, UP), (LIES_S, False, BACK), (30.0, True, UP), (LIES_S, False, SIDE))
     events = [failure(30.0), failure(40.0), failure(48.0)]
-    _, doubt = flying_part_but(log_of(record, events), [record])
+    _, doubt = part_without_mishap(log_of(record, events), [record])
     assert "in what had to be learnt from" in doubt
 
 

@@ -247,7 +247,7 @@ def causes_among(tried: Sequence[WiringGuess], records: Sequence[Record]) -> lis
     >>> flight = fly(excitation="multisine", duration_s=20.0, seed=1).select(["p", "q", "r", "phi", "theta", "psi"])
     >>> turned = [flight.replace("q", -flight["q"])]
     >>> [guess.changes for guess in causes_among(guesses(turned), turned)]
-    [(Change(kind='sign', channels=('q',), size=0.0),)]
+    [(WiringChange(kind='sign', channels=('q',), size=0.0),)]
     """
     if not tried or not tried[0].changes or not tried[0].explains:
         return []
@@ -337,7 +337,8 @@ def undone(record: Record, changes: Iterable[WiringChange]) -> Record:
     """Return a record as it would read without some changes.
 
     >>> record = Record([[1.0, 5.0], [2.0, 6.0], [3.0, 7.0]], channels=["p", "q"], sample_period_s=0.1)
-    >>> undone(record, [Change(kind="swap", channels=("p", "q")), Change(kind="sign", channels=("p",))])["q"]
+    >>> swapped, turned = WiringChange(kind="swap", channels=("p", "q")), WiringChange(kind="sign", channels=("p",))
+    >>> undone(record, [swapped, turned])["q"]
     array([-1., -2., -3.])
     """
     for change in sorted(changes, key=lambda change: _ORDER.index(change.kind)):

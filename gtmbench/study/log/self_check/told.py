@@ -16,7 +16,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 def cause_text(changes: Sequence[WiringChange]) -> str:
     """Say what would have to be undone.
 
-    >>> cause_text([Change(kind="sign", channels=("p",)), Change(kind="late", channels=("psi",), size=0.5)])
+    >>> cause_text([WiringChange(kind="sign", channels=("p",)), WiringChange(kind="late", channels=("psi",), size=0.5)])
     'the sign of p is turned and psi is 0.50 s late'
     """
     signs = [name for change in changes if change.kind == "sign" for name in change.channels]
@@ -28,7 +28,7 @@ def cause_text(changes: Sequence[WiringChange]) -> str:
 def is_common_scale(changes: Sequence[WiringChange]) -> bool:
     """Tell whether all gyros and all angles would have to be so many times larger: nearly the same motion.
 
-    >>> is_common_scale([Change(kind="unit", channels=(*GYROS, *ATTITUDE), size=57.3)])
+    >>> is_common_scale([WiringChange(kind="unit", channels=(*GYROS, *ATTITUDE), size=57.3)])
     True
     """
     scaled = {name for change in changes if change.kind == "unit" for name in change.channels}
