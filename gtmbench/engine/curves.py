@@ -18,21 +18,15 @@ _MOST = 3  # of a finding
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curve:
-    """What a relation is off by beside its constants, and what a finding makes of it.
+    """What a relation is off by beside its constants, and what a finding makes of it."""
 
-    Attributes
-    ----------
-    sensor, kind : str
-        What the finding makes of it: which fault of whom.
-    said, unit : str
-        What the relation is off by, in words, and in which unit.
-    time_s, measured, predicted : shape (blocks,)
-    """
-
+    # sensor, kind: what the finding makes of it: which fault of whom
     sensor: str
     kind: str
+    # said, unit: what the relation is off by, in words, and in which unit
     said: str
     unit: str
+    # time_s, measured, predicted, shape (blocks,)
     time_s: FloatArray = field(repr=False)
     measured: FloatArray = field(repr=False)
     predicted: FloatArray = field(repr=False)
@@ -43,13 +37,8 @@ def curves_of(
 ) -> tuple[Curve, ...]:
     """Return what shows that somebody may have failed, an equation each; those that accuse come first.
 
-    Parameters
-    ----------
-    model : Model
-        With the findings taken away.
-    found : sequence of Finding
-    unit_of : callable
-        From a finding to what an error of one in its relations is in the finding's unit.
+    `model`: with the findings taken away. `unit_of`: from a finding to what an error of one in its relations is in the
+    finding's unit.
     """
     faults = [each for each in found if not (each.best.is_healthy or each.is_frozen)]
     return tuple(

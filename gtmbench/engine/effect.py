@@ -12,29 +12,16 @@ from gtmbench.values.record import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Effect:
-    """What readings are off by, of size one; each of shape (blocks, 3), None for nothing.
+    """What readings are off by, of size one; each of shape (blocks, 3), None for nothing."""
 
-    Attributes
-    ----------
-    gyros : deg/s
-        Added to what p, q, r read, whatever they read.
-    gains : deg/s
-        Added likewise, but in proportion to what they read: nothing of it is seen at rest.
-    turned : deg
-        How far the attitude is off, as a rotation vector in earth axes.
-    turning : deg/s
-        How fast that grows.
-    rough : -
-        Added to the logarithm of the gyros' roughness.
-    channels : mapping of channel to shape (blocks,), or None
-        Added to what other sensors read, in the units of `Course`.
-    """
-
-    gyros: FloatArray | None = field(default=None, repr=False)
+    gyros: FloatArray | None = field(default=None, repr=False)  # added to what p, q, r read, whatever they read
+    # added likewise, but in proportion to what they read: nothing of it is seen at rest
     gains: FloatArray | None = field(default=None, repr=False)
+    # how far the attitude is off, as a rotation vector in earth axes
     turned: FloatArray | None = field(default=None, repr=False)
-    turning: FloatArray | None = field(default=None, repr=False)
-    rough: FloatArray | None = field(default=None, repr=False)
+    turning: FloatArray | None = field(default=None, repr=False)  # how fast that grows
+    rough: FloatArray | None = field(default=None, repr=False)  # added to the logarithm of the gyros' roughness
+    # by channel, shape (blocks,): added to what other sensors read, in the units of `Course`
     channels: Mapping[str, FloatArray] | None = field(default=None, repr=False)
 
 

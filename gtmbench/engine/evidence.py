@@ -37,28 +37,17 @@ _AT_ONCE = 256  # windows that are worked out together, for memory
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evidence:
-    """Evidence over windows of cells, each of shape (windows, explanations) but for the first two.
+    """Evidence over windows of cells, each of shape (windows, explanations) but for the first two."""
 
-    Attributes
-    ----------
-    onset, last : shape (windows,)
-        A fault begins at `onset` and ends before `last`.
-    ratio : nats
-        Existence, less the price; -inf where an explanation isn't possible.
-    total : nats
-        Placing, less the price.
-    size, deviation :
-        In the explanation's unit.
-    by_equation : shape (equations, windows, explanations)
-        Existence, equation by equation.
-    """
-
+    # onset, last, shape (windows,): a fault begins at `onset` and ends before `last`
     onset: IntArray
     last: IntArray
-    ratio: FloatArray = field(repr=False)
-    total: FloatArray = field(repr=False)
+    ratio: FloatArray = field(repr=False)  # existence, less the price; -inf where an explanation isn't possible
+    total: FloatArray = field(repr=False)  # placing, less the price
+    # size, deviation: in the explanation's unit
     size: FloatArray = field(repr=False)
     deviation: FloatArray = field(repr=False)
+    # shape (equations, windows, explanations): existence, equation by equation
     by_equation: FloatArray = field(repr=False)
 
     def __len__(self) -> int:
@@ -94,15 +83,9 @@ def evidence(
 ) -> Evidence:
     """Return the evidence of windows that begin at cells `onset` and end before `last`.
 
-    Parameters
-    ----------
-    model : Model
-    onset, last : shape (windows,)
-    sums : tuple of Sums, optional
-        One an equation, where means are taken to wander otherwise than was learnt.
-    by_parts : bool
-        Whether only that evidence counts which remains without the part of a window that shows most. Without it the
-        ratio is an upper bound, at a third of the cost.
+    `onset`, `last`, shape (windows,). `sums`: one an equation, where means are taken to wander otherwise than was
+    learnt. `by_parts`: whether only that evidence counts which remains without the part of a window that shows most.
+    Without it the ratio is an upper bound, at a third of the cost.
     """
     if not len(onset) or model.is_witness.all():
         return _nothing(model, onset, last)
@@ -218,16 +201,10 @@ def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outside:
-    """What all outside of windows says of an equation's constants, less those that were learnt.
+    """What all outside of windows says of an equation's constants, less those that were learnt."""
 
-    Attributes
-    ----------
-    shift : shape (windows, regressors)
-    precision : shape (windows, regressors, regressors)
-        How well they are known inside of a window, where they may differ a bit.
-    """
-
-    shift: FloatArray
+    shift: FloatArray  # shape (windows, regressors)
+    # shape (windows, regressors, regressors): how well they are known inside of a window, where they may differ a bit
     precision: FloatArray
 
 

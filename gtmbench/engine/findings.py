@@ -31,21 +31,11 @@ _ROUNDS = 2  # what was dropped in one is what is left in the next
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What was found on a flight.
+    """What was found on a flight."""
 
-    Attributes
-    ----------
-    model : Model
-        With everything that was found taken away.
-    found : tuple of Finding
-        In order of time.
-    whole : Scan
-        The model with nothing taken away, all its windows looked at once.
-    """
-
-    model: Model
-    found: tuple[Finding, ...]
-    whole: Scan = field(repr=False)
+    model: Model  # with everything that was found taken away
+    found: tuple[Finding, ...]  # in order of time
+    whole: Scan = field(repr=False)  # the model with nothing taken away, all its windows looked at once
 
 
 class _Bench:
@@ -121,13 +111,7 @@ def found_by(
 ) -> Findings:
     """Return everything that some explanations find in some relations of a flight.
 
-    Parameters
-    ----------
-    flight : Flight
-    relations : sequence of Relation
-    explanations : sequence of Explanation
-    frozen : sequence of Finding
-        What is known before anything is searched.
+    `frozen`: what is known before anything is searched.
     """
     bench = _Bench(flight, relations, explanations)
     one = np.ones(len(bench.signatures.explanations))

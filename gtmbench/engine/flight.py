@@ -29,23 +29,6 @@ _LEAN_BLOCKS = 5  # over which the specific force is averaged
 class Flight:
     """A flight in blocks of a fifth of a second.
 
-    Attributes
-    ----------
-    blocks : Blocks
-        What gyros and attitude read.
-    forces : shape (blocks, 3), or None
-        Means of nx, ny, nz, in g; NaN where they are missing.
-    shaking : shape (blocks,), or None
-        The standard deviation of nz within a block, in g.
-    gyro_step_s : float
-        The longest usual time between two samples of a gyro.
-    is_driven, is_assumed : bool
-        Whether the gyros drive the attitude, and whether that is only assumed.
-    imus : tuple of Imu
-        Those beside the one whose gyros are in the blocks.
-
-    Examples
-    --------
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.record import Record
     >>> level = Record(np.zeros((100, 6)), channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.1)
@@ -54,13 +37,16 @@ class Flight:
     ((49, 3, 3), 0.5)
     """
 
-    blocks: Blocks
+    blocks: Blocks  # what gyros and attitude read
+    # shape (blocks, 3): means of nx, ny, nz, in g; NaN where they are missing
     forces: FloatArray | None = field(default=None, repr=False)
+    # shape (blocks,): the standard deviation of nz within a block, in g
     shaking: FloatArray | None = field(default=None, repr=False)
-    gyro_step_s: float = 0.0
+    gyro_step_s: float = 0.0  # the longest usual time between two samples of a gyro
+    # is_driven, is_assumed: whether the gyros drive the attitude, and whether that is only assumed
     is_driven: bool = True
     is_assumed: bool = False
-    imus: tuple[Imu, ...] = field(default=(), repr=False)
+    imus: tuple[Imu, ...] = field(default=(), repr=False)  # those beside the one whose gyros are in the blocks
 
     @property
     def compared(self) -> tuple[Imu, ...]:
@@ -205,9 +191,7 @@ class Flight:
     def levelled(self, turned: FloatArray) -> FloatArray:
         """Return rotations in earth axes about the horizontal axes of the aircraft: forward and right.
 
-        Parameters
-        ----------
-        turned : shape (blocks, 3) or (blocks, 3, ...)
+        `turned`, shape (blocks, 3).
         """
         psi = np.radians(self.angles[:, 2]).reshape(-1, *[1] * (turned.ndim - 2))
         cosine, sine = np.cos(psi), np.sin(psi)

@@ -30,18 +30,10 @@ _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """What the engine says of a flight.
+    """What the engine says of a flight."""
 
-    Attributes
-    ----------
-    found : tuple of Finding
-        One each a fault, with doubts.
-    model : Model
-        The flight's equations, with everything that was found taken away.
-    """
-
-    found: tuple[Finding, ...]
-    model: Model = field(repr=False)
+    found: tuple[Finding, ...]  # one each a fault, with doubts
+    model: Model = field(repr=False)  # the flight's equations, with everything that was found taken away
 
     @property
     def flight(self) -> Flight:
@@ -72,10 +64,7 @@ class Judged:
     def hindsight(self, failures: Mapping[str, Sequence[Failure]]) -> Hindsight:
         """Return where p, q, r, phi, theta and psi are clear, beside all that failed.
 
-        Parameters
-        ----------
-        failures : mapping of sensor to sequence of Failure
-            Whom others accuse; the engine's own are added.
+        `failures`, by sensor: whom others accuse; the engine's own are added.
         """
         named = {sensor: list(spans) for sensor, spans in failures.items()}
         for sensor, span in self.accused:
@@ -191,8 +180,6 @@ def failure_of(span: SensorSpan) -> Failure:
 def judged(flight: Flight) -> Judged:
     """Return what the engine says of a flight.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.channels import ATTITUDE, GYROS

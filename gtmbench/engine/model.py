@@ -30,25 +30,13 @@ class Explained:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """The equations of a flight.
-
-    Attributes
-    ----------
-    flight : Flight
-    relations : tuple of Relation
-    signatures : Signatures
-        Of all explanations that compete.
-    products : tuple of Products
-        One an equation that is known.
-    explained : tuple of Explained
-        What was taken away.
-    """
+    """The equations of a flight."""
 
     flight: Flight
     relations: tuple[Relation, ...] = field(repr=False)
-    signatures: Signatures = field(repr=False)
-    products: tuple[Products, ...] = field(repr=False)
-    explained: tuple[Explained, ...] = ()
+    signatures: Signatures = field(repr=False)  # of all explanations that compete
+    products: tuple[Products, ...] = field(repr=False)  # one an equation that is known
+    explained: tuple[Explained, ...] = ()  # what was taken away
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -119,17 +107,8 @@ def learnt(
 ) -> Model:
     """Return the model of a flight.
 
-    Parameters
-    ----------
-    flight : Flight
-    relations : sequence of Relation
-    signatures : Signatures
-    explained : sequence of Explained
-        What is taken away before anything is learnt.
-    frozen : sequence of (gyro, first, last)
-        Blocks in which a gyro stands still: no equation that it enters is asked there.
-    edges : sequence of (first, last)
-        Blocks in which no IMU is held against another.
+    `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a gyro stands still: no
+    equation that it enters is asked there. `edges`: blocks in which no IMU is held against another.
     """
     products = []
     for relation in relations:

@@ -105,14 +105,8 @@ def unit_of(white: FloatArray) -> float:
 def wander_of(means: FloatArray, precisions: FloatArray, least: float) -> float:
     """Return how far the means of chunks wander beside what noise makes of them; no step or drift makes that.
 
-    Parameters
-    ----------
-    means : shape (chunks,)
-        NaN where too little is known.
-    precisions : shape (chunks,)
-        One over a mean's variance by noise alone.
-    least : float
-        What it is a priori, worth four chunks.
+    `means`, shape (chunks,): NaN where too little is known. `precisions`, shape (chunks,): one over a mean's variance
+    by noise alone. `least`: what it is a priori, worth four chunks.
     """
     known = np.isfinite(means)
     count = int(np.count_nonzero(known))

@@ -76,20 +76,13 @@ class Scan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Search:
-    """A search in a model.
-
-    Attributes
-    ----------
-    scan : Scan
-    tempers : shape (explanations,)
-        What evidence is divided by: chance makes more of some explanations on this log than noise would.
-    found : tuple of Finding
-        What is known of already, and taken away in the model.
-    """
+    """A search in a model."""
 
     scan: Scan
+    # shape (explanations,): what evidence is divided by: chance makes more of some explanations on this log than noise
+    # would
     tempers: FloatArray
-    found: tuple[Finding, ...] = ()
+    found: tuple[Finding, ...] = ()  # what is known of already, and taken away in the model
 
     @property
     def model(self) -> Model:

@@ -45,30 +45,16 @@ def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Columns:
-    """An equation's columns, whitened, and the signatures of explanations in it before they were.
+    """An equation's columns, whitened, and the signatures of explanations in it before they were."""
 
-    Attributes
-    ----------
-    own : shape (signatures,)
-        Which explanations it feels.
-    times : tuple of float
-        By which signatures fade, in seconds.
-    fading : shape (signatures,)
-        Which of these times each fades by; -1 for none.
-    bases : shape (signatures,)
-        Which signature each grows from; -1 for none.
-    states : shape (cells + 1, signatures, 3)
-        By how much the attitude would be off at each cell's beginning, in earth axes, deg.
-    since : shape (cells + 1, signatures)
-        The base's multiplier.
-    """
-
-    own: IntArray
-    times: tuple[float, ...]
-    fading: IntArray
-    bases: IntArray
+    own: IntArray  # shape (signatures,): which explanations it feels
+    times: tuple[float, ...]  # by which signatures fade, in seconds
+    fading: IntArray  # shape (signatures,): which of these times each fades by; -1 for none
+    bases: IntArray  # shape (signatures,): which signature each grows from; -1 for none
+    # shape (cells + 1, signatures, 3): by how much the attitude would be off at each cell's beginning, in earth axes,
+    # deg
     states: FloatArray = field(repr=False)
-    since: FloatArray = field(repr=False)
+    since: FloatArray = field(repr=False)  # shape (cells + 1, signatures): the base's multiplier
 
 
 class Signatures:
@@ -290,43 +276,21 @@ def _of_cells(cells: FloatArray, first: IntArray, second: IntArray) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
-    """An equation's sums over windows, for signatures that begin at an onset; the first axis is that of windows.
+    """An equation's sums over windows, for signatures that begin at an onset; the first axis is that of windows."""
 
-    Attributes
-    ----------
-    errors : shape (windows,)
-        e'e.
-    products : shape (windows, regressors)
-        X'e.
-    squares : shape (windows, regressors, regressors)
-        X'X.
-    cross : shape (windows, signatures)
-        s'e.
-    mixed : shape (windows, signatures, regressors)
-        s'X.
-    power : shape (windows, signatures)
-        s's.
-    counts : shape (windows,)
-        Known blocks.
-    """
-
-    errors: FloatArray
-    products: FloatArray
-    squares: FloatArray
-    cross: FloatArray
-    mixed: FloatArray
-    power: FloatArray
-    counts: FloatArray
+    errors: FloatArray  # shape (windows,): e'e
+    products: FloatArray  # shape (windows, regressors): X'e
+    squares: FloatArray  # shape (windows, regressors, regressors): X'X
+    cross: FloatArray  # shape (windows, signatures): s'e
+    mixed: FloatArray  # shape (windows, signatures, regressors): s'X
+    power: FloatArray  # shape (windows, signatures): s's
+    counts: FloatArray  # shape (windows,): known blocks
 
 
 class Sums:
     """Sums of an equation's products over windows, the mean of each chunk marginalised.
 
-    Parameters
-    ----------
-    products : Products
-    wander : float, optional
-        By how much means of chunks wander; the equation's own by default, 0 for not at all.
+    `wander`: by how much means of chunks wander; the equation's own by default, 0 for not at all.
     """
 
     def __init__(self, products: Products, wander: float | None = None) -> None:
@@ -428,13 +392,7 @@ class Sums:
     def signature_means(self, onset: int, edges: IntArray, signature: int) -> FloatArray:
         """Return the same of a signature that begins at `onset`, over cells from each edge to the next.
 
-        Parameters
-        ----------
-        onset : int
-        edges : shape (pieces + 1,)
-            Each piece lies in one chunk.
-        signature : int
-            Which of the equation's.
+        `edges`, shape (pieces + 1,): each piece lies in one chunk. `signature`: which of the equation's.
         """
         own, columns = self.products, self.products.columns
         known = 1 + own.regressors

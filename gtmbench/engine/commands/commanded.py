@@ -29,23 +29,12 @@ _SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Commanded:
-    """What was commanded and answered, step by step, without a hole.
+    """What was commanded and answered, step by step, without a hole."""
 
-    Attributes
-    ----------
-    start_s : float
-        On the log's clock.
-    channels : tuple of str
-        Gyros, flow and commands.
-    values : shape (steps, channels)
-    frame : Frame
-        The equations of the answer.
-    """
-
-    start_s: float
-    channels: tuple[str, ...]
-    values: FloatArray = field(repr=False)
-    frame: Frame
+    start_s: float  # on the log's clock
+    channels: tuple[str, ...]  # gyros, flow and commands
+    values: FloatArray = field(repr=False)  # shape (steps, channels)
+    frame: Frame  # the equations of the answer
 
     def column(self, channel: str) -> FloatArray:
         """Return what a channel reads."""
@@ -75,11 +64,7 @@ class Commanded:
 def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | None:
     """Return what a flight was commanded; None where a command or an airspeed isn't read, or too little is flown.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        Gyros, commands and what else is read, in the units of channels, on the flight's clock.
+    `sensors`, by channel: gyros, commands and what else is read, in the units of channels, on the flight's clock.
     """
     if not {*_NEEDS} <= sensors.keys() or max(sensors[name].step_s for name in (*GYROS, *SURFACES)) > _SLOWEST_S:
         return None

@@ -30,44 +30,26 @@ _BEGUN = round(SETTLES_S / STEP_S)  # steps that filters take to settle
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explained:
-    """What a suspect explains.
-
-    Attributes
-    ----------
-    suspect : Suspect
-    nats : float
-        Less what each size costs.
-    sizes, deviations : shape (wrong,)
-        Zero of what isn't used.
-    """
+    """What a suspect explains."""
 
     suspect: Suspect
-    nats: float
+    nats: float  # less what each size costs
+    # sizes, deviations, shape (wrong,): zero of what isn't used
     sizes: FloatArray
     deviations: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Change:
-    """A change of the answer.
+    """A change of the answer."""
 
-    Attributes
-    ----------
-    step, last : int
-        It begins at `step` and is looked at until `last`.
-    between : (int, int)
-        Between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind.
-    nats : float
-        That there are to explain.
-    ranked : tuple of Explained
-        Whoever explains most first.
-    """
-
+    # step, last: it begins at `step` and is looked at until `last`
     step: int
     last: int
+    # between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind
     between: tuple[int, int]
-    nats: float
-    ranked: tuple[Explained, ...] = field(repr=False)
+    nats: float  # that there are to explain
+    ranked: tuple[Explained, ...] = field(repr=False)  # whoever explains most first
 
 
 def divided(commanded: Commanded) -> tuple[int, int, int] | None:

@@ -35,23 +35,13 @@ COMPARED = "the answer to its command doesn't change, or not so that it shows"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CommandsJudged:
-    """What a flight's answer to its commands says.
-
-    Attributes
-    ----------
-    commanded : Commanded
-    change : Change or None
-        Where the answer changes most; None where too little is flown.
-    doubt : str
-        Why nobody is named; "" if somebody is.
-    end_s : float
-        Until when it flies: what failed stays so.
-    """
+    """What a flight's answer to its commands says."""
 
     commanded: Commanded = field(repr=False)
-    end_s: float
+    end_s: float  # until when it flies: what failed stays so
+    # where the answer changes most; None where too little is flown
     change: Change | None = field(default=None, repr=False)
-    doubt: str = ""
+    doubt: str = ""  # why nobody is named; "" if somebody is
 
     @property
     def span_s(self) -> Span:
@@ -120,16 +110,9 @@ def commands_judged(
 ) -> CommandsJudged | None:
     """Return what a flight's answer to its commands says; None where none is known.
 
-    Parameters
-    ----------
-    flight : Flight
-        Without the spans in which gyros or attitude failed.
-    sensors : mapping of channel to Samples
-        Gyros, commands and all others.
-    claims : sequence of Claim
-        Of sensors: where they are clear, no more than stays hidden explains a change.
-    found : sequence of Finding
-        What others found.
+    `flight`: without the spans in which gyros or attitude failed. `sensors`, by channel: gyros, commands and all
+    others. `claims`: of sensors: where they are clear, no more than stays hidden explains a change. `found`: what
+    others found.
     """
     commanded = commanded_of(flight, sensors)
     if commanded is None:

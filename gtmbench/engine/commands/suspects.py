@@ -28,22 +28,11 @@ _NO_ENDS = ("phi", "theta")  # they enter no equation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
-    """Who may be behind it.
+    """Who may be behind it."""
 
-    Attributes
-    ----------
-    name : str
-        A channel.
-    wrong : tuple of shape (steps,)
-        What its reading may be off by, of size one.
-    spread : shape (wrong,)
-        How large each may be: standard deviations about zero.
-    is_surface : bool
-    """
-
-    name: str
-    wrong: tuple[FloatArray, ...] = field(repr=False)
-    spread: FloatArray
+    name: str  # a channel
+    wrong: tuple[FloatArray, ...] = field(repr=False)  # shape (steps,): what its reading may be off by, of size one
+    spread: FloatArray  # shape (wrong,): how large each may be: standard deviations about zero
     is_surface: bool
 
     def allows(self, sizes: FloatArray, used: tuple[int, ...]) -> bool:
@@ -63,11 +52,7 @@ _MOST = 1.3  # of a share: what is fitted is noisy
 def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[Suspect]:
     """Give everybody who may be behind a change.
 
-    Parameters
-    ----------
-    commanded : Commanded
-    excluded : mapping of channel to float
-        The largest error of sensors that may hide, where others call them clear, in their unit.
+    `excluded`, by channel: the largest error of sensors that may hide, where others call them clear, in their unit.
     """
     for name in commanded.channels:
         read = commanded.column(name)

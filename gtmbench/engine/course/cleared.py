@@ -51,15 +51,8 @@ def cleared(
 ) -> Iterator[Claim]:
     """Give where sensors are clear, and up to which size.
 
-    Parameters
-    ----------
-    course : Course
-    findings : Findings
-        Of the course.
-    sensors : mapping of channel to Samples
-        As they are read.
-    found : sequence of Finding
-        What is told of: where it may be an error of the sensor itself, it may go on to the log's end.
+    `findings`: of the course. `sensors`, by channel: as they are read. `found`: what is told of: where it may be an
+    error of the sensor itself, it may go on to the log's end.
     """
     scan, tempers = findings.whole, tempers_of(findings.whole)
     model = scan.model

@@ -36,26 +36,17 @@ _OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """A flight's course, block by block; NaN where nothing is read.
-
-    Attributes
-    ----------
-    flight : Flight
-    matrices : shape (blocks, 3, 3)
-        C.
-    read : mapping of channel to shape (blocks,)
-        Means over blocks, in m, m/s and m/s2 (accelerometers along forward, right and down), vanes in deg; of a GPS
-        as late as it is, put right.
-    noise : mapping of channel to shape (blocks,)
-        The power of their noise from sample to sample, in the same units, over about a second; of all that are read.
-    steps_s : mapping of channel to float
-        The usual time between two of their samples.
-    """
+    """A flight's course, block by block; NaN where nothing is read."""
 
     flight: Flight
-    matrices: FloatArray = field(repr=False)
+    matrices: FloatArray = field(repr=False)  # shape (blocks, 3, 3): C
+    # by channel, shape (blocks,): means over blocks, in m, m/s and m/s2 (accelerometers along forward, right and down),
+    # vanes in deg; of a GPS as late as it is, put right
     read: Mapping[str, FloatArray] = field(repr=False)
+    # by channel, shape (blocks,): the power of their noise from sample to sample, in the same units, over about a
+    # second; of all that are read
     noise: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
+    # by channel: the usual time between two of their samples
     steps_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def has(self, *channels: str) -> bool:
@@ -149,11 +140,7 @@ class Course:
 def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
     """Return the course of a flight by what its other sensors read.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        In the units of channels, on the flight's clock.
+    `sensors`, by channel: in the units of channels, on the flight's clock.
     """
     edges = edges_of(flight.blocks)
     whole = {

@@ -53,34 +53,18 @@ _OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CourseJudged:
-    """Which sensors of a course failed.
+    """Which sensors of a course failed."""
 
-    Attributes
-    ----------
-    found : tuple of Finding
-        With doubts.
-    course : Course
-    stands : tuple of (channel, span, reading)
-        Which channels read one value.
-    jumped : tuple of (channel, time, size)
-        Which channels jump, when and by how much.
-    asked : tuple of (sensor, why)
-        Which sensors read another unit or frame than is thought, so that they aren't judged.
-    model : Model or None
-        The course's equations, with everything that was found taken away; None where no relation holds.
-    clear : tuple of Claim
-        Where sensors are clear.
-    commands : CommandsJudged or None
-        What the answer to commands says of surfaces; None where it isn't known.
-    """
-
-    found: tuple[Finding, ...]
+    found: tuple[Finding, ...]  # with doubts
     course: Course = field(repr=False)
-    stands: tuple[tuple[str, Span, float], ...] = ()
-    jumped: tuple[tuple[str, float, float], ...] = ()
+    stands: tuple[tuple[str, Span, float], ...] = ()  # which channels read one value
+    jumped: tuple[tuple[str, float, float], ...] = ()  # which channels jump, when and by how much
+    # which sensors read another unit or frame than is thought, so that they aren't judged
     asked: tuple[tuple[str, str], ...] = ()
+    # the course's equations, with everything that was found taken away; None where no relation holds
     model: Model | None = field(default=None, repr=False)
-    clear: tuple[Claim, ...] = field(default=(), repr=False)
+    clear: tuple[Claim, ...] = field(default=(), repr=False)  # where sensors are clear
+    # what the answer to commands says of surfaces; None where it isn't known
     commands: CommandsJudged | None = field(default=None, repr=False)
 
     @property
@@ -212,13 +196,8 @@ def sensors_of(finding: Finding) -> tuple[str, ...]:
 def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence[str] = ()) -> CourseJudged:
     """Return which of a flight's other sensors failed.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        As `course_of` takes them.
-    bent : sequence of str
-        Why the attitude may be bent, by which every relation turns what sensors read.
+    `sensors`, by channel: as `course_of` takes them. `bent`: why the attitude may be bent, by which every relation
+    turns what sensors read.
     """
     sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
     held = standing(sensors, flight.flown_s)
@@ -250,11 +229,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
     """Return which of a flight's other sensors failed, where no gyro and no angle did, as `course_judged` does.
 
-    Parameters
-    ----------
-    whole : Judged
-        What is said of the flight's gyros and attitude.
-    sensors : mapping of channel to Samples
+    `whole`: what is said of the flight's gyros and attitude. `sensors`, by channel.
     """
     broken = [
         (span.start_s, span.end_s)

@@ -25,14 +25,8 @@ def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[st
 
     Where two sensors stand at a time, it is the log's that does; where one stands from the beginning, it isn't on yet.
 
-    Parameters
-    ----------
-    sensors : mapping of channel to Samples
-    flown_s : (start, end)
-        From when to when the aircraft flies.
+    `sensors`, by channel. `flown_s`, (start, end): from when to when the aircraft flies.
 
-    Examples
-    --------
     >>> time_s = np.arange(0.0, 60.0, 0.1)
     >>> read = np.random.default_rng(1).standard_normal(600)
     >>> read[300:] = read[300]

@@ -36,23 +36,15 @@ _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alignment:
-    """What is left of gyros and attitude, block by block.
-
-    Attributes
-    ----------
-    blocks : Blocks
-    known : shape (blocks, 3)
-        Where each gyro's is asked to hold: nothing is missing, and nothing on that axis failed.
-    error : shape (blocks, 3)
-        e, in deg/s, where nothing is missing, failed or not; NaN elsewhere.
-    offsets, gains : shape (3,)
-        What each gyro reads more than the attitude turns over the whole log, in deg/s, and how many times as far it
-        turns; NaN where too little is known.
-    """
+    """What is left of gyros and attitude, block by block."""
 
     blocks: Blocks
+    # shape (blocks, 3): where each gyro's is asked to hold: nothing is missing, and nothing on that axis failed
     known: BoolArray = field(repr=False)
+    # shape (blocks, 3): e, in deg/s, where nothing is missing, failed or not; NaN elsewhere
     error: FloatArray = field(repr=False)
+    # offsets, gains, shape (3,): what each gyro reads more than the attitude turns over the whole log, in deg/s, and
+    # how many times as far it turns; NaN where too little is known
     offsets: FloatArray
     gains: FloatArray
 
@@ -78,14 +70,8 @@ class Alignment:
 def alignment_of(blocks: Blocks, failed_s: Sequence[Sequence[Span]] = ((), (), ())) -> Alignment:
     """Return the relation of a log's gyros and attitude.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    failed_s : sequence of sequences of (start, end)
-        Where p or phi, q or theta, r or psi failed.
+    `failed_s`: where p or phi, q or theta, r or psi failed.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> turns = 20.0 * random.standard_normal((500, 3))
     >>> read = 1.5 + 1.01 * turns + 0.1 * random.standard_normal((500, 3))
@@ -141,14 +127,8 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
     An angle that jumps spoils body rates from there on: a quarter of the log that tells against these counts alone.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    but_s : sequence of (start, end)
-        What is left out.
+    `but_s`: what is left out.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> body, euler = 20.0 * random.standard_normal((2, 500, 3))
     >>> other = dict(angles=0.0 * body, rough=0.0 * body, held_s=np.zeros((500, 6)))
@@ -264,11 +244,7 @@ def jumps_deg(alignment: Alignment, known: BoolArray) -> Jumps:
     one block, whole: a.e / a.a over the gyros that are known, times the block's length. It is summed over a few blocks,
     for what a lag leaves of a hard turn is taken back at once: it doesn't stay for seconds.
 
-    Parameters
-    ----------
-    alignment : Alignment
-    known : shape (blocks, 3)
-        Whose errors tell: those of gyros that read right, but for a constant.
+    `known`, shape (blocks, 3): whose errors tell: those of gyros that read right, but for a constant.
     """
     blocks, there = alignment.blocks, known & np.isfinite(alignment.error)
     error = np.where(there, alignment.error, np.nan)

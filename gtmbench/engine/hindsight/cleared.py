@@ -81,18 +81,11 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hindsight:
-    """What the relation of gyros and attitude says over a whole log.
+    """What the relation of gyros and attitude says over a whole log."""
 
-    Attributes
-    ----------
-    claims : mapping of sensor to tuple of SensorSpan
-        Of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged.
-    changes : tuple of Change
-        The levels that shift.
-    """
-
+    # by sensor: of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged
     claims: Mapping[str, tuple[SensorSpan, ...]] = field(repr=False)
-    changes: tuple[Change, ...] = ()
+    changes: tuple[Change, ...] = ()  # the levels that shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,18 +109,10 @@ def hindsight_of(
 ) -> Hindsight:
     """Return what the relation of gyros and attitude says over a whole log.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    is_driven : bool
-        Whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
-    is_sure : bool
-        Whether that is known, and not assumed: then references pull the attitude about in health, the heading most.
-    failures : mapping of sensor to sequence of Failure
-        Of p, q, r, phi, theta and psi.
+    `is_driven`: whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
+    `is_sure`: whether that is known, and not assumed: then references pull the attitude about in health, the heading
+    most. `failures`, by sensor: of p, q, r, phi, theta and psi.
 
-    Examples
-    --------
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.record import Record
     >>> random = np.random.default_rng(1)
@@ -185,12 +170,7 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None
 
     It takes that its error, its gain or its noise was another while it failed, and is again what it was before.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    sensor : str
-        One of p, q, r, phi, theta and psi.
-    failure : Failure
+    `sensor`: one of p, q, r, phi, theta and psi.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     chunk_s = alignment.chunk_s
@@ -212,10 +192,7 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None
 def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
     """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
 
-    Parameters
-    ----------
-    blocks, sensor, failure
-        As `agrees_from_s` takes them.
+    `blocks`, `sensor`, `failure`: as `agrees_from_s` takes them.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))

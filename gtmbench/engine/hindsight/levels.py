@@ -35,47 +35,26 @@ SPARE = 1.1  # times what is significant: what is promised, for noise changes a 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Level:
-    """A level, chunk by chunk.
+    """A level, chunk by chunk."""
 
-    Attributes
-    ----------
-    values : shape (chunks,)
-        NaN where it isn't known.
-    deviations : shape (chunks,)
-        How much each wanders by chance, up to a factor that is the same for all.
-    floor : float
-        No smaller change is significant: sensors differ by as much in health.
-    wanders : float
-        No smaller change says that something broke: it counts in what is promised.
-    """
-
-    values: FloatArray
+    values: FloatArray  # shape (chunks,): NaN where it isn't known
+    # shape (chunks,): how much each wanders by chance, up to a factor that is the same for all
     deviations: FloatArray = field(repr=False)
-    floor: float
-    wanders: float = 0.0
+    floor: float  # no smaller change is significant: sensors differ by as much in health
+    wanders: float = 0.0  # no smaller change says that something broke: it counts in what is promised
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shift:
-    """What a level's changes could be, by the chunk in which they begin.
+    """What a level's changes could be, by the chunk in which they begin."""
 
-    Attributes
-    ----------
-    bounds : shape (chunks,)
-        The smallest change that begins there and would have shown; infinite where none would.
-    rises, falls : float
-        The largest change upwards and downwards that shows from any onset, 0 where none does.
-    onset : int or None
-        The chunk from which on the level is another; None where it never changes.
-    stays : bool
-        Whether it stays another: not where the change is larger from an earlier onset, and is over.
-    """
-
+    # shape (chunks,): the smallest change that begins there and would have shown; infinite where none would
     bounds: FloatArray = field(repr=False)
+    # rises, falls: the largest change upwards and downwards that shows from any onset, 0 where none does
     rises: float
     falls: float
-    onset: int | None
-    stays: bool = True
+    onset: int | None  # the chunk from which on the level is another; None where it never changes
+    stays: bool = True  # whether it stays another: not where the change is larger from an earlier onset, and is over
 
     @property
     def size(self) -> float:
@@ -90,14 +69,8 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
     change of S that stays adds S to it. What is significant is k s(j), by the medians'
     variance and the level's own wander.
 
-    Parameters
-    ----------
-    level : Level
-    shown : shape (windows,), optional
-        Which share of a fault shows in a window; 1 each by default.
+    `shown`, shape (windows,): which share of a fault shows in a window; 1 each by default.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> values = 0.1 * random.standard_normal(60)
     >>> healthy = shift_of(Level(values=values, deviations=np.full(60, 0.1), floor=0.0))
@@ -187,14 +160,8 @@ def stepped_at(values: FloatArray) -> int:
 def departs(level: Level, first: int) -> BoolArray:
     """Tell in which chunks a level is another than before one, by medians of five chunks; none where that isn't known.
 
-    Parameters
-    ----------
-    level : Level
-    first : int
-        The chunk before which it is as it should be.
+    `first`: the chunk before which it is as it should be.
 
-    Examples
-    --------
     >>> values = np.concatenate([np.zeros(20), np.full(10, 3.0), np.zeros(20)])
     >>> found = departs(Level(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
     >>> np.flatnonzero(found).tolist() == list(range(20, 30))

@@ -16,11 +16,7 @@ _LOUD, _QUIET = 3.0, 0.25  # times what gyro and attitude usually differ by; of 
 def agree(flight: Flight, axis: int, span_s: Span) -> bool:
     """Tell whether all further IMUs agree with a gyro that the attitude contradicts in a span, as it did not before.
 
-    Parameters
-    ----------
-    flight : Flight
-    axis : int
-    span_s : (start, end)
+    `span_s`, (start, end).
     """
     if not flight.imus:
         return False

@@ -24,13 +24,7 @@ FORCE_PRIOR, FORCE_FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05,
 def between(course: Course, values: Callable[[Course], FloatArray], **about: Any) -> Relation:
     """Return a relation of a course.
 
-    Parameters
-    ----------
-    course : Course
-    values : callable
-        From a course to y, shape (blocks, channels).
-    **about
-        What else `Relation` has.
+    `values`: from a course to y, shape (blocks, channels). `about`: what else `Relation` has.
     """
     own = values(course)
 
