@@ -365,10 +365,7 @@ class BankDetector:
 def restore_bank(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> BankMonitor:
     """Return the monitor of a bank, whichever its figures hold; every key is checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     return BankMonitor(**vars(calibrated_of(figures, provenance)))
 

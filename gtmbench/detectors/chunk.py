@@ -51,10 +51,7 @@ class ChunkStream(ABC):
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of.
 
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         return self.taken(chunk).told
 
@@ -72,10 +69,7 @@ def taken(
 ) -> tuple[ChunkClock, Record]:
     """Return where a stream stands after a chunk, and the channels of it that a monitor of some name reads.
 
-    Raises
-    ------
-    InputError
-        If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+    InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
     """
     new = taken_inside(chunk).select(channels)
     new.check_period(sample_period_s, f"'{name}' was calibrated at")

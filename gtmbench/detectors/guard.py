@@ -22,8 +22,6 @@ _COLUMNS = [(name, COLUMNS[name]) for name in GYROS]
 class Guard:
     """The guard of one flight, sample by sample.
 
-    Examples
-    --------
     >>> guard = Guard(sample_period_s=0.01)
     >>> calm = [0.5, -0.5, 0.2] + [0.0] * 10
     >>> any(guard.take(calm, is_learning=True) for _ in range(1100))

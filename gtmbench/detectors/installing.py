@@ -328,12 +328,8 @@ def has_motion(monitor: Monitor) -> bool:
 def corrected(records: Sequence[Record], expected: Installation | None = None) -> tuple[list[Record], Installation]:
     """Return stretches of one flight with their installation undone, as a stream would have them, and what it is.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        In time, with gyros and the whole attitude, of one sample period.
-    expected : Installation, optional
-        That their monitor was calibrated with; plain unless told.
+    `records`: in time, with gyros and the whole attitude, of one sample period. `expected`: that their monitor was
+    calibrated with; plain unless told.
     """
     learner = Learner(records[0].sample_period_s, expected)
     given = []

@@ -139,9 +139,7 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
 def check_monitor(path: Path) -> None:
     """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures.
 
-    Raises
-    ------
-    InputError
+    Raises InputError.
     """
     with naming(path):
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
@@ -174,10 +172,7 @@ class _Kept:
 def kind_of(detector: Detector | Monitor) -> str:
     """Return who restores it: ``bank``, ``dissertation``, ``rival`` or the name of a detector of somebody's own.
 
-    Raises
-    ------
-    InputError
-        If somebody's own goes by a name that is gtmbench's.
+    InputError if somebody's own goes by a name that is gtmbench's.
     """
     if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"

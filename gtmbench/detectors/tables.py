@@ -44,10 +44,7 @@ def operator_of(
 ) -> Transmissibility:
     """Return the operator of a table; `other` says what its inputs and outputs have to agree with.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     table = keys(where, table, OPERATOR_KEYS)
     for key, wanted in (("inputs", list(inputs)), ("outputs", list(outputs))):

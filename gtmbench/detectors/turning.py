@@ -27,15 +27,10 @@ _KEYS = ("gyros_deg_s", "gyros_swing_deg_s", "attitude_deg_s", "attitude_swing_d
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """How fast it turned where a monitor was calibrated, and how far that swung within 0.2 s.
+    """How fast it turned where a monitor was calibrated, and how far that swung within 0.2 s."""
 
-    Attributes
-    ----------
-    limits : tuple of float
-        What 99.9 % of the rows don't exceed, in deg/s, rates and their swing as the gyros tell them and as the attitude
-        does; empty where that isn't known.
-    """
-
+    # what 99.9 % of the rows don't exceed, in deg/s, rates and their swing as the gyros tell them and as the attitude
+    # does; empty where that isn't known
     limits: tuple[float, ...] = ()
 
     @classmethod

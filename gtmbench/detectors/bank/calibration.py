@@ -187,14 +187,8 @@ def _weighed(learnt: _Learnt, noise: float, half: int) -> _Learnt:
     than the estimator takes them to be: so two factors on the covariance are found, of the residual as it is and
     whitened, and how much stronger the noise is where identification hadn't seen it.
 
-    Parameters
-    ----------
-    learnt : _Learnt
-        With |F' phi(k)|^2 as spread, of a covariance F F'.
-    noise : float
-        The residual's mean square on the records that were identified on.
-    half : int
-        Of the uncertainty.
+    `learnt`: with |F' phi(k)|^2 as spread, of a covariance F F'. `noise`: the residual's mean square on the records
+    that were identified on. `half`: of the uncertainty.
     """
     operator, whitener = learnt.operator, learnt.whitener
     judged = [(raw, white, alone) for raw, white, alone in learnt.judged if alone is not None]
@@ -254,27 +248,14 @@ def _factor(values: FloatArray, share: FloatArray, least: float) -> tuple[float,
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Which healthy stretches identify, which are judged, and what is allowed for beyond them.
+    """Which healthy stretches identify, which are judged, and what is allowed for beyond them."""
 
-    Attributes
-    ----------
-    bank : Bank
-        With the statistic that its thresholds are set for.
-    learn : sequence of Record
-        That the monitor's operators and whitening filters stand on.
-    judged : sequence of Record
-        That its thresholds stand on.
-    folds : sequence of Fold
-        Which operators judge which rows; those of `learn` itself are the monitor's own.
-    order : int
-        Of the whitening filters.
-    """
-
-    bank: Bank
-    learn: Sequence[Record] = field(repr=False)
-    judged: Sequence[Record] = field(repr=False)
+    bank: Bank  # with the statistic that its thresholds are set for
+    learn: Sequence[Record] = field(repr=False)  # that the monitor's operators and whitening filters stand on
+    judged: Sequence[Record] = field(repr=False)  # that its thresholds stand on
+    # which operators judge which rows; those of `learn` itself are the monitor's own
     folds: Sequence[Fold] = field(repr=False)
-    order: int
+    order: int  # of the whitening filters
 
 
 def _divided(records: Sequence[Record], bank: Bank) -> Plan:
@@ -312,10 +293,7 @@ def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
 
     Too little energy doesn't alarm, and means are compared with those of the last fifth of a record.
 
-    Raises
-    ------
-    InputError
-        Where the records are too short.
+    InputError where the records are too short.
     """
     period_s, samples = records[0].sample_period_s, sum(map(len, records))
     shortest_s = check_long(records)

@@ -73,10 +73,7 @@ def judging_table(whitener: Whitener, tolerance: Tolerance, thresholds: Mapping[
 def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank:
     """Return the calibrated bank of some figures, every key checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     # from the whole to its parts, each by what was read before: a threshold means nothing without its test
     document = keys("figures", figures, _KEYS)

@@ -33,45 +33,25 @@ _FREQUENCIES = 64
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """Rows of a record that an alarm is judged on.
-
-    Attributes
-    ----------
-    record : Record
-        From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
-    source : str
-        The residual whose alarm is judged.
-    others : frozenset of str
-        Residuals with an alarm of their own that began at another time.
-    together : frozenset of str
-        Those whose alarm began when this one did, its own among them.
-    onset, sure : int
-        Rows of it: where the fault may have begun as far as the test tells, and from where on it is surely there.
-    start : int
-        The suspect isn't believed from here on: the onset and a margin.
-    shift : dict
-        Means of the residuals before the fault (biases), in the outputs' units.
-    suspects : tuple of str
-        Whose own readings are weighed: of a sensor that has been ruled out they say the same of every hypothesis.
-    habits : dict
-        How the bank's suspects read before the fault.
-    referees : dict
-        Of gyros, where there are air data beside them.
-    """
+    """Rows of a record that an alarm is judged on."""
 
     monitor: CalibratedBank
+    # from before the onset to the end of the horizon: the bank's channels, and the witnesses that are there
     record: Record
     residuals: BankResiduals = field(repr=False)
-    start: int
+    start: int  # the suspect isn't believed from here on: the onset and a margin
+    # onset, sure: rows of it: where the fault may have begun as far as the test tells, and from where on it is surely
+    # there
     onset: int
     sure: int
-    shift: Mapping[str, float]
+    shift: Mapping[str, float]  # means of the residuals before the fault (biases), in the outputs' units
+    # whose own readings are weighed: of a sensor that has been ruled out they say the same of every hypothesis
     suspects: tuple[str, ...]
-    habits: Mapping[str, Habit]
-    referees: Mapping[str, Referee] = field(default_factory=dict)
-    source: str = ""
-    others: frozenset[str] = frozenset()
-    together: frozenset[str] = frozenset()
+    habits: Mapping[str, Habit]  # how the bank's suspects read before the fault
+    referees: Mapping[str, Referee] = field(default_factory=dict)  # of gyros, where there are air data beside them
+    source: str = ""  # the residual whose alarm is judged
+    others: frozenset[str] = frozenset()  # residuals with an alarm of their own that began at another time
+    together: frozenset[str] = frozenset()  # those whose alarm began when this one did, its own among them
 
     def with_record(self, record: Record) -> Case:
         """Return the case had another record been read."""

@@ -30,14 +30,7 @@ _LEAST = 1e-6  # of the power: silence has none
 def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement, decisive: float) -> Judgement:
     """Return what is told of an alarm, or that the noise changed, where no fault explains it decisively better.
 
-    Parameters
-    ----------
-    case : Case
-    ranking : sequence of FittedHypothesis
-        The best first.
-    told : Judgement
-    decisive : float
-        Of BIC.
+    `ranking`: the best first. `decisive`: of BIC.
     """
     if not told.candidates or not ranking or _is_rounded(case, told):
         return told

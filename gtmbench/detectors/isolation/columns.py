@@ -19,11 +19,7 @@ _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
 class Columns:
     """Shapes that a fault of a suspect may be made of, and least squares of its residuals in any few of them.
 
-    Parameters
-    ----------
-    suspect : Suspect
-    shapes : mapping of name to array of shape (rows,)
-        What is added to the readings, per unit.
+    `shapes`, by name, shape (rows,): what is added to the readings, per unit.
     """
 
     def __init__(self, suspect: Suspect, shapes: Mapping[str, FloatArray]) -> None:

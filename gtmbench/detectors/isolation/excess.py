@@ -35,18 +35,10 @@ _NOTHING = 1e-300
 
 
 class Excess(NamedTuple):
-    """Whose the difference of two readings is.
+    """Whose the difference of two readings is."""
 
-    Attributes
-    ----------
-    holder : str
-        The sensor that is likelier to hold it.
-    is_clear : bool
-        Whether it must be that one.
-    """
-
-    holder: str
-    is_clear: bool
+    holder: str  # the sensor that is likelier to hold it
+    is_clear: bool  # whether it must be that one
 
 
 def whose_excess(case: Case, channel: str) -> Excess | None:
@@ -69,19 +61,10 @@ def held_by(
 ) -> tuple[int, bool] | None:
     """Return which of two readings holds what they differ by, 0 or 1, and whether that is clear; None where it is open.
 
-    Parameters
-    ----------
-    readings, predicted : shape (rows,)
-        p and d.
-    before : shape (any,)
-        What was read before the fault, in the same unit.
-    healthy : shape (span // 2 - 1,)
-        The spectrum of p - d without a fault, at the frequencies of a segment of `span` rows but the two lowest.
-    fast : shape (span // 2 - 1,)
-        Which of these are beyond autopilots.
+    `readings`, `predicted`, shape (rows,): p and d. `before`, shape (any,): what was read before the fault, in the same
+    unit. `healthy`, shape (span // 2 - 1,): the spectrum of p - d without a fault, at the frequencies of a segment of
+    `span` rows but the two lowest. `fast`, shape (span // 2 - 1,): which of these are beyond autopilots.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(1)
     >>> motion, added = rng.standard_normal((2, 2000))
     >>> healthy, fast = np.full(127, 0.01), np.arange(127) > 5

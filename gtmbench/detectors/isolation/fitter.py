@@ -67,37 +67,17 @@ _SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A hypothesis fitted to a suspect.
+    """A hypothesis fitted to a suspect."""
 
-    Attributes
-    ----------
-    kind : str
-        `UNKNOWN` where it has none.
-    family : str
-    left : Left
-    parameters : dict
-        Of the kind.
-    free : int
-        How many numbers were fitted.
-    partner : str or None
-        The other sensor of a fault that mixes two.
-    errors : callable
-        Gives the parameters' standard errors.
-    lasts : bool
-        Whether the fault is there to the end; one that comes and goes may have gone.
-    misfit : float
-        Of noise, how far its spectrum is from what it leaves; up to 1 that is such noise.
-    """
-
-    kind: str
+    kind: str  # `UNKNOWN` where it has none
     family: str
     left: Left = field(repr=False)
-    parameters: Parameters
-    free: int
-    partner: str | None = None
-    errors: Callable[[], Parameters] = field(default=dict, repr=False)
-    lasts: bool = True
-    misfit: float = 0.0
+    parameters: Parameters  # of the kind
+    free: int  # how many numbers were fitted
+    partner: str | None = None  # the other sensor of a fault that mixes two
+    errors: Callable[[], Parameters] = field(default=dict, repr=False)  # gives the parameters' standard errors
+    lasts: bool = True  # whether the fault is there to the end; one that comes and goes may have gone
+    misfit: float = 0.0  # of noise, how far its spectrum is from what it leaves; up to 1 that is such noise
 
     @property
     def is_absorbing(self) -> bool:
@@ -123,11 +103,7 @@ class Fit:
 class Fitter:
     """Fits of one suspect: shapes are computed once, filtered together.
 
-    Parameters
-    ----------
-    suspect : Suspect
-    without : iterable of str
-        Families that aren't tried.
+    `without`: families that aren't tried.
     """
 
     def __init__(self, suspect: Suspect, without: Iterable[str] = ()) -> None:

@@ -11,14 +11,8 @@ Value = TypeVar("Value")
 class Lazily(Mapping[str, Value], Generic[Value]):
     """A mapping whose values are each worked out once, when first asked for.
 
-    Parameters
-    ----------
-    names : iterable of str
-    work_out : callable
-        Gives a name's value.
+    `work_out`: gives a name's value.
 
-    Examples
-    --------
     >>> squares = Lazily(["2", "3", "4"], lambda name: int(name) ** 2)
     >>> squares["3"], "5" in squares, sum(squares.values())
     (9, False, 29)

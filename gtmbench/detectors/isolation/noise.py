@@ -30,22 +30,12 @@ Indices = np.ndarray[Any, np.dtype[np.int_]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFit:
-    """Noise fitted to what is left of a suspect's residuals.
-
-    Attributes
-    ----------
-    left : Left
-    variance : float
-        Of the noise, of a walk's steps.
-    spread : float
-        The standard error of its logarithm; NaN where the record doesn't tell.
-    misfit : float
-        How far the periodogram is from its spectrum, over what chance makes: up to 1 it is noise of that kind.
-    """
+    """Noise fitted to what is left of a suspect's residuals."""
 
     left: Left = field(repr=False)
-    variance: float
-    spread: float
+    variance: float  # of the noise, of a walk's steps
+    spread: float  # the standard error of its logarithm; NaN where the record doesn't tell
+    # how far the periodogram is from its spectrum, over what chance makes: up to 1 it is noise of that kind
     misfit: float
 
     def denser(self, volume: float) -> NoiseFit:
@@ -66,20 +56,11 @@ class SpikesFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Spectra:
-    """What residuals' spectra S are with noise of all variances that are tried: of no residual, so worked out once.
+    """What residuals' spectra S are with noise of all variances that are tried: of no residual, so worked out once."""
 
-    Attributes
-    ----------
-    variances : shape (variances,)
-    logs : shape (variances,)
-        Sums of log S.
-    inverse : shape (variances, outputs * bins)
-        1/S.
-    """
-
-    variances: FloatArray
-    logs: FloatArray
-    inverse: FloatArray
+    variances: FloatArray  # shape (variances,)
+    logs: FloatArray  # shape (variances,): sums of log S
+    inverse: FloatArray  # shape (variances, outputs * bins): 1/S
 
     @classmethod
     def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:

@@ -65,13 +65,8 @@ class Onset(NamedTuple):
 def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) -> Judgement:
     """Return a judgement with the onset of each fault that it names, in its parameters and intervals.
 
-    Parameters
-    ----------
-    begin : callable
-        Gives the case from `EARLIER_S` before the one that was judged to `LATER_S` after its alarm.
-    judged : Judgement
-    last : Judgement or None
-        The one before: what it told closely of the same sensor and kind stands.
+    `begin`: gives the case from `EARLIER_S` before the one that was judged to `LATER_S` after its alarm. `last`: the
+    one before: what it told closely of the same sensor and kind stands.
     """
     if judged.together:
         return replace(judged, together=tuple(dated(begin, each, None) for each in judged.together))

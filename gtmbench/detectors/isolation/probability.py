@@ -59,22 +59,14 @@ KIND_HELD = Odds(-0.01, 0.75, 0.08)
 
 
 class Evidence(NamedTuple):
-    """What a judgement's probabilities are made of.
+    """What a judgement's probabilities are made of."""
 
-    Attributes
-    ----------
-    judged_s : float
-        How long the fault was surely there, and judged.
-    margin, kind_margin : float
-        By how much BIC the best explanation by another sensor is worse, and by another kind of the likeliest sensor.
-    together : bool
-        Whether several sensors are named at once.
-    """
-
-    judged_s: float
+    judged_s: float  # how long the fault was surely there, and judged
+    # margin, kind_margin: by how much BIC the best explanation by another sensor is worse, and by another kind of the
+    # likeliest sensor
     margin: float
     kind_margin: float
-    together: bool
+    together: bool  # whether several sensors are named at once
 
     @classmethod
     def of(cls, case: Case, ranking: Sequence[FittedHypothesis], judged: Judgement) -> Evidence:

@@ -42,40 +42,19 @@ ROWS_BEFORE = _ROWS + 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Habit:
-    """How a healthy sensor reads.
+    """How a healthy sensor reads."""
 
-    Attributes
-    ----------
-    taps : shape (5,)
-        Of the filter from its readings to its noise, over more than the deviation of that, so that two samples count
-        for one.
-    quietest : float
-        The least mean square of that over a block, of its own; 0 where being quiet tells nothing.
-    straight : float
-        Share of rows whose second difference is zero: it repeats itself, or runs dead straight.
-    reach : float
-        Its greatest magnitude.
-    before : shape (rows,)
-        What it read.
-    is_steady : bool
-        Whether its noise is as loud at all times, so that a little more or less of it tells.
-    is_counted : bool
-        Whether its readings are counts of a converter, which may repeat where nothing moves.
-    is_fine : bool
-        Whether its noise is above a count.
-    longest : int
-        How many rows in a row ran dead straight at most.
-    """
-
+    # shape (5,): of the filter from its readings to its noise, over more than the deviation of that, so that two
+    # samples count for one
     taps: FloatArray = field(repr=False)
-    quietest: float
-    straight: float
-    reach: float
-    before: FloatArray = field(repr=False)
-    is_steady: bool = True
-    is_counted: bool = False
-    is_fine: bool = True
-    longest: int = 0
+    quietest: float  # the least mean square of that over a block, of its own; 0 where being quiet tells nothing
+    straight: float  # share of rows whose second difference is zero: it repeats itself, or runs dead straight
+    reach: float  # its greatest magnitude
+    before: FloatArray = field(repr=False)  # shape (rows,): what it read
+    is_steady: bool = True  # whether its noise is as loud at all times, so that a little more or less of it tells
+    is_counted: bool = False  # whether its readings are counts of a converter, which may repeat where nothing moves
+    is_fine: bool = True  # whether its noise is above a count
+    longest: int = 0  # how many rows in a row ran dead straight at most
 
     @property
     def variance(self) -> float:

@@ -23,21 +23,9 @@ _NONE: Mapping[str, FloatArray] = MappingProxyType({})
 class Engine:
     """A bank's scores and alarms as residuals come.
 
-    Attributes
-    ----------
-    memory : Memory
-    tracks : mapping of output to Track
-    logic : AlarmLogic
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    memory : Memory
-        Of the rows whose residuals come.
-    before : mapping of output to array
-        Healthy residuals on which the noise was learnt; of the others it is learnt on what comes.
-    keeps_changes, without, excursions
-        As `AlarmLogic` has them.
+    `tracks`, by output. `memory`: of the rows whose residuals come. `before`, by output: healthy residuals on which the
+    noise was learnt; of the others it is learnt on what comes. `keeps_changes`, `without`, `excursions`: as
+    `AlarmLogic` has them.
     """
 
     def __init__(

@@ -65,23 +65,9 @@ _ROWS = 8192  # looked through at a time
 class AlarmLogic:
     """A bank's alarms on rows as they come; see the module's text.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    memory : Memory
-        Holds the rows that came in last, `span_rows` at least.
-    tracks : mapping of output to Track
-    keeps_changes : bool
-        Whether it is remembered when each residual was armed.
-    without : iterable of str
-        Families of hypotheses that diagnoses don't try.
-    excursions : Excursions, optional
-        What else is told.
-
-    Raises
-    ------
-    InputError
-        Where there is no such family.
+    `memory`: holds the rows that came in last, `span_rows` at least. `tracks`, by output. `keeps_changes`: whether it
+    is remembered when each residual was armed. `without`: families of hypotheses that diagnoses don't try.
+    `excursions`: what else is told. InputError where there is no such family.
     """
 
     def __init__(

@@ -39,12 +39,7 @@ _FEW = 20  # rows of a chunk, up to which they are taken one by one: from some 3
 
 
 class BankStream:
-    """A bank's monitor at work on samples as they come in; see the module's text.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    """
+    """A bank's monitor at work on samples as they come in; see the module's text."""
 
     def __init__(self, monitor: CalibratedBank) -> None:
         self._monitor = monitor
@@ -69,11 +64,8 @@ class BankStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of: the same alarm, by its number, again.
 
-        Raises
-        ------
-        InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period; it changes
-            nothing.
+        InputError where the chunk doesn't continue the one before, lacks a channel or has another sample period; it
+        changes nothing.
         """
         chunk = taken_inside(chunk)
         columns = self._checked(chunk)

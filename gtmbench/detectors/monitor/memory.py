@@ -21,20 +21,9 @@ from gtmbench.values.record import FloatArray, Record
 class Memory:
     """Rows of the bank's channels and of witnesses, with residuals and spread beside them.
 
-    Attributes
-    ----------
-    channels : tuple of str
-        The bank's.
-    taken : tuple of str
-        The channels, then the other `WITNESSES`: the columns of what is taken, NaN where a record has none.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    start_s : float
-        Time of row 0.
-    capacity : int
-        How many rows there is room for; the oldest half goes when it is used up.
+    `channels`: the bank's. `taken`: the channels, then the other `WITNESSES`: the columns of what is taken, NaN where a
+    record has none. `start_s`: time of row 0. `capacity`: how many rows there is room for; the oldest half goes when it
+    is used up.
     """
 
     def __init__(self, monitor: CalibratedBank, start_s: float, capacity: int) -> None:

@@ -40,11 +40,7 @@ _Change = tuple[int, str, int]  # known with which row, whose, since which row: 
 class MissingSamples:
     """Which channels drop out, and when they are back, in rows as they come: the same in whatever chunks.
 
-    Parameters
-    ----------
-    channels : tuple of str
-        The bank's, as the columns of what is taken.
-    period_s : float
+    `channels`: the bank's, as the columns of what is taken.
     """
 
     def __init__(self, channels: tuple[str, ...], period_s: float) -> None:

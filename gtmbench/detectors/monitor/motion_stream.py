@@ -27,13 +27,7 @@ _LOOKED_S = 0.25  # after so long, at the latest, motion is looked at where samp
 
 
 class MotionStream(BankStream):
-    """A bank's monitor that knows its regime, at work on samples as they come in; see the module's text.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    regime : Regime
-    """
+    """A bank's monitor that knows its regime, at work on samples as they come in; see the module's text."""
 
     def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
         super().__init__(monitor)

@@ -50,19 +50,13 @@ _ABOUT = {
 
 @dataclass(frozen=True, kw_only=True)
 class Regime:
-    """How hard the motion was that a monitor was identified on.
+    """How hard the motion was that a monitor was identified on."""
 
-    Attributes
-    ----------
-    limits : mapping of str to float
-        ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
-        ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
-        the rows don't exceed. Those that the records don't tell aren't there.
-    middles : tuple of float
-        What the gyros read in the middle, in deg/s, which isn't counted as motion.
-    """
-
+    # ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
+    # ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
+    # the rows don't exceed. Those that the records don't tell aren't there
     limits: Mapping[str, float]
+    # what the gyros read in the middle, in deg/s, which isn't counted as motion
     middles: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @classmethod
@@ -119,13 +113,7 @@ class Regime:
 
 
 class RegimeStream:
-    """A regime held against rows as they come in: after any of them, the stretches are those of the rows so far.
-
-    Parameters
-    ----------
-    regime : Regime
-    period_s : float
-    """
+    """A regime held against rows as they come in: after any of them, the stretches are those of the rows so far."""
 
     def __init__(self, regime: Regime, period_s: float) -> None:
         self._regime, self._period_s = regime, period_s

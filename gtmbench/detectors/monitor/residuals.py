@@ -21,14 +21,9 @@ from gtmbench.values.record import FloatArray, Record, check_record, sealed
 class RecordResiduals:
     """A bank's residuals on a record.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    record : Record
-        With the bank's channels.
-    at_once : bool
-        Whether they are wanted as a whole, however long the record is: of operators that are uncertain, for what that
-        makes of them is kept; and with excursions, each of which is judged beside all of the record.
+    `record`: with the bank's channels. `at_once`: whether they are wanted as a whole, however long the record is: of
+    operators that are uncertain, for what that makes of them is kept; and with excursions, each of which is judged
+    beside all of the record.
     """
 
     def __init__(self, monitor: CalibratedBank, record: Record, *, at_once: bool) -> None:

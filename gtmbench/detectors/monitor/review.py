@@ -35,21 +35,11 @@ _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has pas
 
 @dataclass(frozen=True, kw_only=True)
 class Closing:
-    """How a fault is closed.
+    """How a fault is closed."""
 
-    Attributes
-    ----------
-    end : End or None
-        When it had gone; None where there is nothing to tell of it.
-    known_s : float or None
-        When that was known.
-    anew : bool
-        Whether the noise has changed, so that from now on it is learnt anew.
-    """
-
-    end: End | None = None
-    known_s: float | None = None
-    anew: bool = False
+    end: End | None = None  # when it had gone; None where there is nothing to tell of it
+    known_s: float | None = None  # when that was known
+    anew: bool = False  # whether the noise has changed, so that from now on it is learnt anew
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,15 +71,7 @@ def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, 
 
     So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
 
-    Parameters
-    ----------
-    fault : OpenFault
-    case : Case
-    others : iterable of OpenFault
-        All that are open.
-    row : int
-    without : iterable of str
-        Families of hypotheses that aren't tried.
+    `others`: all that are open. `without`: families of hypotheses that aren't tried.
     """
     if not case.is_ripe:
         return Outcome()

@@ -21,13 +21,8 @@ from gtmbench.values.record import FloatArray
 class RowByRow:
     """Everything from a sample to the scores that it makes known, for banks with likelihood ratios.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    memory : Memory
-        What is read and worked out is put there.
-    tracks : mapping of output to Track
-        They get the whitened residuals, and stay able to go on.
+    `memory`: what is read and worked out is put there. `tracks`, by output: they get the whitened residuals, and stay
+    able to go on.
     """
 
     def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track]) -> None:

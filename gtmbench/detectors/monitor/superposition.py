@@ -29,24 +29,13 @@ _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trial
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChangedResidual:
-    """A residual of a record that may be changed from some row on.
-
-    Attributes
-    ----------
-    monitor : CalibratedBank
-    output : str
-    raw : shape (samples,)
-        As it is.
-    spread : Spread or None
-        By which the residual is divided before it is judged.
-    before : shape (rows,) or None
-        On which the noise was learnt before the record began.
-    """
+    """A residual of a record that may be changed from some row on."""
 
     monitor: CalibratedBank
     output: str
-    raw: FloatArray = field(repr=False)
-    spread: Spread | None = field(repr=False)
+    raw: FloatArray = field(repr=False)  # shape (samples,): as it is
+    spread: Spread | None = field(repr=False)  # by which the residual is divided before it is judged
+    # shape (rows,): on which the noise was learnt before the record began
     before: FloatArray | None = field(default=None, repr=False)
 
     def changed_from(self, begin: int) -> ChangingResidual:
@@ -138,12 +127,7 @@ class ChangingResidual:
 
     It is whitened by the noise as it is known before that row, then as it is learnt.
 
-    Parameters
-    ----------
-    residual : ChangedResidual
-        As it is without.
-    begin : int
-        The first row that is another.
+    `residual`: as it is without. `begin`: the first row that is another.
     """
 
     def __init__(self, residual: ChangedResidual, begin: int) -> None:
@@ -177,25 +161,13 @@ class ChangingResidual:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Superposition:
-    """A sensor's own residual on a record that was watched.
+    """A sensor's own residual on a record that was watched."""
 
-    Attributes
-    ----------
-    sensor : str
-        One with a residual of its own.
-    record : Record
-    residual : ChangedResidual
-        Its own.
-    armed : shape (samples,)
-        Where its score, once known, could have raised an alarm.
-    estimator : AttitudeEstimator or None
-        What makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't.
-    """
-
-    sensor: str
+    sensor: str  # one with a residual of its own
     record: Record = field(repr=False)
-    residual: ChangedResidual = field(repr=False)
-    armed: BoolArray = field(repr=False)
+    residual: ChangedResidual = field(repr=False)  # its own
+    armed: BoolArray = field(repr=False)  # shape (samples,): where its score, once known, could have raised an alarm
+    # what makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't
     estimator: AttitudeEstimator | None = None
     _followings: dict[range, Following] = field(default_factory=dict, init=False, repr=False)
 
@@ -204,12 +176,7 @@ class Superposition:
 
         None, too, where the residual wasn't armed at the onset.
 
-        Parameters
-        ----------
-        fault : Fault
-            Of the sensor.
-        within_s : float
-            From the onset until the alarm could be raised: look-ahead counts.
+        `fault`: of the sensor. `within_s`: from the onset until the alarm could be raised: look-ahead counts.
         """
         row = fault.onset_row(self.record)
         stop = self._stop(row, within_s)

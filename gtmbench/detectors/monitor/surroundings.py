@@ -21,15 +21,7 @@ from gtmbench.values.record import Record
 class Surroundings:
     """The excursions of a stream, and which scores would have risen in them.
 
-    Attributes
-    ----------
-    horizon : int
-        How many rows back a row that comes in may change what is left out.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    regime : Regime
+    `horizon`: how many rows back a row that comes in may change what is left out.
     """
 
     def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:

@@ -83,18 +83,9 @@ _CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as 
 class NoiseFollower:
     """A residual's noise as its rows come in: the same in whatever chunks, with a memory that doesn't grow.
 
-    Parameters
-    ----------
-    whitener : Whitener
-        Of the calibration.
-    sample_period_s : float
-    row : int
-        The first that it will be given.
-    before : shape (rows,), optional
-        Of the residual, rows just before that one.
+    `whitener`: of the calibration. `row`: the first that it will be given. `before`, shape (rows,): of the residual,
+    rows just before that one.
 
-    Examples
-    --------
     >>> calibrated = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
     >>> follower = NoiseFollower(calibrated, 0.01)
     >>> quiet = 0.3 * np.random.default_rng(1).standard_normal(4000)
@@ -209,12 +200,8 @@ class NoiseFollower:
 
         The last of them is the last row pushed, or there are none; `row` says which row is next.
 
-        Parameters
-        ----------
-        raw : shape (rows,)
-            The residual; NaN where it is missing.
-        spread : shape (rows,), optional
-            How far it may be off for its operator's error: what is learnt is learnt from the residual over it.
+        `raw`, shape (rows,): the residual; NaN where it is missing. `spread`, shape (rows,): how far it may be off for
+        its operator's error: what is learnt is learnt from the residual over it.
         """
         off = np.ones(len(raw)) if spread is None else spread
         self._given = np.concatenate([self._given, np.column_stack([raw, off])])
@@ -532,12 +519,7 @@ def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
 def follower(whitener: Whitener, sample_period_s: float, before: FloatArray | None = None) -> NoiseFollower:
     """Return one for a record from its row 0 on, which has learnt on what was before, where that is long enough.
 
-    Parameters
-    ----------
-    whitener : Whitener
-    sample_period_s : float
-    before : shape (rows,), optional
-        Of the same sensors' healthy residual.
+    `before`, shape (rows,): of the same sensors' healthy residual.
     """
     if before is not None:
         noise = NoiseFollower(whitener, sample_period_s, row=-len(before))

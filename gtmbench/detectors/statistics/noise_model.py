@@ -85,15 +85,8 @@ class Ends:
 class LearntBlocks:
     """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
 
-    Parameters
-    ----------
-    ring : shape (blocks before, columns)
-    blocks : int
-        They are measured into `new`, shape (blocks, columns).
-    end : shape (blocks,)
-        How many blocks each may stand on.
-    rows : int
-        Of a block.
+    `ring`, shape (blocks before, columns). `blocks`: they are measured into `new`, shape (blocks, columns). `end`,
+    shape (blocks,): how many blocks each may stand on. `rows`: of a block.
     """
 
     def __init__(self, ring: FloatArray, blocks: int, end: IntArray, rows: int) -> None:

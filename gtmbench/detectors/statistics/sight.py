@@ -34,26 +34,11 @@ def check_sight(
 ) -> None:
     """Refuse thresholds that nothing passes, or everything does.
 
-    Parameters
-    ----------
-    where : str
-        Whose thresholds they are, for the error.
-    thresholds : mapping of label to float
-        Infinity stands for a test that doesn't judge, for the records were shorter than its window.
-    statistic : Statistic
-    tolerance : Tolerance
-    sample_period_s : float
-    deviation : float
-        Of the healthy residual, in its unit, for the one statistic that isn't whitened.
+    `where`: whose thresholds they are, for the error. `thresholds`, by label: infinity stands for a test that doesn't
+    judge, for the records were shorter than its window. `deviation`: of the healthy residual, in its unit, for the one
+    statistic that isn't whitened. InputError where a test's threshold is below all that it can be, or above; where no
+    test sees a step of the mean of 20 deviations that lasts 5 s, or ten times the noise for as long.
 
-    Raises
-    ------
-    InputError
-        Where a test's threshold is below all that it can be, or above; where no test sees a step of the mean of 20
-        deviations that lasts 5 s, or ten times the noise for as long.
-
-    Examples
-    --------
     >>> test = Statistic(windows_s=(1.0,))
     >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 24.0}, test, Tolerance(), 0.01)
     >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 1e308}, test, Tolerance(), 0.01)

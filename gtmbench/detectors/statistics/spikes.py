@@ -29,15 +29,8 @@ _FEWEST = 4  # of them: fewer pass for chance
 def spike_scores(loud: FloatArray, sample_period_s: float, looks_back: int, at: range) -> Iterator[RawScore]:
     """Give the scores of some samples, by those before: one of each window.
 
-    Parameters
-    ----------
-    loud : shape (samples,)
-        Of those that exist, 1 where one is beyond four deviations, otherwise 0.
-    sample_period_s : float
-    looks_back : int
-        At how many samples before one.
-    at : range
-        Of which samples.
+    `loud`, shape (samples,): of those that exist, 1 where one is beyond four deviations, otherwise 0. `looks_back`: at
+    how many samples before one. `at`: of which samples.
     """
     apart = max(round(_APART_S / sample_period_s), 1)
     spikes = np.flatnonzero(_firsts(loud[: at.stop] > 0.5, apart))

@@ -30,36 +30,25 @@ Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how ma
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so.
+    """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so."""
 
-    Attributes
-    ----------
-    mean : float
-        Change of its mean, in deviations: tests of the mean judge what exceeds it.
-    low, high : float
-        Mean square over a long window, 1 at the time of identification: tests of the energy judge what lies outside.
-    """
-
-    mean: float = 0.0
+    mean: float = 0.0  # change of its mean, in deviations: tests of the mean judge what exceeds it
+    # low, high: mean square over a long window, 1 at the time of identification: tests of the energy judge what lies
+    # outside
     low: float = 1.0
     high: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """How far a residual may be off where its operator is uncertain.
+    """How far a residual may be off where its operator is uncertain."""
 
-    Attributes
-    ----------
-    raw, white : shape (samples,)
-        By which the residual, as it is and whitened, is divided before its energy is judged; 1 where all is known.
-    means : mapping of int to array of shape (samples,)
-        Of windows of so many samples: the variance of their mean about that of the baseline before, in whitened
-        samples, from the operator's error alone. That is one error, at all samples: windows don't average it out.
-    """
-
+    # raw, white, shape (samples,): by which the residual, as it is and whitened, is divided before its energy is
+    # judged; 1 where all is known
     raw: FloatArray = field(repr=False)
     white: FloatArray = field(repr=False)
+    # shape (samples,): of windows of so many samples: the variance of their mean about that of the baseline before, in
+    # whitened samples, from the operator's error alone. That is one error, at all samples: windows don't average it out
     means: Mapping[int, FloatArray] = field(default_factory=dict, repr=False)
 
     def between(self, rows: slice) -> Spread:
@@ -106,27 +95,15 @@ class Given:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawScore:
-    """A statistic over time, to be held against a threshold of its own.
+    """A statistic over time, to be held against a threshold of its own."""
 
-    Attributes
-    ----------
-    label : str
-        Which test, of what, over which window.
-    values : shape (samples,)
-        NaN where it doesn't exist (yet).
-    reach : int or shape (samples,)
-        How many rows back the change that it tells of began.
-    looks_per_row : float
-        Of a log-likelihood ratio in nats: how often it looks at new noise. 0 for other statistics.
-    most : float
-        Which no fault passes.
-    """
-
-    label: str
-    values: FloatArray = field(repr=False)
+    label: str  # which test, of what, over which window
+    values: FloatArray = field(repr=False)  # shape (samples,): NaN where it doesn't exist (yet)
+    # shape (samples,): how many rows back the change that it tells of began
     reach: int | np.ndarray[tuple[int], np.dtype[np.int_]] = field(repr=False)
+    # of a log-likelihood ratio in nats: how often it looks at new noise. 0 for other statistics
     looks_per_row: float = 0.0
-    most: float = np.inf
+    most: float = np.inf  # which no fault passes
 
     def least_threshold(self, crossings_per_row: float) -> float:
         """Return the threshold that white Gaussian noise asks for, P(ratio > z) = exp(-z) a look; -inf without theory.
@@ -138,29 +115,18 @@ class RawScore:
 
 @dataclass(frozen=True, kw_only=True)
 class Statistic:
-    """A kind of test and its parameters; windows in seconds, shifts and ratios in deviations and variances.
+    """A kind of test and its parameters; windows in seconds, shifts and ratios in deviations and variances."""
 
-    Attributes
-    ----------
-    name : str
-        A key of `STATISTICS`: ``glr``, ``cusum``, ``whitened_energy`` or ``energy``.
-    windows_s : tuple of float
-        Lengths of the windows; ``cusum`` has none.
-    baseline_s : float
-        The mean before a window, over so many seconds, is what its mean is compared with: a bias since turn-on, or
-        one that wanders slowly, is no change. At least a ninth of it must be there.
-    shift, ratio : float
-        Change of mean (deviations of the whitened residual) and of variance that ``cusum`` is tuned to.
-    two_sided : bool
-        Whether too little energy alarms as well (a jam removes the sensor's noise).
-    """
-
-    name: str = "glr"
+    name: str = "glr"  # a key of `STATISTICS`: ``glr``, ``cusum``, ``whitened_energy`` or ``energy``
+    # lengths of the windows; ``cusum`` has none
     windows_s: tuple[float, ...] = (0.08, 0.16, 0.32, 0.64, 1.28, 2.56, 5.12, 10.24, 20.48)
+    # the mean before a window, over so many seconds, is what its mean is compared with: a bias since turn-on, or one
+    # that wanders slowly, is no change. At least a ninth of it must be there
     baseline_s: float = 60.0
+    # shift, ratio: change of mean (deviations of the whitened residual) and of variance that ``cusum`` is tuned to
     shift: float = 0.25
     ratio: float = 2.0
-    two_sided: bool = True
+    two_sided: bool = True  # whether too little energy alarms as well (a jam removes the sensor's noise)
 
     def scores(
         self,
@@ -221,15 +187,8 @@ class Statistic:
 
         Values are there until the next test is asked for: its own may take their place.
 
-        Parameters
-        ----------
-        given : Given
-        sample_period_s : float
-        tolerance : Tolerance
-        at : range, optional
-            Only of these; those before are looked back at. `looks_back` of them are enough.
-        carried : dict, optional
-            Where ``cusum`` stood with the sample before these; told anew.
+        `at`: only of these; those before are looked back at. `looks_back` of them are enough. `carried`: where
+        ``cusum`` stood with the sample before these; told anew.
         """
         some = range(len(given.values)) if at is None else at
         return STATISTICS[self.name](self, given, sample_period_s, tolerance, some, {} if carried is None else carried)
@@ -322,19 +281,12 @@ class Steadiness:
     """How steady noise is, as `glr` weighs it: shaped like the windows' rows, or one for all.
 
     With sigma^2 the noise's unsteadiness, its power is as well known as from nu = 2 / sigma^2 samples.
-
-    Attributes
-    ----------
-    worth : float or array
-        nu.
-    widened : float or array
-        Times a mean's variance: the noise's colour wanders with its power.
-    quieter, louder : float or array
-        Of what was learnt, what power may be: exp(-2 sigma) and exp(2 sigma), but never more than `_LOUDEST`.
     """
 
-    worth: FloatArray
-    widened: FloatArray
+    worth: FloatArray  # nu
+    widened: FloatArray  # times a mean's variance: the noise's colour wanders with its power
+    # quieter, louder: of what was learnt, what power may be: exp(-2 sigma) and exp(2 sigma), but never more than
+    # `_LOUDEST`
     quieter: FloatArray
     louder: FloatArray
 

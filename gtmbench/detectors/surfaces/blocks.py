@@ -14,22 +14,13 @@ ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 
 
 class Blocks(NamedTuple):
-    """Means over blocks of 1, u, v and d.
+    """Means over blocks of 1, u, v and d."""
 
-    Attributes
-    ----------
-    means : shape (blocks, series, 4)
-        Series: the surfaces; what is left, u and v being 0; and for every surface what is left by its u and v.
-    there : shape (blocks,)
-        Whether enough samples of a block were.
-    surfaces : int
-        How many there are.
-    block_s : float
-    """
-
+    # shape (blocks, series, 4): series: the surfaces; what is left, u and v being 0; and for every surface what is left
+    # by its u and v
     means: FloatArray
-    there: BoolArray
-    surfaces: int
+    there: BoolArray  # shape (blocks,): whether enough samples of a block were
+    surfaces: int  # how many there are
     block_s: float
 
 
@@ -41,12 +32,7 @@ def rows_of(sample_period_s: float) -> int:
 def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) -> Blocks:
     """Return whole blocks; what is left over at the end isn't used.
 
-    Parameters
-    ----------
-    deviations : Deviations
-    there : shape (samples,)
-        Where no channel misses its sample.
-    sample_period_s : float
+    `there`, shape (samples,): where no channel misses its sample.
     """
     rows = rows_of(sample_period_s)
     count = len(there) // rows

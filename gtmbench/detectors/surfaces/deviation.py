@@ -54,25 +54,18 @@ _LEAST = 1e-12
 
 
 class Changes(NamedTuple):
-    """What has changed in every window that ends with a block, of every test.
+    """What has changed in every window that ends with a block, of every test."""
 
-    Attributes
-    ----------
-    size, tolerated : shape (blocks, tests, series)
-        How many deviations a change amounts to, and how many what is tolerated does.
-    error : shape (blocks, tests, series)
-        What one deviation amounts to: degrees of an offset, or a share of the effectiveness that is lost.
-    fit : shape (blocks, tests, series, 2)
-        By how much b and c have changed, of ``answer``; a and nothing, of ``offset``.
-    spread : shape (blocks, tests, series, 2, 2)
-        Their covariance.
-    """
-
+    # size, tolerated, shape (blocks, tests, series): how many deviations a change amounts to, and how many what is
+    # tolerated does
     size: FloatArray
     tolerated: FloatArray
+    # shape (blocks, tests, series): what one deviation amounts to: degrees of an offset, or a share of the
+    # effectiveness that is lost
     error: FloatArray
+    # shape (blocks, tests, series, 2): by how much b and c have changed, of ``answer``; a and nothing, of ``offset``
     fit: FloatArray
-    spread: FloatArray
+    spread: FloatArray  # shape (blocks, tests, series, 2, 2): their covariance
 
 
 def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
@@ -95,12 +88,7 @@ def judged_series(surfaces: int, series: int) -> int:
 class Comparing:
     """The tests at work, as blocks come in.
 
-    Parameters
-    ----------
-    floor : shape (series,)
-        The noise that was learnt, made white.
-    surfaces : int
-    block_s : float
+    `floor`, shape (series,): the noise that was learnt, made white.
     """
 
     def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
@@ -195,29 +183,17 @@ class Comparing:
 
 
 class _Compared(NamedTuple):
-    """Windows beside the minute before each.
+    """Windows beside the minute before each."""
 
-    Attributes
-    ----------
-    now : shape (windows, series, 4, 4)
-        Products of a window, made white.
-    held : shape (windows, series)
-        Its blocks.
-    fit, covariance : shapes (windows, series, 3) and (windows, series, 3, 3)
-        a, b and c of the minute.
-    before, noise : shape (windows, series)
-        The noise's power in the minute, and by then at most.
-    usual : shape (windows, series)
-        The power that was learnt.
-    """
-
-    now: FloatArray
-    held: FloatArray
+    now: FloatArray  # shape (windows, series, 4, 4): products of a window, made white
+    held: FloatArray  # shape (windows, series): its blocks
+    # fit, covariance: a, b and c of the minute
     fit: FloatArray
     covariance: FloatArray
+    # before, noise, shape (windows, series): the noise's power in the minute, and by then at most
     before: FloatArray
     noise: FloatArray
-    usual: FloatArray
+    usual: FloatArray  # shape (windows, series): the power that was learnt
 
     @property
     def rough(self) -> FloatArray:
@@ -303,10 +279,6 @@ _FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER:
 def changes(blocks: Blocks, floor: FloatArray) -> Changes:
     """Return the changes of all tests of all blocks, NaN where there isn't enough before them.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    floor : shape (series,)
-        The noise that was learnt, made white.
+    `floor`, shape (series,): the noise that was learnt, made white.
     """
     return Comparing(floor, blocks.surfaces, blocks.block_s).push(blocks)

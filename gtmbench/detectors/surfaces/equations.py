@@ -34,20 +34,11 @@ _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
 @dataclass(frozen=True, kw_only=True)
 class Flow:
-    """The channels by which the flow is known.
+    """The channels by which the flow is known."""
 
-    Attributes
-    ----------
-    vanes : bool
-        Whether alpha and beta are read; else the accelerometers stand for them.
-    airspeed : bool
-        Whether the airspeed is; else one dynamic pressure is taken for all.
-    forward : bool
-        Whether nx and the attitude are, beside vanes and airspeed, so that the throttle can be judged.
-    """
-
-    vanes: bool = True
-    airspeed: bool = True
+    vanes: bool = True  # whether alpha and beta are read; else the accelerometers stand for them
+    airspeed: bool = True  # whether the airspeed is; else one dynamic pressure is taken for all
+    # whether nx and the attitude are, beside vanes and airspeed, so that the throttle can be judged
     forward: bool = False
 
     @property
@@ -73,28 +64,14 @@ FULL = Flow(forward=True)
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What the equations are written in.
-
-    Attributes
-    ----------
-    flow : Flow
-    surfaces : tuple of str
-        Those that moved in the healthy flights, so that their effect is known.
-    servo_s : float
-        The servos' lag.
-    engine : Engine
-    reference : float
-        The airspeed in kt at which Q is 1.
-    alpha : float
-        The usual angle of attack in deg, where sensors of the flow are compared with surfaces.
-    """
+    """What the equations are written in."""
 
     flow: Flow
-    surfaces: tuple[str, ...]
-    servo_s: float
+    surfaces: tuple[str, ...]  # those that moved in the healthy flights, so that their effect is known
+    servo_s: float  # the servos' lag
     engine: Engine
-    reference: float
-    alpha: float = 0.0
+    reference: float  # the airspeed in kt at which Q is 1
+    alpha: float = 0.0  # the usual angle of attack in deg, where sensors of the flow are compared with surfaces
 
     @property
     def equations(self) -> dict[str, str]:

@@ -35,10 +35,7 @@ _TURNS = 12  # of fitting effects and making their noise white
 def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
     """Identify the answer on healthy records, each of shape (samples, channels).
 
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
+    InputError where no surface ever moved.
     """
     frame = frame_of(flow, records, sample_period_s)
     theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
@@ -53,10 +50,7 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
 def frame_of(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Frame:
     """Return what the equations are written in, by records: which surfaces move, how late servos and engines follow.
 
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
+    InputError where no surface ever moved.
     """
     at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
     spread = {name: max(float(np.nanstd(values[:, at[name]])) for values in records) for name in COMMANDS}

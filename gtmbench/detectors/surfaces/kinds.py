@@ -22,17 +22,10 @@ _SMALL = 0.25  # of the command: a loss below passes for none, and one above 1 l
 def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray, error: float = 0.0) -> str | None:
     """Return ``jam``, ``scale_factor``, ``lag``, ``bias``, or None where several would do.
 
-    Parameters
-    ----------
-    ratios : shape (2,)
-        The tests of the offset and of the answer over their thresholds.
-    fit, spread : shapes (2,) and (2, 2)
-        By how much b and c have changed, and their covariance.
-    error : float
-        By how much b would have had to change to be seen by one deviation: large where the command stood still.
+    `ratios`, shape (2,): the tests of the offset and of the answer over their thresholds. `fit`, `spread`: by how much
+    b and c have changed, and their covariance. `error`: by how much b would have had to change to be seen by one
+    deviation: large where the command stood still.
 
-    Examples
-    --------
     >>> sure = np.diag([0.05, 0.02]) ** 2
     >>> changes = {"stuck": (-0.98, 0.01), "weak": (-0.5, 0.0), "slow": (0.1, -0.2), "off": (0.02, 0.0)}
     >>> {what: kind_of(np.array([3.0, 9.0 * (what != "off")]), np.array(fit), sure) for what, fit in changes.items()}

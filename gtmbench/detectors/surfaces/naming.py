@@ -27,37 +27,23 @@ _LEFT_AT_LEAST = 0.5  # of its threshold
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What is known of an alarm at a look.
-
-    Attributes
-    ----------
-    surfaces : tuple of str
-    peaks : shape (series,)
-        The greatest of every series' tests over its threshold since the alarm: first the surfaces, then what none of
-        them explains. NaN where nothing is known.
-    sensors : tuple of str
-        Those that kinematics speak of.
-    margins : shape (surfaces,)
-        By how many nats, at most, each surface has explained what is off better than any sensor of the flow would.
-    named : str or None
-        The surface that was named before.
-    kind : str or None
-        The kind of fault, as far as it shows, of the surface with the greatest peak.
-    """
+    """What is known of an alarm at a look."""
 
     surfaces: tuple[str, ...]
+    # shape (series,): the greatest of every series' tests over its threshold since the alarm: first the surfaces, then
+    # what none of them explains. NaN where nothing is known
     peaks: FloatArray
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  # those that kinematics speak of
+    # shape (surfaces,): by how many nats, at most, each surface has explained what is off better than any sensor of the
+    # flow would
     margins: FloatArray
-    named: str | None = None
-    kind: str | None = None
+    named: str | None = None  # the surface that was named before
+    kind: str | None = None  # the kind of fault, as far as it shows, of the surface with the greatest peak
 
 
 def judged(seen: Seen, time_s: float) -> Judgement:
     """Return the judgement of an alarm.
 
-    Examples
-    --------
     >>> from dataclasses import replace
     >>> told = np.array([9.0, 9.0])
     >>> seen = Seen(surfaces=("elevator", "rudder"), peaks=np.array([9.0, 0.3, 0.2]), sensors=(), margins=told)

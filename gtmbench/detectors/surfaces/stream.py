@@ -36,15 +36,7 @@ _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts 
 class Watching(Protocol):
     """What a stream needs of its monitor.
 
-    Attributes
-    ----------
-    name : str
-    channels, suspects : tuple of str
-    answer : Answer
-    normal : Normal
-    thresholds : mapping of series to mapping of test to float
-    kinematics : Monitor
-    sample_period_s : float
+    `thresholds`, by series.
     """
 
     @property
@@ -66,28 +58,15 @@ class Watching(Protocol):
 
 
 class _Tested(NamedTuple):
-    """The tests of blocks, or of one.
+    """The tests of blocks, or of one."""
 
-    Attributes
-    ----------
-    ratios : shape (blocks, tests, series)
-        Over their thresholds.
-    margins : shape (blocks, tests, surfaces)
-        As `flow_sensors.margins` makes them.
-    fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
-        What has changed, and its covariance.
-    error : shape (blocks, tests, any)
-        What one deviation amounts to.
-    pushed : shape (blocks, any)
-        As `ThrottleHistory` takes them.
-    """
-
-    ratios: FloatArray
-    margins: FloatArray
+    ratios: FloatArray  # shape (blocks, tests, series): over their thresholds
+    margins: FloatArray  # shape (blocks, tests, surfaces): as `flow_sensors.margins` makes them
+    # fit, spread: what has changed, and its covariance
     fit: FloatArray
     spread: FloatArray
-    error: FloatArray
-    pushed: FloatArray
+    error: FloatArray  # shape (blocks, tests, any): what one deviation amounts to
+    pushed: FloatArray  # shape (blocks, any): as `ThrottleHistory` takes them
 
     def at(self, block: int) -> _Tested:
         """Return those of a block."""
@@ -123,12 +102,7 @@ class _Open:
 
 
 class SurfaceStream(ChunkStream):
-    """A monitor of surfaces at work on samples as they come in.
-
-    Parameters
-    ----------
-    monitor : Watching
-    """
+    """A monitor of surfaces at work on samples as they come in."""
 
     def __init__(self, monitor: Watching) -> None:
         super().__init__()

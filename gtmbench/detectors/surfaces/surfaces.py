@@ -379,10 +379,7 @@ def _judged(least: FloatArray) -> FloatArray:
 def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> SurfaceMonitor:
     """Return the monitor of some figures; every key is checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     names = ("sample_period_s", "name", "answer", "noise", "white", "colour", "thresholds", "kinematics")
     figures = keys("figures", figures, names)

@@ -56,13 +56,8 @@ def speeding(read: Mapping[str, FloatArray]) -> FloatArray:
 class ThrottleHistory:
     """What is remembered of the last minutes, by blocks.
 
-    Parameters
-    ----------
-    block_s : float
-    per_step : float
-        What a step of the throttle changes of nx, in g.
-    rho : shape (sensors, left)
-        What each sensor that could be wrong, but nx, changes of what is left by a step that the throttle seems off.
+    `per_step`: what a step of the throttle changes of nx, in g. `rho`, shape (sensors, left): what each sensor that
+    could be wrong, but nx, changes of what is left by a step that the throttle seems off.
     """
 
     def __init__(self, block_s: float, per_step: float, rho: FloatArray) -> None:
@@ -79,15 +74,8 @@ class ThrottleHistory:
     def margin(self, onset: int) -> float:
         """Return by how many nats a failed throttle explains what happened since a block better than any sensor does.
 
-        Parameters
-        ----------
-        onset : int
-            The first block of the fault, counted since the start.
-
-        Returns
-        -------
-        float
-            0, which decides nothing, where too little was seen before; minus infinity where neither explains it.
+        `onset`: the first block of the fault, counted since the start. Returns float: 0, which decides nothing, where
+        too little was seen before; minus infinity where neither explains it.
         """
         first = max(onset - (self._count - len(self._kept)), 0)
         known = np.array(self._kept).reshape(len(self._kept), -1)

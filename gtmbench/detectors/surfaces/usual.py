@@ -31,21 +31,12 @@ _COLOUR_BLOCKS = 600  # that a colour is learnt from: a minute's
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Normal:
-    """What changes are usual on healthy flight.
+    """What changes are usual on healthy flight."""
 
-    Attributes
-    ----------
-    noise : shape (series,)
-        Deviation of what a minute's fit leaves: what gusts and sensors amount to, in the series' units.
-    white : shape (series,)
-        The same, made white.
-    colour : shape (tests, series)
-        How many times the size that white noise would give changes really have.
-    """
-
+    # shape (series,): deviation of what a minute's fit leaves: what gusts and sensors amount to, in the series' units
     noise: FloatArray
-    white: FloatArray
-    colour: FloatArray
+    white: FloatArray  # shape (series,): the same, made white
+    colour: FloatArray  # shape (tests, series): how many times the size that white noise would give changes really have
 
     def nats(self, found: Changes, surfaces: int) -> FloatArray:
         """Return T^2/2 of all tests, shape (blocks, tests, series); NaN where a test tells nothing."""
@@ -61,11 +52,7 @@ class Normal:
     def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
         """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
 
-        Parameters
-        ----------
-        found : Changes
-        thresholds : shape (tests, series)
-            In nats.
+        `thresholds`, shape (tests, series): in nats.
         """
         judged = thresholds.shape[1]
         beyond = np.sqrt(2.0 * thresholds) * self.colour[:, :judged]
