@@ -26,17 +26,11 @@ _SHARES = (1.0, 0.5, 0.0)  # of the residual's noise that the input may hold: no
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What is expected of the moments: their means are (1, 0, `curvature`).
+    """What is expected of the moments: their means are (1, 0, `curvature`)."""
 
-    Attributes
-    ----------
-    curvature : float
-        Second moment about the delay, in samples squared: a third of a central difference, as input or as output.
-    gain, delay, bend : float
-        Deviations of the gain, the delay (samples) and the second moment (samples squared).
-    """
-
+    # second moment about the delay, in samples squared: a third of a central difference, as input or as output
     curvature: float
+    # gain, delay, bend: deviations of the gain, the delay (samples) and the second moment (samples squared)
     gain: float
     delay: float
     bend: float
@@ -58,15 +52,8 @@ def fit(
 
     The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
 
-    Parameters
-    ----------
-    samples : sequence of Equations
-        One input, in the output's units; about their means if a `constant` is estimated.
-    constant : bool
-    lags, ahead : int
-        r + d + 1 and d.
-    sample_period_s : float
-    expected : Expected
+    `samples`: one input, in the output's units; about their means if a `constant` is estimated. `lags`, `ahead`: r + d
+    + 1 and d.
     """
     # normal equations of all records; neighbouring ones say the same on slow motion, so ALIKE count as one
     lag = np.arange(-ahead, lags - ahead, dtype=np.float64)

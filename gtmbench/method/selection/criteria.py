@@ -13,15 +13,9 @@ def information(power: FloatArray, equations: float, rank: ArrayLike) -> tuple[F
 
     Residuals are taken as white, Gaussian and independent from output to output; constants are left out.
 
-    Parameters
-    ----------
-    power : shape (..., outputs)
-        Mean squares of the residuals, each over its output's mean square.
-    equations : float
-    rank : array_like, shape (...)
+    `power`, shape (..., outputs): mean squares of the residuals, each over its output's mean square. `rank`, shape
+    (...).
 
-    Examples
-    --------
     >>> aic, bic = information(np.array([0.01]), 1000.0, 5)
     >>> round(float(aic), 6)  # 1000 log(0.01) + 2 * 5
     -4595.170186
