@@ -12,29 +12,15 @@ MISALIGNMENT = "misalignment"  # towards another axis, whose name stands behind 
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What holds for the constants of one kind.
-
-    Attributes
-    ----------
-    unit : str
-    spread : float
-        By how much a healthy sensor's differs from flight to flight at least: no smaller spread is believed.
-    population : float
-        By how much those of two installations differ.
-    failure : float
-        By how much it is off of a sensor that failed.
-    per_k : float
-        By how much it changes with each kelvin: a standard deviation over sensors.
-    tells : bool
-        Whether a change of it alone is a sensor's failure; others only tell of an installation.
-    """
+    """What holds for the constants of one kind."""
 
     unit: str
+    # by how much a healthy sensor's differs from flight to flight at least: no smaller spread is believed
     spread: float
-    population: float
-    failure: float
-    per_k: float = 0.0
-    tells: bool = False
+    population: float  # by how much those of two installations differ
+    failure: float  # by how much it is off of a sensor that failed
+    per_k: float = 0.0  # by how much it changes with each kelvin: a standard deviation over sensors
+    tells: bool = False  # whether a change of it alone is a sensor's failure; others only tell of an installation
 
 
 # Spreads are the floors of the engine's relations: what a constant may change by from one part of a log to another; of
@@ -58,28 +44,15 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 class Constant:
     """A constant of a sensor, as a flight tells it.
 
-    Attributes
-    ----------
-    sensor : str
-        ``q``, ``q of IMU2``.
-    name : str
-        ``offset``, ``factor``, ``misalignment p``, ``noise``, ...
-    value : float
-        In its kind's unit; of a noise the natural logarithm of its standard deviation in the sensor's unit.
-    deviation : float
-        The standard deviation of what the flight tells it by.
-
-    Examples
-    --------
     >>> read = Constant(sensor="q", name="misalignment p", value=0.4, deviation=0.1)
     >>> read.kind.unit, read.interval
     ('deg', (0.2, 0.6))
     """
 
-    sensor: str
-    name: str
-    value: float
-    deviation: float
+    sensor: str  # ``q``, ``q of IMU2``
+    name: str  # ``offset``, ``factor``, ``misalignment p``, ``noise``, ..
+    value: float  # in its kind's unit; of a noise the natural logarithm of its standard deviation in the sensor's unit
+    deviation: float  # the standard deviation of what the flight tells it by
 
     @property
     def key(self) -> tuple[str, str]:

@@ -24,34 +24,17 @@ _MEDIAN = np.sqrt(0.5 * np.pi)  # the deviation of a median over that of a mean,
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A flight in a history.
+    """A flight in a history."""
 
-    Attributes
-    ----------
-    digest : str
-        Of the log's file: a log is entered once.
-    log : str
-        The file's name.
-    airframe : str
-    hardware : str
-        The autopilot's identifier; "" where the log states none.
-    temperature_c : float
-        The IMU's over the flight; NaN where it isn't logged.
-    constants : tuple of Constant
-    apart : frozenset of (sensor, name)
-        Those that weren't as in the flights before: they are no part of what later ones are held against.
-    begins : bool
-        Whether an installation begins with it: no earlier flight tells of later ones.
-    """
-
-    digest: str
-    log: str
+    digest: str  # of the log's file: a log is entered once
+    log: str  # the file's name
     airframe: str
-    hardware: str = ""
-    temperature_c: float = float("nan")
+    hardware: str = ""  # the autopilot's identifier; "" where the log states none
+    temperature_c: float = float("nan")  # the IMU's over the flight; NaN where it isn't logged
     constants: tuple[Constant, ...] = field(default=(), repr=False)
+    # those that weren't as in the flights before: they are no part of what later ones are held against
     apart: frozenset[tuple[str, str]] = frozenset()
-    begins: bool = False
+    begins: bool = False  # whether an installation begins with it: no earlier flight tells of later ones
 
     def is_on(self, other: Entry) -> bool | None:
         """Tell whether another flight was flown with the same autopilot; None where one of them doesn't say."""

@@ -27,30 +27,15 @@ _TWO = 2.0**0.5  # installations, each of which is one of the population
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What may have changed between flights.
+    """What may have changed between flights."""
 
-    Attributes
-    ----------
-    suspects : tuple of str
-        The sensors of which one failed; none of a healthy cause.
-    kind : str
-        Of the fault, as the faults' registry calls it; of a healthy cause, in words.
-    lead : (sensor, name) or None
-        The constant that is off by what a failure is off by.
-    follow : mapping of (sensor, name) to (float, float)
-        Those that change with it: by how many times as much, and to within which standard deviation.
-    is_new : bool
-        Whether earlier flights tell nothing of what comes after it.
-    price : float
-        In nats.
-    """
-
-    suspects: tuple[str, ...]
-    kind: str
-    lead: Key | None = None
+    suspects: tuple[str, ...]  # the sensors of which one failed; none of a healthy cause
+    kind: str  # of the fault, as the faults' registry calls it; of a healthy cause, in words
+    lead: Key | None = None  # the constant that is off by what a failure is off by
+    # by (sensor, name): those that change with it: by how many times as much, and to within which standard deviation
     follow: Mapping[Key, tuple[float, float]] = field(default_factory=dict)
-    is_new: bool = False
-    price: float = 0.0
+    is_new: bool = False  # whether earlier flights tell nothing of what comes after it
+    price: float = 0.0  # in nats
 
     def log_odds(self, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
         """Return the logarithm of its likelihood over that of a flight whose constants are all as before."""
@@ -90,14 +75,8 @@ def weighed(
 ) -> tuple[Weighed, ...]:
     """Return explanations of a flight's constants, the likeliest first.
 
-    Parameters
-    ----------
-    constants : mapping of key to Constant
-        Of the flight.
-    predictions : mapping of key to Prediction
-        Of those that earlier flights predict.
-    is_same : bool
-        Whether it was flown with the same autopilot.
+    `constants`, by key: of the flight. `predictions`, by key: of those that earlier flights predict. `is_same`: whether
+    it was flown with the same autopilot.
     """
     shifts = {key: constants[key].value - each.value for key, each in predictions.items()}
     told = list(explanations_of(shifts, is_same=is_same))

@@ -36,21 +36,12 @@ _FEWEST = 50  # blocks whose errors are known
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """A motion that can be flown.
+    """A motion that can be flown."""
 
-    Attributes
-    ----------
-    how : str
-        In words, ``{rate}`` for how fast.
-    duration_s, rate_deg_s : float
-    axes : tuple of float
-        Of rolling, pitching and turning: which take part.
-    """
-
-    how: str
+    how: str  # in words, ``{rate}`` for how fast
     duration_s: float
     rate_deg_s: float
-    axes: tuple[float, float, float]
+    axes: tuple[float, float, float]  # of rolling, pitching and turning: which take part
 
     @property
     def text(self) -> str:
@@ -75,17 +66,10 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class NextMotion:
-    """A motion, the sensors that it lets be judged, and to which sizes.
-
-    Attributes
-    ----------
-    motion : Motion
-    sizes : mapping of sensor to float
-        The error that would show, in the sensor's unit.
-    """
+    """A motion, the sensors that it lets be judged, and to which sizes."""
 
     motion: Motion
-    sizes: Mapping[str, float]
+    sizes: Mapping[str, float]  # by sensor: the error that would show, in the sensor's unit
 
     @property
     def text(self) -> str:
@@ -123,12 +107,7 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
     None for sensors that failed, or whose partner about their axis did, that part from the attitude, or that no motion
     of four minutes would clear.
 
-    Parameters
-    ----------
-    flight : Flight
-        Of the log.
-    verdict : LogVerdict
-        On it.
+    `flight`: of the log. `verdict`: on it.
     """
     errors = _errors(flight)
     todo = [name for name in verdict.unjudged if name in JUDGED and not _is_accused(verdict, name)]
