@@ -181,10 +181,7 @@ def header_of(name: str) -> str:
 def channel_of(header: str) -> str:
     """Return the channel of a log column, the inverse of `header_of`.
 
-    Raises
-    ------
-    InputError
-        If the column looks like a known channel in another unit, or without one: units are never guessed.
+    InputError if the column looks like a known channel in another unit, or without one: units are never guessed.
     """
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]
