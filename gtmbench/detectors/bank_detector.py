@@ -18,7 +18,7 @@ from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES
-from gtmbench.detectors.monitor.alarm_engine import Engine
+from gtmbench.detectors.monitor.alarm_engine import AlarmEngine
 from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.bank_stream import BankStream
 from gtmbench.detectors.monitor.bank_trials import BankTrials
@@ -174,7 +174,7 @@ class BankMonitor(CalibratedBank):
         scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
         # 3. piece by piece, so that a day costs the memory of twenty minutes: scores, alarms, judgements
-        engine = Engine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)
+        engine = AlarmEngine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)
         values = {output: np.full(len(record), np.nan) for output in self.operators}
         reach, columns = reach_of(self), record.columns(self.bank.channels)
         for piece in residuals.pieces():

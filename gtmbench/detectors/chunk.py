@@ -14,7 +14,7 @@ from gtmbench.values.clock import ChunkClock, advanced
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 
-class Said(NamedTuple):
+class ChunkResult(NamedTuple):
     """Of a chunk: scores and where they are armed, a row a sample, and the alarms that are new or told more of."""
 
     known_s: FloatArray
@@ -56,7 +56,7 @@ class ChunkStream(ABC):
         return self.taken(chunk).told
 
     @abstractmethod
-    def taken(self, chunk: Record) -> Said:
+    def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
 
     def _news(self, before: Mapping[int, Alarm]) -> tuple[Alarm, ...]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model, unsure
-from gtmbench.engine.sums import Products, Sums, Window
+from gtmbench.engine.sums import Products, Window, WindowSums
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
@@ -36,7 +36,7 @@ _AT_ONCE = 256  # windows that are worked out together, for memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
+class WindowEvidence:
     """Evidence over windows of cells, each of shape (windows, explanations) but for the first two."""
 
     # onset, last, shape (windows,): a fault begins at `onset` and ends before `last`
@@ -79,8 +79,8 @@ class _Whole:
 
 
 def evidence(
-    model: Model, onset: IntArray, last: IntArray, sums: tuple[Sums, ...] | None = None, *, by_parts: bool = False
-) -> Evidence:
+    model: Model, onset: IntArray, last: IntArray, sums: tuple[WindowSums, ...] | None = None, *, by_parts: bool = False
+) -> WindowEvidence:
     """Return the evidence of windows that begin at cells `onset` and end before `last`.
 
     `onset`, `last`, shape (windows,). `sums`: one an equation, where means are taken to wander otherwise than was
@@ -95,14 +95,16 @@ def evidence(
     return found[0] if len(found) == 1 else _joined(found)
 
 
-def _joined(parts: Sequence[Evidence]) -> Evidence:
+def _joined(parts: Sequence[WindowEvidence]) -> WindowEvidence:
     """Return the evidence of windows that were looked at in parts."""
-    names = [each.name for each in fields(Evidence)]
+    names = [each.name for each in fields(WindowEvidence)]
     joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names[:-1]}
-    return Evidence(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
+    return WindowEvidence(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
 
 
-def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums], *, by_parts: bool) -> Evidence:
+def _evidence(
+    model: Model, onset: IntArray, last: IntArray, sums: Sequence[WindowSums], *, by_parts: bool
+) -> WindowEvidence:
     count = len(model.explanations)
     seen = [_seen(model, each, onset, last) for each in sums]
     misfit, counts = (
@@ -130,7 +132,7 @@ def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums
     possible = possible & _has_healthy_constants(model, seen, size)
     possible &= ~(np.abs(size - model.of_explanations("mirror")) < MIRROR)
     total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
-    return Evidence(
+    return WindowEvidence(
         onset=onset,
         last=last,
         ratio=np.where(possible, told + witnesses - price, -np.inf),
@@ -141,11 +143,11 @@ def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums
     )
 
 
-def _nothing(model: Model, onset: IntArray, last: IntArray) -> Evidence:
+def _nothing(model: Model, onset: IntArray, last: IntArray) -> WindowEvidence:
     """Return evidence where no equation has a say."""
     shape = (len(onset), len(model.explanations))
     impossible, zero = np.full(shape, -np.inf), np.zeros(shape)
-    return Evidence(
+    return WindowEvidence(
         onset=onset,
         last=last,
         ratio=impossible,
@@ -200,7 +202,7 @@ def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outside:
+class OutsideConstants:
     """What all outside of windows says of an equation's constants, less those that were learnt."""
 
     shift: FloatArray  # shape (windows, regressors)
@@ -208,17 +210,17 @@ class Outside:
     precision: FloatArray
 
 
-def outside(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> Outside:
+def outside(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> OutsideConstants:
     """Return what all outside of cells [onset, last) says of an equation's constants."""
     prior, floor, centre = _beliefs(model, sums)
     zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
     known = sums.known(zero, onset) + sums.known(last, end)
     spread = np.linalg.inv(known[:, 1:, 1:] + np.diag(prior))
     shift = np.einsum("wij,wj->wi", spread, known[:, 1:, 0] - prior * centre)
-    return Outside(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
+    return OutsideConstants(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
 
 
-def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
+def _seen(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> _Seen:
     """Return an equation over windows, its constants by what is outside."""
     own = sums.products
     begin = np.minimum(onset + 1, last)  # a cell is what a filter forgets: an onset within it would cost thousands
@@ -239,7 +241,7 @@ def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
     )
 
 
-def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
+def _whole(model: Model, sums: WindowSums, inside: Window) -> _Whole:
     own, (prior, _, centre) = sums.products, _beliefs(model, sums)
     known = sums.known(np.zeros(1, dtype=np.int64), np.array([sums.cells]))[0]
     aim = known[1:, 0] - prior * centre
@@ -254,7 +256,7 @@ def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
     )
 
 
-def _beliefs(model: Model, sums: Sums) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _beliefs(model: Model, sums: WindowSums) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the precisions of constants a priori, by how much they may differ within a log, and what was learnt."""
     equation = sums.products.equation
     more = unsure(model.explained, equation)

@@ -17,9 +17,9 @@ from gtmbench.engine.frozen import frozen_gyros
 from gtmbench.engine.model import Explained, Key, Model, learnt
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, Search
+from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, WindowSearch
 from gtmbench.engine.sides import side_of
-from gtmbench.engine.sums import CELL, Signatures
+from gtmbench.engine.sums import CELL, ExplanationSignatures
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
@@ -44,7 +44,7 @@ class _Bench:
     def __init__(self, flight: Flight, relations: Sequence[Relation], explanations: Sequence[Explanation]) -> None:
         self.flight = flight
         self.relations = tuple(relations)
-        self.signatures = Signatures(flight, explanations)
+        self.signatures = ExplanationSignatures(flight, explanations)
         self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
 
     def without(self, found: Sequence[Finding]) -> Scan:
@@ -117,7 +117,7 @@ def found_by(
     one = np.ones(len(bench.signatures.explanations))
     found = list(frozen)
     for _ in range(_MOST):
-        strongest = Search(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
+        strongest = WindowSearch(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
         if strongest is None:
             break
         found.append(strongest)
@@ -147,7 +147,7 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
             continue
         place = kept.index(finding)
         others = (*kept[:place], *kept[place + 1 :])
-        again = Search(scan=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+        again = WindowSearch(scan=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
         kept[place : place + 1] = [] if again is None else [again]
     return kept
 

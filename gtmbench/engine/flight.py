@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.engine.imus.imu import Imu
+from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
@@ -46,14 +46,14 @@ class Flight:
     # is_driven, is_assumed: whether the gyros drive the attitude, and whether that is only assumed
     is_driven: bool = True
     is_assumed: bool = False
-    imus: tuple[Imu, ...] = field(default=(), repr=False)  # those beside the one whose gyros are in the blocks
+    imus: tuple[FlightImu, ...] = field(default=(), repr=False)  # those beside the one whose gyros are in the blocks
 
     @property
-    def compared(self) -> tuple[Imu, ...]:
+    def compared(self) -> tuple[FlightImu, ...]:
         """The further IMUs that are judged: each of their gyros is about one of the aircraft's axes."""
         return tuple(imu for imu in self.imus if imu.mounting.is_along_axes)
 
-    def by(self, imu: Imu) -> Flight:
+    def by(self, imu: FlightImu) -> Flight:
         """Return the flight as it is watched by a further IMU alone."""
         held_s = np.column_stack([imu.held_s, self.blocks.held_s[:, len(GYROS) :]])
         blocks = replace(self.blocks, gyros=imu.gyros, rough=imu.rough, held_s=held_s)

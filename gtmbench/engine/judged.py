@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.engine.curves import Curve, curves_of
+from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.doubts import doubted
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsight_of
+from gtmbench.engine.hindsight.cleared import Failure, Hindsight, LevelChange, hindsight_of
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
@@ -101,7 +101,7 @@ class Judged:
             yield replace(span, sizes=_beside(finding, span.sizes)) if meets and span.sizes is not None else span
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ErrorCurve, ...]:
         """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
         return curves_of(self.model, self.found)
 
@@ -165,7 +165,7 @@ def _beside(finding: Finding, sizes: Sizes) -> Sizes:
     return replace(sizes, error=max(sizes.error, _SPARE * finding.reached_deg_s))
 
 
-def parting(changes: Sequence[Change], least_deg_s: float = 0.0) -> list[str]:
+def parting(changes: Sequence[LevelChange], least_deg_s: float = 0.0) -> list[str]:
     """Return the gyros that part from the attitude so far that they may bend it."""
     far_deg_s = max(_PARTS_DEG_S, least_deg_s)
     return [GYROS[each.axis] for each in changes if each.of == "error" and abs(each.size) > far_deg_s]

@@ -44,7 +44,7 @@ def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Columns:
+class EquationColumns:
     """An equation's columns, whitened, and the signatures of explanations in it before they were."""
 
     own: IntArray  # shape (signatures,): which explanations it feels
@@ -57,7 +57,7 @@ class Columns:
     since: FloatArray = field(repr=False)  # shape (cells + 1, signatures): the base's multiplier
 
 
-class Signatures:
+class ExplanationSignatures:
     """What each explanation is off by in a relation's equations, from the log's beginning on; worked out once."""
 
     def __init__(self, flight: Flight, explanations: Sequence[Explanation]) -> None:
@@ -119,7 +119,7 @@ class Signatures:
         factor = kept_a_block(self.flight, self.explanations[place].fades_s)
         return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
 
-    def answers(self, equation: Equation) -> tuple[Columns, FloatArray, FloatArray]:
+    def answers(self, equation: Equation) -> tuple[EquationColumns, FloatArray, FloatArray]:
         """Return an equation's columns, the signatures in it and those of an attitude that is off by one degree.
 
         Shapes (blocks, signatures) and (blocks, times, 3).
@@ -134,7 +134,7 @@ class Signatures:
         answers = np.column_stack([answer for _, answer in found]) if found else np.zeros((len(flight), 0))
         places = {int(place): at for at, place in enumerate(own)}
         bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
-        columns = Columns(
+        columns = EquationColumns(
             own=own,
             times=self.times,
             fading=self.fading[own],
@@ -186,7 +186,7 @@ class Products:
     """
 
     equation: Equation
-    columns: Columns
+    columns: EquationColumns
     first: IntArray = field(repr=False)
     second: IntArray = field(repr=False)
     rates: FloatArray = field(repr=False)
@@ -205,7 +205,10 @@ class Products:
 
 
 def products_of(
-    signatures: Signatures, equation: Equation, answers: tuple[Columns, FloatArray, FloatArray], beside: FloatArray
+    signatures: ExplanationSignatures,
+    equation: Equation,
+    answers: tuple[EquationColumns, FloatArray, FloatArray],
+    beside: FloatArray,
 ) -> Products:
     """Return the products of an equation; `beside` are further regressors, shape (blocks, ...), not yet whitened."""
     flight = signatures.flight
@@ -244,8 +247,8 @@ def _fading(equation: Equation, answers: FloatArray, flight: Flight, fades_s: fl
     return equation.whitened_decay(answers, factor) * (factor**since)[:, np.newaxis]
 
 
-def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray]:
-    """Return which columns are multiplied: see `Sums.window` for the order."""
+def _pairs(columns: EquationColumns, known: int, count: int) -> tuple[IntArray, IntArray]:
+    """Return which columns are multiplied: see `WindowSums.window` for the order."""
     signature = known + np.arange(count)
     fades = known + count + np.arange(3)
     pairs: list[tuple[int, int]] = [(i, j) for i in range(known) for j in range(i, known)]
@@ -287,7 +290,7 @@ class Window:
     counts: FloatArray  # shape (windows,): known blocks
 
 
-class Sums:
+class WindowSums:
     """Sums of an equation's products over windows, the mean of each chunk marginalised.
 
     `wander`: by how much means of chunks wander; the equation's own by default, 0 for not at all.
@@ -418,7 +421,7 @@ def running(values: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
-def _fading_rates(products: Products, columns: Columns) -> FloatArray:
+def _fading_rates(products: Products, columns: EquationColumns) -> FloatArray:
     """Return by how much each signature's forgotten part fades a block."""
     known = 1 + products.regressors + len(columns.own)
     return np.where(columns.fading >= 0, products.mean_rates[known + 3 * np.maximum(columns.fading, 0)], 0.0)

@@ -12,7 +12,7 @@ from gtmbench.engine.equation import Equation, rows_per_chunk
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.relation import BETWEEN
-from gtmbench.engine.sums import Sums
+from gtmbench.engine.sums import WindowSums
 from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
@@ -57,7 +57,7 @@ def constants_of(judged: Judged) -> tuple[Constant, ...]:
     return tuple(found.values())
 
 
-def _of_equation(judged: Judged, sums: Sums) -> Iterator[Constant]:
+def _of_equation(judged: Judged, sums: WindowSums) -> Iterator[Constant]:
     equation = sums.products.equation
     name, sensor = equation.relation.name, equation.relation.channels[equation.channel]
     if name == "roughness":
@@ -91,7 +91,7 @@ def _of_gyro(equation: Equation, sensor: str, deviations: FloatArray) -> Iterato
     yield Constant(sensor=sensor, name=LAG, value=float(theta[4]), deviation=float(deviations[4]))
 
 
-def _deviations(sums: Sums) -> FloatArray:
+def _deviations(sums: WindowSums) -> FloatArray:
     """Return the standard deviations of an equation's constants: the whole log's information, and their priors."""
     equation = sums.products.equation
     first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)

@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
-from gtmbench.detectors.isolation.lazily import Lazily
+from gtmbench.detectors.isolation.lazily import LazyMapping
 from gtmbench.detectors.isolation.readings import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
@@ -103,7 +103,7 @@ class Case:
     @cached_property
     def white(self) -> Mapping[str, FloatArray]:
         """Residuals, whitened about their means before the fault, and sensors' own innovations; row for row."""
-        return Lazily((*self.residuals.raw, *self._innovations), self._whitened)
+        return LazyMapping((*self.residuals.raw, *self._innovations), self._whitened)
 
     def _whitened(self, name: str) -> FloatArray:
         if name in self._innovations:
@@ -115,7 +115,7 @@ class Case:
     def _innovations(self) -> Mapping[str, FloatArray]:
         """Sensors' own, however they move."""
         channels = {own(channel): channel for channel in self.habits}
-        return Lazily(channels, lambda name: self.habits[channels[name]].innovations(self.record[channels[name]]))
+        return LazyMapping(channels, lambda name: self.habits[channels[name]].innovations(self.record[channels[name]]))
 
     @cached_property
     def energies(self) -> dict[str, float]:
@@ -202,14 +202,14 @@ class Case:
     @cached_property
     def _motion(self) -> Mapping[str, FloatArray]:
         channels = {own(channel): channel for channel in self.expected}
-        return Lazily(channels, lambda name: self.habits[channels[name]].motion(self.expected[channels[name]]))
+        return LazyMapping(channels, lambda name: self.habits[channels[name]].motion(self.expected[channels[name]]))
 
     @cached_property
     def virtual(self) -> Mapping[str, FloatArray]:
         """What each suspect should have read, over the whole case; those that nothing predicts aren't there."""
         bank, predicted = self.monitor.bank, self.residuals.predicted
         names = [name for name in bank.suspects if name in predicted or integrable(name, bank.channels)]
-        return Lazily(names, self._predicted)
+        return LazyMapping(names, self._predicted)
 
     def _predicted(self, name: str) -> FloatArray:
         if name in self.residuals.predicted:
@@ -222,7 +222,7 @@ class Case:
 
         What they read, where it isn't known what they should have.
         """
-        return Lazily((name for name in self.virtual if name in self.habits), self._expected)
+        return LazyMapping((name for name in self.virtual if name in self.habits), self._expected)
 
     def _expected(self, name: str) -> FloatArray:
         virtual, window = self.virtual[name], self._window

@@ -11,8 +11,8 @@ import numpy as np
 
 from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
 from gtmbench.detectors.isolation.columns import Columns
-from gtmbench.detectors.isolation.lazily import Lazily
-from gtmbench.detectors.isolation.noise import Noise, NoiseFit
+from gtmbench.detectors.isolation.lazily import LazyMapping
+from gtmbench.detectors.isolation.noise import FittedNoise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.readings import ALIKE, is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
@@ -132,7 +132,7 @@ class Fitter:
         names += [f"of {name}" for name in (*self.peers, *self.felt)]
         for kind, cls in self.given.items():
             names += [f"own {kind}", f"late {kind}"] if grows(cls) else [f"own {kind}"]
-        return Lazily(names, self._shape)
+        return LazyMapping(names, self._shape)
 
     @cached_property
     def given(self) -> dict[str, type[Fault]]:
@@ -220,8 +220,8 @@ class Fitter:
         return dict(zip(sets, self._plains(sets), strict=True))
 
     @cached_property
-    def _noise(self) -> Noise:
-        return Noise(self.suspect)
+    def _noise(self) -> FittedNoise:
+        return FittedNoise(self.suspect)
 
     def weights(self, *names: str) -> FloatArray:
         """Return how much of some shapes there is, per unit."""

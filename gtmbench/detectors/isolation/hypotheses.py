@@ -15,7 +15,7 @@ import numpy as np
 
 from gtmbench.detectors.isolation.fitter import UNKNOWN, WALKING, WORTH, Fit, Fitter, Parameters
 from gtmbench.detectors.isolation.noise import spikes_of
-from gtmbench.detectors.isolation.search import Search
+from gtmbench.detectors.isolation.search import ParameterSearch
 from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.fault import Fault
@@ -128,7 +128,7 @@ def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 
 def _searched(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield from Search.of(fitter, cls, shape).fits(fitter)
+    yield from ParameterSearch.of(fitter, cls, shape).fits(fitter)
 
 
 def _constant(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:

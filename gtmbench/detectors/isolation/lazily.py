@@ -8,12 +8,12 @@ from typing import Generic, TypeVar
 Value = TypeVar("Value")
 
 
-class Lazily(Mapping[str, Value], Generic[Value]):
+class LazyMapping(Mapping[str, Value], Generic[Value]):
     """A mapping whose values are each worked out once, when first asked for.
 
     `work_out`: gives a name's value.
 
-    >>> squares = Lazily(["2", "3", "4"], lambda name: int(name) ** 2)
+    >>> squares = LazyMapping(["2", "3", "4"], lambda name: int(name) ** 2)
     >>> squares["3"], "5" in squares, sum(squares.values())
     (9, False, 29)
     """

@@ -90,7 +90,7 @@ class _Spectra:
         return np.asarray(distance / (_CHANCE * float(len(lines)) + _KNOWN * float(lines.sum())))
 
 
-class Noise:
+class FittedNoise:
     """Whittle's likelihood of a suspect's residuals: the sum over frequencies of log S + I/S.
 
     I is the periodogram, S = 1 + variance power(frequency) what healthy noise and the fault's have together, power what

@@ -58,7 +58,7 @@ KIND = Odds(-0.71, 0.37, 1.0)
 KIND_HELD = Odds(-0.01, 0.75, 0.08)
 
 
-class Evidence(NamedTuple):
+class JudgementEvidence(NamedTuple):
     """What a judgement's probabilities are made of."""
 
     judged_s: float  # how long the fault was surely there, and judged
@@ -69,7 +69,7 @@ class Evidence(NamedTuple):
     together: bool  # whether several sensors are named at once
 
     @classmethod
-    def of(cls, case: Case, ranking: Sequence[FittedHypothesis], judged: Judgement) -> Evidence:
+    def of(cls, case: Case, ranking: Sequence[FittedHypothesis], judged: Judgement) -> JudgementEvidence:
         """Return the evidence of a judgement of a case."""
         return cls(
             judged_s=(case.judged.stop - case.judged.start) * case.period_s,
@@ -90,10 +90,10 @@ def with_probability(case: Case, ranking: Sequence[FittedHypothesis], judged: Ju
     """
     if judged.doubt or not judged.candidates:
         return judged
-    evidence = Evidence.of(case, ranking, judged)
+    evidence = JudgementEvidence.of(case, ranking, judged)
     if judged.sensor is not None and evidence.by(NAMED, evidence.margin) < NAMES:
         judged = replace(judged, sensor=None, partner=None, candidates=_near(ranking, judged), reason=EARLY)
-        evidence = Evidence.of(case, ranking, judged)
+        evidence = JudgementEvidence.of(case, ranking, judged)
     odds = TOGETHER if judged.together else NAMED if judged.sensor is not None else SUSPECTED
     of_kind = KIND_HELD if how_of(judged.kind) in CONSTANT else KIND  # others look constant until they have moved
     is_known = judged.kind is not None and judged.kind != UNKNOWN

@@ -30,7 +30,7 @@ _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is w
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class ParameterSearch:
     """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't)."""
 
     cls: type[Fault]
@@ -41,7 +41,7 @@ class Search:
     is_dated: bool = False  # whether the onset is found beside, where the test's doesn't explain as much
 
     @classmethod
-    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> Search:
+    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> ParameterSearch:
         """Return the search of a kind for a suspect."""
         virtual = fitter.virtual[fitter.suspect.sure :]
         step = fitter.straight_step / fitter.period_s

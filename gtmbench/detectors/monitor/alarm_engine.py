@@ -14,13 +14,13 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.monitor.alarms import AlarmLogic
 from gtmbench.detectors.monitor.excursions import Excursions
 from gtmbench.detectors.monitor.memory import Memory
-from gtmbench.detectors.monitor.scores import Track, extend
+from gtmbench.detectors.monitor.scores import ScoreTrack, extend
 from gtmbench.values.record import BoolArray, FloatArray
 
 _NONE: Mapping[str, FloatArray] = MappingProxyType({})
 
 
-class Engine:
+class AlarmEngine:
     """A bank's scores and alarms as residuals come.
 
     `tracks`, by output. `memory`: of the rows whose residuals come. `before`, by output: healthy residuals on which the
@@ -39,7 +39,7 @@ class Engine:
         excursions: Excursions | None = None,
     ) -> None:
         self.memory = memory
-        self.tracks = {output: Track(monitor, output, before.get(output)) for output in monitor.operators}
+        self.tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
         self.logic = AlarmLogic(
             monitor, memory, self.tracks, keeps_changes=keeps_changes, without=without, excursions=excursions
         )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.monitor.scores import IntArray, Track
+from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.values.record import FloatArray
 
 
@@ -17,7 +17,7 @@ class Arming:
     output: str
     # whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about
     source: str
-    track: Track
+    track: ScoreTrack
     # whether it has been known at or below 1 since watching it began, or what was before is known to be healthy
     came_down: bool = False
     low: bool = False  # whether it was when last known, or since it was disarmed: a rise is news

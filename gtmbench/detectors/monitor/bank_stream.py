@@ -21,7 +21,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
 from gtmbench.detectors.gate import taken_inside
-from gtmbench.detectors.monitor.alarm_engine import Engine
+from gtmbench.detectors.monitor.alarm_engine import AlarmEngine
 from gtmbench.detectors.monitor.alarms import span_rows
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.sample_scores import RowByRow
@@ -46,7 +46,7 @@ class BankStream:
         self._period_s = monitor.sample_period_s
         self._reach = reach_of(monitor)
         self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
-        self._engine = Engine(monitor, self._memory)
+        self._engine = AlarmEngine(monitor, self._memory)
         self._tracks, self._logic = self._engine.tracks, self._engine.logic
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
         self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are

@@ -58,14 +58,14 @@ class RecordResiduals:
     @property
     def raw(self) -> Mapping[str, FloatArray]:
         """e(k), by output."""
-        return _Columns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
+        return _LazyColumns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
 
     @property
     def predicted(self) -> Mapping[str, FloatArray]:
         """The virtual sensors, by the sensors that are watched with one."""
         outputs = tuple(spec.output for spec in self.monitor.bank.diagnostic)
         if self._whole is None:
-            return _Columns(self, outputs, predicted=True)
+            return _LazyColumns(self, outputs, predicted=True)
         return MappingProxyType({output: self._whole.predicted[output] for output in outputs})
 
     def column(self, output: str, *, predicted: bool) -> FloatArray:
@@ -80,7 +80,7 @@ class RecordResiduals:
         return sealed(column)
 
 
-class _Columns(Mapping[str, FloatArray]):
+class _LazyColumns(Mapping[str, FloatArray]):
     """Residuals or predictions by output, none of them kept."""
 
     def __init__(self, of: RecordResiduals, outputs: tuple[str, ...], *, predicted: bool = False) -> None:

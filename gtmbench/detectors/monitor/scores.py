@@ -75,7 +75,7 @@ class ResidualScore:
     origins: Origins = field(repr=False)
 
 
-class Track:
+class ScoreTrack:
     """The score of one residual, as its rows come in; the same row for row, in whatever chunks.
 
     It remembers the last samples that exist: what its statistics look back at and a minute more, so that the rows of a
@@ -338,7 +338,7 @@ def reach_of(monitor: CalibratedBank) -> int:
 
 
 def extend(
-    tracks: Mapping[str, Track], residuals: BankResiduals, first: int, rows: range
+    tracks: Mapping[str, ScoreTrack], residuals: BankResiduals, first: int, rows: range
 ) -> Iterator[tuple[str, int, FloatArray, Spread | None]]:
     """Let tracks take what some rows of the record make known; give what each took, and from which row on.
 
@@ -356,17 +356,17 @@ def extend(
 def residual_scores(
     monitor: CalibratedBank, record: Record, residuals: BankResiduals, before: Mapping[str, FloatArray] | None = None
 ) -> dict[str, ResidualScore]:
-    """Return every residual's score on a record; `before` as `Track` has it."""
+    """Return every residual's score on a record; `before` as `ScoreTrack` has it."""
     scores = {}
     for output, raw in residuals.raw.items():
-        track = Track(monitor, output, (before or {}).get(output))
+        track = ScoreTrack(monitor, output, (before or {}).get(output))
         track.extend(raw, residuals.spread.get(output))
         track.known(0, len(record) + track.ahead)
         scores[output] = score_of(track, record)
     return scores
 
 
-def score_of(track: Track, record: Record) -> ResidualScore:
+def score_of(track: ScoreTrack, record: Record) -> ResidualScore:
     """Return what a track says of a whole record; nothing of rows that are known after its end."""
     values, known_s = track.values.copy(), record.time_s
     values[max(len(record) - track.ahead, 0) :] = np.nan

@@ -49,7 +49,7 @@ from gtmbench.detectors.statistics.noise_model import (
     SUM,
     Ends,
     LearntBlocks,
-    NoiseModel,
+    LearntNoiseModel,
 )
 from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
 from gtmbench.detectors.statistics.whitening import LOUD, White, Whitener, loud_in
@@ -108,7 +108,7 @@ class NoiseFollower:
         self._windows = suspicion_rows(sample_period_s)
         self._typical = 0.0
         self._ring = np.zeros((0, LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
-        self._held: NoiseModel | None = None
+        self._held: LearntNoiseModel | None = None
         self._calm = self._held_for = 0
         self.first_level: float = math.nan  # as `level`, when it was first learnt
         self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
@@ -123,7 +123,7 @@ class NoiseFollower:
         self._white = np.zeros(self._windows[-1])  # the last before the open block
         self._open: LearntBlocks | None = None  # of the open block
         self._past: list[
-            tuple[int, NoiseModel, float]
+            tuple[int, LearntNoiseModel, float]
         ] = []  # of the blocks before: first rows, and the mean that was known
 
     @property
@@ -169,7 +169,7 @@ class NoiseFollower:
         self.first_rows = [rows for rows in self.first_rows if rows.stop > row]
         self._past = [part for part in self._past if part[0] + len(part[1].clip) * self._block > row]
 
-    def _as_one(self, model: NoiseModel, block: int, mean: float) -> Whitener:
+    def _as_one(self, model: LearntNoiseModel, block: int, mean: float) -> Whitener:
         """Return the two filters as one, from the raw residual to what is white."""
         calibrated, taps, scale = self._calibrated, model.taps[block], float(model.scale[block])
         return Whitener(
@@ -249,7 +249,7 @@ class NoiseFollower:
         self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
         return True
 
-    def _current(self) -> NoiseModel:
+    def _current(self) -> LearntNoiseModel:
         """Return what the open block is whitened by."""
         if self._held is not None:
             return self._held
@@ -440,7 +440,7 @@ class NoiseFollower:
         there = table[:, COUNT] >= _LEAST_THERE * self._block
         self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
 
-    def _suspected(self, joined: FloatArray, model: NoiseModel) -> IntArray:
+    def _suspected(self, joined: FloatArray, model: LearntNoiseModel) -> IntArray:
         """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does.
 
         Rows before the blocks come first.

@@ -47,7 +47,7 @@ LAGS = slice(SQUARED_MEANS.stop, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NoiseModel:
+class LearntNoiseModel:
     """What a block is whitened by, one row a block."""
 
     local: FloatArray  # deviation behind the calibrated filter, shape (blocks,)
@@ -58,13 +58,13 @@ class NoiseModel:
     slow: FloatArray
     base: FloatArray  # mean of what is white
 
-    def first(self, blocks: int) -> NoiseModel:
+    def first(self, blocks: int) -> LearntNoiseModel:
         """Return the first so many of them."""
-        return NoiseModel(**{name: values[:blocks] for name, values in vars(self).items()})
+        return LearntNoiseModel(**{name: values[:blocks] for name, values in vars(self).items()})
 
-    def repeated(self, blocks: int) -> NoiseModel:
+    def repeated(self, blocks: int) -> LearntNoiseModel:
         """Return the last of them for so many blocks."""
-        return NoiseModel(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
+        return LearntNoiseModel(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +143,10 @@ class LearntBlocks:
         return clip, 1.0 / np.sqrt(floored), np.maximum(power / floored, 1e-6)
 
     @cached_property
-    def model(self) -> NoiseModel:
+    def model(self) -> LearntNoiseModel:
         """All of it."""
         clip, scale, quiet = self.tail
-        return NoiseModel(
+        return LearntNoiseModel(
             local=self.local,
             taps=self.taps,
             clip=clip,

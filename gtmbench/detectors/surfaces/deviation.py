@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
-from gtmbench.detectors.surfaces.whitened import ORDER, Counts, Sums, left, whitening
+from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
+from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, Counts, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
 BASE_S, LEAST_BASE_S = 60.0, 40.0  # what a window is compared with: a phugoid takes half of that
@@ -68,15 +68,15 @@ class Changes(NamedTuple):
     spread: FloatArray  # shape (blocks, tests, series, 2, 2): their covariance
 
 
-def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
+def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, BlockSums], ...]:
     """Return the series that are made white alike, and their sums.
 
     What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
     """
     step = max(round(_LEFT_STEP_S / block_s), 1)
     return (
-        (slice(surfaces), Sums(surfaces, 4, horizon)),
-        (slice(surfaces, None), Sums(series - surfaces, 4, horizon, step)),
+        (slice(surfaces), BlockSums(surfaces, 4, horizon)),
+        (slice(surfaces, None), BlockSums(series - surfaces, 4, horizon, step)),
     )
 
 
@@ -101,7 +101,7 @@ class Comparing:
         self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
         self._since_hole = 0
 
-    def push(self, new: Blocks) -> Changes:
+    def push(self, new: DeviationBlocks) -> Changes:
         """Return the changes of the next blocks, NaN where there isn't enough before them."""
         used = self._used(new.there)
         found = [self._pushed(new.means[part], used[part]) for part in self._pieces(len(used))]
@@ -160,7 +160,7 @@ class Comparing:
     def _base(self, begins: Counts) -> Counts:
         return np.maximum(begins - self._blocks(BASE_S), 0)
 
-    def _compared(self, sums: Sums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
+    def _compared(self, sums: BlockSums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
         begins = ends - self._blocks(window_s)
         base = self._base(begins)
         held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
@@ -276,7 +276,7 @@ def _quadratic(matrix: FloatArray, vector: FloatArray) -> FloatArray:
 _FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER: _answer}
 
 
-def changes(blocks: Blocks, floor: FloatArray) -> Changes:
+def changes(blocks: DeviationBlocks, floor: FloatArray) -> Changes:
     """Return the changes of all tests of all blocks, NaN where there isn't enough before them.
 
     `floor`, shape (series,): the noise that was learnt, made white.

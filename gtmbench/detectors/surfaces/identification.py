@@ -142,7 +142,7 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
 
 
-class Effects(NamedTuple):
+class SurfaceEffects(NamedTuple):
     """The effects of causes: theta, what they leave of each part, and the filter that makes it white."""
 
     theta: FloatArray
@@ -156,16 +156,16 @@ class Effects(NamedTuple):
         return np.asarray(lfilter(self.taps, [1.0], columns, axis=0)[ORDER:])
 
 
-def in_coloured_noise(parts: Sequence[FloatArray]) -> Effects:
+def in_coloured_noise(parts: Sequence[FloatArray]) -> SurfaceEffects:
     """Return the effects of causes by least squares, the last column being what is explained."""
-    effects = Effects(theta=np.zeros(parts[0].shape[1] - 1), lefts=[], taps=np.ones(1))
+    effects = SurfaceEffects(theta=np.zeros(parts[0].shape[1] - 1), lefts=[], taps=np.ones(1))
     for _ in range(_TURNS):
         white = np.concatenate([effects.white(part) for part in parts])
         scale = np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
         found = np.linalg.lstsq(white[:, :-1] / scale[:-1], white[:, -1], rcond=1e-8)[0] / scale[:-1]
         lefts = [part[:, -1] - part[:, :-1] @ found for part in parts]
         lagged = [sum(float(each[lag:] @ each[: len(each) - lag]) for each in lefts) for lag in range(ORDER + 1)]
-        effects = Effects(theta=np.asarray(found), lefts=lefts, taps=whitening(np.array(lagged)))
+        effects = SurfaceEffects(theta=np.asarray(found), lefts=lefts, taps=whitening(np.array(lagged)))
     return effects
 
 

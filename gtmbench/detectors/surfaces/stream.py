@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.chunk import ChunkStream, Said, taken
+from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
@@ -33,7 +33,7 @@ _AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a conse
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
 
 
-class Watching(Protocol):
+class SurfaceWatching(Protocol):
     """What a stream needs of its monitor.
 
     `thresholds`, by series.
@@ -104,7 +104,7 @@ class _Open:
 class SurfaceStream(ChunkStream):
     """A monitor of surfaces at work on samples as they come in."""
 
-    def __init__(self, monitor: Watching) -> None:
+    def __init__(self, monitor: SurfaceWatching) -> None:
         super().__init__()
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._rows = rows_of(self._period_s)
@@ -134,7 +134,7 @@ class SurfaceStream(ChunkStream):
         """Whether each surface's score has been known at or below its threshold."""
         return MappingProxyType(dict(zip(self._monitor.suspects, self._is_armed.tolist(), strict=True)))
 
-    def taken(self, chunk: Record) -> Said:
+    def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
         monitor = self._monitor
         clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
@@ -303,13 +303,13 @@ class SurfaceStream(ChunkStream):
         rows: range,
         known_s: FloatArray,
         told: tuple[Alarm, ...],
-    ) -> Said:
+    ) -> ChunkResult:
         """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
         surfaces = self._monitor.suspects
         held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
         at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
         self._held = held[-1:], could[-1:]
-        return Said(
+        return ChunkResult(
             known_s,
             {name: held[at, i] for i, name in enumerate(surfaces)},
             {name: could[at, i] for i, name in enumerate(surfaces)},
@@ -325,11 +325,11 @@ def _history(answer: Answer, block_s: float) -> ThrottleHistory | None:
     return ThrottleHistory(block_s, per_step, throttle_ratios(answer))
 
 
-def _read(monitor: Watching) -> tuple[str, ...]:
+def _read(monitor: SurfaceWatching) -> tuple[str, ...]:
     return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
 
 
-def limits_of(monitor: Watching) -> FloatArray:
+def limits_of(monitor: SurfaceWatching) -> FloatArray:
     """Return the thresholds, shape (tests, series); infinite where there is none."""
     of = [monitor.thresholds[name] for name in monitor.answer.series]
     return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

@@ -23,7 +23,7 @@ from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import Answer, answer_of
-from gtmbench.detectors.surfaces.blocks import BLOCK_S, Blocks, blocks_of
+from gtmbench.detectors.surfaces.blocks import BLOCK_S, DeviationBlocks, blocks_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
 from gtmbench.detectors.surfaces.equations import FULL, Flow
 from gtmbench.detectors.surfaces.identification import identified
@@ -184,7 +184,7 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
         )
 
 
-def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
+def _settled(answer: Answer, values: FloatArray, period_s: float) -> DeviationBlocks:
     """Return the blocks of a record, once the filters have settled."""
     there = np.asarray(np.isfinite(values).all(axis=1))
     blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
@@ -192,7 +192,7 @@ def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
     return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
 
-def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyMaxima:
+def _seen(answer: Answer, normal: Normal, healthy: Sequence[DeviationBlocks]) -> HealthyMaxima:
     """Return the greatest values of all tests in minutes of healthy flight."""
     tests: dict[tuple[str, str], ScoreMaxima] = {}
     block_s = healthy[0].block_s

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
+from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
 from gtmbench.detectors.surfaces.deviation import (
     ANSWER,
     KINDS,
@@ -21,7 +21,7 @@ from gtmbench.detectors.surfaces.deviation import (
     grouped,
     judged_series,
 )
-from gtmbench.detectors.surfaces.whitened import ORDER, Sums, whitening
+from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
 _LEFT_TOLERATED = 0.3  # deviations of what no surface explains
@@ -59,7 +59,7 @@ class Normal:
         return np.asarray((found.tolerated[..., :judged] + beyond) * found.error[..., :judged])
 
 
-def normal_of(healthy: Sequence[Blocks]) -> Normal:
+def normal_of(healthy: Sequence[DeviationBlocks]) -> Normal:
     """Return what is usual, of the blocks of healthy records."""
     surfaces, series = healthy[0].surfaces, healthy[0].means.shape[1]
     noise: list[FloatArray] = []
@@ -92,7 +92,7 @@ def normal_of(healthy: Sequence[Blocks]) -> Normal:
     )
 
 
-def _powers(sums: Sums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _powers(sums: BlockSums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the power of what a fit of some blocks leaves, as it is and made white."""
     sums.push(means, there)
     begin, end, held = np.array([0]), np.array([sums.count]), np.full((1, means.shape[1]), there.sum())

@@ -27,7 +27,7 @@ ORDER = 4  # P
 _RIDGE = 1e-4  # of the noise's power, added to it: two blocks that are equal would leave nothing to solve
 
 
-class Sums:
+class BlockSums:
     """Running sums of products, as blocks come in.
 
     `series`, `variables`: a block holds `variables` values of every series. `horizon`: blocks that anybody looks back

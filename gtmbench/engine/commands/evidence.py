@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, in_coloured_noise
 from gtmbench.detectors.surfaces.whitened import ORDER
 from gtmbench.engine.commands.commanded import Commanded
-from gtmbench.engine.commands.suspects import Suspect
+from gtmbench.engine.commands.suspects import CommandSuspect
 from gtmbench.values.record import FloatArray
 
 _CHUNK_S = 4.0  # as closely as a flight is divided
@@ -29,10 +29,10 @@ _BEGUN = round(SETTLES_S / STEP_S)  # steps that filters take to settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Explained:
+class SuspectEvidence:
     """What a suspect explains."""
 
-    suspect: Suspect
+    suspect: CommandSuspect
     nats: float  # less what each size costs
     # sizes, deviations, shape (wrong,): zero of what isn't used
     sizes: FloatArray
@@ -40,7 +40,7 @@ class Explained:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Change:
+class AnswerChange:
     """A change of the answer."""
 
     # step, last: it begins at `step` and is looked at until `last`
@@ -49,7 +49,7 @@ class Change:
     # between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind
     between: tuple[int, int]
     nats: float  # that there are to explain
-    ranked: tuple[Explained, ...] = field(repr=False)  # whoever explains most first
+    ranked: tuple[SuspectEvidence, ...] = field(repr=False)  # whoever explains most first
 
 
 def divided(commanded: Commanded) -> tuple[int, int, int] | None:
@@ -82,8 +82,8 @@ def _misfit(products: FloatArray) -> FloatArray:
 
 
 def change_of(
-    commanded: Commanded, suspects: Sequence[Suspect], step: int, last: int, between: tuple[int, int]
-) -> Change:
+    commanded: Commanded, suspects: Sequence[CommandSuspect], step: int, last: int, between: tuple[int, int]
+) -> AnswerChange:
     """Return what the change at a step is, and who explains it until another."""
     own = commanded.steps
     wrong = {each.name: [commanded.off_by(each.name, _SHARE * of).steps for of in each.wrong] for each in suspects}
@@ -101,7 +101,7 @@ def change_of(
             known = sums[each.name]
             sums[each.name] = known[0] + squares, known[1] + products
     ranked = [_explained(each, *sums[each.name], last - between[1]) for each in suspects]
-    return Change(
+    return AnswerChange(
         step=step,
         last=last,
         between=between,
@@ -111,7 +111,7 @@ def change_of(
 
 
 def _changed(
-    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: Suspect, kind: int, name: str
+    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: CommandSuspect, kind: int, name: str
 ) -> FloatArray:
     """Return what an error changes of what an equation leaves.
 
@@ -159,9 +159,9 @@ class _Equation:
         return squares, white.T @ self._left / self._noise - mixed.T @ self._gain @ self._products
 
 
-def _explained(suspect: Suspect, squares: FloatArray, products: FloatArray, steps: int) -> Explained:
+def _explained(suspect: CommandSuspect, squares: FloatArray, products: FloatArray, steps: int) -> SuspectEvidence:
     """Return what a suspect explains at best, in the ways that can be."""
-    best = Explained(
+    best = SuspectEvidence(
         suspect=suspect, nats=-np.inf, sizes=np.zeros(len(products)), deviations=np.full(len(products), np.inf)
     )
     for used in suspect.ways:
@@ -171,5 +171,5 @@ def _explained(suspect: Suspect, squares: FloatArray, products: FloatArray, step
         if suspect.allows(sizes, used) and nats > best.nats:
             found, deviations = np.zeros(len(products)), np.zeros(len(products))
             found[[*used]], deviations[[*used]] = sizes, np.sqrt(np.diag(np.linalg.inv(own)))
-            best = Explained(suspect=suspect, nats=nats, sizes=found, deviations=deviations)
+            best = SuspectEvidence(suspect=suspect, nats=nats, sizes=found, deviations=deviations)
     return best

@@ -11,7 +11,7 @@ from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.surfaces.identification import STEP_S
 from gtmbench.detectors.surfaces.kinds import kind_of
 from gtmbench.engine.commands.commanded import Commanded, commanded_of
-from gtmbench.engine.commands.evidence import AFTER_S, Change, Explained, change_of, divided
+from gtmbench.engine.commands.evidence import AFTER_S, AnswerChange, SuspectEvidence, change_of, divided
 from gtmbench.engine.commands.suspects import suspects_of
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.flight import Flight
@@ -40,7 +40,7 @@ class CommandsJudged:
     commanded: Commanded = field(repr=False)
     end_s: float  # until when it flies: what failed stays so
     # where the answer changes most; None where too little is flown
-    change: Change | None = field(default=None, repr=False)
+    change: AnswerChange | None = field(default=None, repr=False)
     doubt: str = ""  # why nobody is named; "" if somebody is
 
     @property
@@ -55,7 +55,7 @@ class CommandsJudged:
         return self._at_s(self.change.step) if self.change else self.span_s[1]
 
     @property
-    def best(self) -> Explained | None:
+    def best(self) -> SuspectEvidence | None:
         """Who explains the change best."""
         return self.change.ranked[0] if self.change else None
 
@@ -140,7 +140,7 @@ def _excluded(claims: Sequence[Claim], channels: Sequence[str], span_s: Span) ->
             yield name, max(span.sizes.error for span in clear if span.sizes is not None)
 
 
-def _likely(change: Change) -> list[str]:
+def _likely(change: AnswerChange) -> list[str]:
     """Return who may be behind a change: whoever lies within the odds."""
     most = change.ranked[0].nats
     return [each.suspect.name for each in change.ranked if each.nats > most - DECISIVE - _MISFIT * most]
@@ -177,11 +177,11 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
         yield f"{(others + accused)[0]} is off there"
 
 
-def _is_stuck(best: Explained) -> bool:
+def _is_stuck(best: SuspectEvidence) -> bool:
     return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and 0.0 < best.deviations[1] < _SURE
 
 
-def _is_livelier(commanded: Commanded, change: Change) -> bool:
+def _is_livelier(commanded: Commanded, change: AnswerChange) -> bool:
     """Tell whether a command or a rate moves much more behind a change than before."""
     rows = round(_CHUNK_S / STEP_S)
 
@@ -195,7 +195,7 @@ def _is_livelier(commanded: Commanded, change: Change) -> bool:
     )
 
 
-def _kind(best: Explained) -> str | None:
+def _kind(best: SuspectEvidence) -> str | None:
     """Return the kind, by the rule of the stream: by what is missing of the answer and how late it comes."""
     deviations = np.maximum(best.deviations, _LEAST)
     off, lacks, late = best.sizes / deviations / _DEVIATIONS

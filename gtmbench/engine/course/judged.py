@@ -20,7 +20,7 @@ from gtmbench.engine.course.misread import misread
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
-from gtmbench.engine.curves import Curve, curves_of
+from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
@@ -68,7 +68,7 @@ class CourseJudged:
     commands: CommandsJudged | None = field(default=None, repr=False)
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ErrorCurve, ...]:
         """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
         return () if self.model is None else curves_of(self.model, self.found, partial(_unit_of, self.course))
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.engine.hindsight.levels import CHUNK_S, Level, deviation_of
+from gtmbench.engine.hindsight.levels import CHUNK_S, ChunkLevel, deviation_of
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 
@@ -183,15 +183,15 @@ def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     return theta
 
 
-def error_level(alignment: Alignment, axis: int, known: BoolArray, wanders: float = 0.0) -> Level:
+def error_level(alignment: Alignment, axis: int, known: BoolArray, wanders: float = 0.0) -> ChunkLevel:
     """Return a gyro's mean error by chunks, in deg/s, of the blocks that are known."""
     values = _means(alignment.chunked(np.where(known, alignment.error[:, axis], np.nan)))
-    return Level(
+    return ChunkLevel(
         values=values, deviations=_by_liveliness(values, _lively(alignment)), floor=ERROR_FLOOR_DEG_S, wanders=wanders
     )
 
 
-def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> Level:
+def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> ChunkLevel:
     """Return by how much a gyro's gain differs from the log's, by chunks: sum(e w) / sum(w w), both about means."""
     there = known & np.isfinite(alignment.error[:, axis])
     errors = alignment.chunked(np.where(there, alignment.error[:, axis], np.nan))
@@ -200,10 +200,10 @@ def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> Level:
     power = np.square(moved).sum(axis=1)
     enough = np.isfinite(_means(errors)) & (power > 0.0)
     values = np.where(enough, (own * moved).sum(axis=1) / np.maximum(power, 1e-12), np.nan)
-    return Level(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
+    return ChunkLevel(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
 
 
-def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[Level, Level, Level]:
+def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[ChunkLevel, ChunkLevel, ChunkLevel]:
     """Return the logarithm of a gyro's roughness by chunks, what it is more than that of the others, and theirs.
 
     What shakes the aircraft raises all of them; what silences the others raises the second alone.
@@ -216,9 +216,9 @@ def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[Lev
     usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
     others = _means(np.delete(logs - usual[:, np.newaxis], axis, axis=0).T)  # one that is missing makes no step
     alike = np.ones(len(others))
-    own = Level(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
-    beside = Level(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
-    return own, beside, Level(values=others, deviations=alike, floor=_NOISE_FLOOR)
+    own = ChunkLevel(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
+    beside = ChunkLevel(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
+    return own, beside, ChunkLevel(values=others, deviations=alike, floor=_NOISE_FLOOR)
 
 
 def noise_size(alignment: Alignment, axis: int, bounds: FloatArray) -> FloatArray:

@@ -53,7 +53,7 @@ _AT_EDGE, _MASKED = "too little is known before or behind it", "it stands, or gy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Change:
+class LevelChange:
     """A level that shifts: of which axis, what of it, when, and by how much."""
 
     axis: int
@@ -85,7 +85,7 @@ class Hindsight:
 
     # by sensor: of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged
     claims: Mapping[str, tuple[SensorSpan, ...]] = field(repr=False)
-    changes: tuple[Change, ...] = ()  # the levels that shift
+    changes: tuple[LevelChange, ...] = ()  # the levels that shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +134,7 @@ def hindsight_of(
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
     alignment, gentle = _alignment(blocks, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
-    changes: list[Change] = []
+    changes: list[LevelChange] = []
     jumps = jumps_deg(alignment, gentle)
     wanders = _PULLED_DEG_S if is_driven and is_sure else (0.0, 0.0, 0.0)
     for axis, (gyro, angle) in enumerate(_AXES):
@@ -240,26 +240,26 @@ def _shown(*, is_driven: bool) -> FloatArray:
     return np.asarray(1.0 - SLOWEST_S * (decayed[:, 0] - decayed[:, 1]) / (ends[:, 1] - ends[:, 0]))
 
 
-def _changes(alignment: Alignment, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[Change]:
+def _changes(alignment: Alignment, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[LevelChange]:
     """Give the shifts of an axis; a gyro that becomes quieter is none."""
     start_s = alignment.blocks.start_s
     for of, shift in shifts.items():
         size = shift.rises if of == "noise" else shift.size
         if size and shift.onset is not None:
             time_s = start_s + shift.onset * alignment.chunk_s
-            yield Change(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
+            yield LevelChange(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
     offset, gain = float(alignment.offsets[axis]), float(alignment.gains[axis])
     if abs(offset) > _MOST_OFFSET_DEG_S:
-        yield Change(axis=axis, of="offset", time_s=start_s, size=offset)
+        yield LevelChange(axis=axis, of="offset", time_s=start_s, size=offset)
     if not is_driven and np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
-        yield Change(axis=axis, of="scale", time_s=start_s, size=gain)
+        yield LevelChange(axis=axis, of="scale", time_s=start_s, size=gain)
 
 
 def _of_gyro(
     alignment: Alignment,
     axis: int,
     shifts: Mapping[str, Shift],
-    changes: Sequence[Change],
+    changes: Sequence[LevelChange],
 ) -> Iterator[SensorSpan]:
     """Give the spans in which a gyro is clear, and those in which it isn't judged."""
     held_s = alignment.blocks.held_s[:, axis]
@@ -296,7 +296,7 @@ def _of_gyro(
 _LARGEST_GAIN, _LARGEST_NOISE = 2.0, 1e3  # a turned sign shows at the first; no gyro's noise is larger than the second
 
 
-def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[Change]) -> Iterator[SensorSpan]:
+def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[LevelChange]) -> Iterator[SensorSpan]:
     """Give the same of an angle: an error that stays begins with a jump that no gyro reads."""
     angle = ATTITUDE[axis]
     stands, _ = _standing(alignment, alignment.blocks.held_s[:, 3 + axis], angle)

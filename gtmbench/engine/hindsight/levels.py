@@ -34,7 +34,7 @@ SPARE = 1.1  # times what is significant: what is promised, for noise changes a 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Level:
+class ChunkLevel:
     """A level, chunk by chunk."""
 
     values: FloatArray  # shape (chunks,): NaN where it isn't known
@@ -62,7 +62,7 @@ class Shift:
         return self.rises if self.rises > -self.falls else self.falls
 
 
-def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
+def shift_of(level: ChunkLevel, shown: FloatArray | None = None) -> Shift:
     """Return what changes of a level could be.
 
     d(j) = median(y(j + l), ..., y(j + L - 1)) - median(y(0), ..., y(j - 1)) for every onset j and window l to L; a
@@ -73,11 +73,11 @@ def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
 
     >>> random = np.random.default_rng(1)
     >>> values = 0.1 * random.standard_normal(60)
-    >>> healthy = shift_of(Level(values=values, deviations=np.full(60, 0.1), floor=0.0))
+    >>> healthy = shift_of(ChunkLevel(values=values, deviations=np.full(60, 0.1), floor=0.0))
     >>> healthy.size, bool(0.1 < healthy.bounds[30] < 0.8), bool(np.isinf(healthy.bounds[1]))
     (0.0, True, True)
     >>> stepped = values + np.where(np.arange(60) < 40, 0.0, 1.0)
-    >>> broken = shift_of(Level(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
+    >>> broken = shift_of(ChunkLevel(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
     >>> broken.onset, round(broken.size, 1), bool(broken.bounds[40] > 1.0)
     (40, 1.0, True)
     """
@@ -157,13 +157,13 @@ def stepped_at(values: FloatArray) -> int:
     return int(known[1 + int(np.argmax(count * (len(own) - count) * np.square(apart)))])
 
 
-def departs(level: Level, first: int) -> BoolArray:
+def departs(level: ChunkLevel, first: int) -> BoolArray:
     """Tell in which chunks a level is another than before one, by medians of five chunks; none where that isn't known.
 
     `first`: the chunk before which it is as it should be.
 
     >>> values = np.concatenate([np.zeros(20), np.full(10, 3.0), np.zeros(20)])
-    >>> found = departs(Level(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
+    >>> found = departs(ChunkLevel(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
     >>> np.flatnonzero(found).tolist() == list(range(20, 30))
     True
     """

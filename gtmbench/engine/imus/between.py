@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.imu import Imu
+from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.relation import BETWEEN, Relation
 from gtmbench.engine.relations.attitude import others_rough
 from gtmbench.values.channels import GYROS
@@ -27,12 +27,12 @@ def relations(flight: Flight) -> list[Relation]:
     return [_relation(flight, imu) for imu in flight.compared]
 
 
-def relation_of(imu: Imu) -> str:
+def relation_of(imu: FlightImu) -> str:
     """Return what the relation of a further IMU is called."""
     return f"{BETWEEN}: {imu.name}"
 
 
-def _relation(flight: Flight, imu: Imu) -> Relation:
+def _relation(flight: Flight, imu: FlightImu) -> Relation:
     gyros = flight.gyros
     slopes = np.gradient(gyros, flight.blocks.period_s, axis=0)
     one = np.ones(len(flight))

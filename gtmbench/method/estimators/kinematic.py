@@ -37,7 +37,7 @@ class Expected:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class MomentFit:
     """Markov parameters h of shape (lags,), lag -d first, their covariance, and the residual's variance."""
 
     h: FloatArray = field(repr=False)
@@ -47,7 +47,7 @@ class Fit:
 
 def fit(
     samples: Sequence[Equations], *, constant: bool, lags: int, ahead: int, sample_period_s: float, expected: Expected
-) -> Fit:
+) -> MomentFit:
     """Return the kinematic operator of some records.
 
     The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
@@ -80,7 +80,7 @@ def fit(
     # the moments' own uncertainty, and that of the free directions, are independent
     of_moments = smoothing @ inverse @ slope
     alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
-    return Fit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
+    return MomentFit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
 
 
 def _summed(pieces: Sequence[Equations], lags: int) -> FloatArray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.engine.course.judged import CourseJudged
-from gtmbench.engine.curves import Curve
+from gtmbench.engine.curves import ErrorCurve
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
@@ -67,7 +67,7 @@ def _standing(course: CourseJudged | None = None) -> list[tuple[str, ...]]:
     ]
 
 
-def made_text(curve: Curve) -> str:
+def made_text(curve: ErrorCurve) -> str:
     """Say which fault a curve's prediction is of."""
     return f"{curve.kind.replace('_', ' ')} of {curve.sensor}"
 
