@@ -13,12 +13,13 @@ import numpy as np
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
+from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES
-from gtmbench.detectors.monitor.alarm_engine import AlarmEngine
+from gtmbench.detectors.monitor.alarms import AlarmEngine
 from gtmbench.detectors.monitor.arming import Arming
 from gtmbench.detectors.monitor.bank_stream import BankStream
 from gtmbench.detectors.monitor.bank_trials import BankTrials
@@ -35,7 +36,7 @@ from gtmbench.detectors.statistics.thresholds import RATE
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.problem import Estimator, Records, taught_records
+from gtmbench.method.problem import Estimator, Records, as_records, taught_records
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.notebook import card, figure
@@ -421,3 +422,24 @@ def calibrate(
         progress=progress,
     )
     return BankMonitor(**vars(calibrated))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutoDetector:
+    """Bank auto as a recipe: a log's or a record's channels make it a bank (`composed_bank`)."""
+
+    name: str = AUTO
+    channels: tuple[str, ...] = ()  # whatever is there
+
+    def calibrate(
+        self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+    ) -> BankMonitor:
+        """Identify the bank that the channels of all records allow, and set its thresholds."""
+        given = as_records(records)
+        first, *others = (set(record.channels) for record in given)
+        bank = composed_bank(first.intersection(*others))
+        return BankDetector(bank=bank).calibrate(given, false_alarms_per_hour, progress=progress)
+
+    def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
+        """Return the monitor of some figures, whichever bank it was."""
+        return restore_bank(figures, provenance)

@@ -16,8 +16,7 @@ from typing import Any
 
 from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import CROSS_CHECK, cross_check, installed, installed_names
-from gtmbench.detectors.auto_recipe import AutoDetector
-from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
+from gtmbench.detectors.bank_detector import AutoDetector, BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival

@@ -11,10 +11,9 @@ from typing import Any
 
 from gtmbench.checks import meant, shown
 from gtmbench.detectors.adapt import CROSS_CHECK, adapted, cross_check, installed, installed_names
-from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
-from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.bank_detector import AutoDetector, BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 from gtmbench.values.recursive_filter import filtered

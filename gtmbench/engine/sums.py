@@ -20,12 +20,11 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.constants import by_chunks
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.equation import Equation, rows_per_chunk
 from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import KINDS, explanations_of
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations import attitude, gravity, rest, roughness
 from gtmbench.engine.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.sums import CELL, ExplanationSignatures

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gtmbench.engine.doubts import doubted
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import FROZEN, Finding, Side
 from gtmbench.engine.model import learnt
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.sums import ExplanationSignatures
 from tests.engine.engine_flights import flight_from

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.equation import learn
 from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import explanations_of
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.sums import CELL, ExplanationSignatures, WindowSums, products_of
 from gtmbench.values.channels import ATTITUDE, GYROS

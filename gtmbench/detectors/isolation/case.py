@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
-from gtmbench.detectors.isolation.lazily import LazyMapping
 from gtmbench.detectors.isolation.readings import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
@@ -19,6 +19,40 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray, Record
+
+Value = TypeVar("Value")
+
+
+class LazyMapping(Mapping[str, Value], Generic[Value]):
+    """A mapping whose values are each worked out once, when first asked for.
+
+    `work_out`: gives a name's value.
+
+    >>> squares = LazyMapping(["2", "3", "4"], lambda name: int(name) ** 2)
+    >>> squares["3"], "5" in squares, sum(squares.values())
+    (9, False, 29)
+    """
+
+    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value]) -> None:
+        self._names, self._work_out = dict.fromkeys(names), work_out
+        self._known: dict[str, Value] = {}
+
+    def __getitem__(self, name: str) -> Value:
+        if name not in self._known:
+            if name not in self._names:
+                raise KeyError(name)
+            self._known[name] = self._work_out(name)
+        return self._known[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
 
 ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
+from gtmbench.detectors.isolation.case import ACCELEROMETERS, LazyMapping, own
 from gtmbench.detectors.isolation.columns import Columns
-from gtmbench.detectors.isolation.lazily import LazyMapping
 from gtmbench.detectors.isolation.noise import FittedNoise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.readings import ALIKE, is_straighter, straight_rows

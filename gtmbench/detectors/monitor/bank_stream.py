@@ -21,8 +21,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
 from gtmbench.detectors.gate import taken_inside
-from gtmbench.detectors.monitor.alarm_engine import AlarmEngine
-from gtmbench.detectors.monitor.alarms import span_rows
+from gtmbench.detectors.monitor.alarms import AlarmEngine, span_rows
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.sample_scores import RowByRow
 from gtmbench.detectors.monitor.scores import reach_of

@@ -16,8 +16,7 @@ from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
-from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
-from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.naming import KIND_TESTS, Seen, judged, kind_of
 from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.surfaces.identification import STEP_S
-from gtmbench.detectors.surfaces.kinds import kind_of
+from gtmbench.detectors.surfaces.naming import kind_of
 from gtmbench.engine.commands.commanded import Commanded, commanded_of
 from gtmbench.engine.commands.evidence import AFTER_S, AnswerChange, SuspectEvidence, change_of, divided
 from gtmbench.engine.commands.suspects import suspects_of

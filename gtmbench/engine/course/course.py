@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight, trailing_means
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.samples import Samples, edges_of, means_between, rough_between
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
 from gtmbench.values.record import FloatArray

@@ -182,7 +182,7 @@ def _blocked(span: Span) -> Claim:
 def sensors_of(finding: Finding) -> tuple[str, ...]:
     """Return the sensors that may be behind a finding, those of several channels as one; causes that fail not are left.
 
-    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.relation import Effect
     >>> from gtmbench.engine.explanation import Explanation
     >>> kinds = [Explanation(suspect=each, kind="bias", effect=lambda _: Effect()) for each in ("nx", "nz", "tas")]
     >>> about = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)

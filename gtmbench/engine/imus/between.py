@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus.imu import FlightImu
-from gtmbench.engine.relation import BETWEEN, Relation
+from gtmbench.engine.relation import BETWEEN, Effect, Relation
 from gtmbench.engine.relations.attitude import others_rough
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray

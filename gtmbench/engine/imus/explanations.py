@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S, Explanation
 from gtmbench.engine.explanations import gyros, noise
 from gtmbench.engine.flight import Flight, means_about
 from gtmbench.engine.imus.imu import FlightImu, gyro_of, rough_of
+from gtmbench.engine.relation import Effect
 
 _USUAL_S, _LEAST_POWER = 10.0, 1e-3  # over which shares are told, in (deg/s)^2
 _FADES_S = (0.0, TIMES_S[1])  # IMUs part at once; of the attitude it is enough to know about how it follows

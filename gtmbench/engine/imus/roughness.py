@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.imus.imu import FlightImu, rough_of
-from gtmbench.engine.relation import BETWEEN, Relation
+from gtmbench.engine.relation import BETWEEN, Effect, Relation
 from gtmbench.engine.relations.attitude import log_rough, others_rough
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.values.channels import GYROS

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.engine.relations.attitude import others_rough
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray

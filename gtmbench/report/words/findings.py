@@ -75,7 +75,7 @@ def made_text(curve: ErrorCurve) -> str:
 def chances_text(finding: Finding) -> str:
     """Say how likely explanations are, the likeliest first.
 
-    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.relation import Effect
     >>> from gtmbench.engine.explanation import Explanation
     >>> bias = (Explanation(suspect="q", kind="bias", effect=lambda _: Effect()), 0.0)
     >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)

@@ -8,10 +8,10 @@ import numpy as np
 
 from gtmbench.engine.course.course import Course
 from gtmbench.engine.course.relations.roughness import QUIET, rough_of, told_of
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import noise
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 
 _LEAST = float(np.log1p(QUIET**-2.0))  # from a quiet sensor's noise to the least that is a failure
 

@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation, seconds
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, WHOLE, names_of
 from gtmbench.values.record import FloatArray
 

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.record import FloatArray
 
 _SHARE = 1e-3  # of an error of one, by which what it changes is worked out: few relations are curved

@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
