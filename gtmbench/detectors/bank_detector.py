@@ -125,7 +125,7 @@ class BankMonitor(CalibratedBank):
 
     def stream(self) -> BankStream:
         """Return a fresh stream, which gives the results of `watch` as samples arrive."""
-        regime = Regime.told(self.provenance)
+        regime = Regime.from_provenance(self.provenance)
         return MotionStream(self, regime) if self.bank.kinematic and regime.limits else BankStream(self)
 
     def trials(self, record: Record) -> BankTrials:
@@ -172,7 +172,7 @@ class BankMonitor(CalibratedBank):
         memory.leave_out(out)
         # 2. what scores would have said inside of what nobody judges: it is told as an alarm that can't be judged
         is_silent = any(not excursion.is_judged for excursion in outside)
-        scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
+        scores = residual_scores(self, record, residuals.whole, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
         # 3. piece by piece, so that a day costs the memory of twenty minutes: scores, alarms, judgements
         engine = AlarmEngine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)

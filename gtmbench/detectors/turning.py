@@ -43,7 +43,7 @@ class Turning:
         return cls(limits=tuple(float(np.quantile(each, _COVERED)) for each in known))
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Turning:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Turning:
         """Return what a monitor's provenance tells; no limits where it doesn't."""
         told = provenance.get("turning")
         limits = [told.get(key) for key in _KEYS] if isinstance(told, Mapping) else []

@@ -46,7 +46,7 @@ _TIMES_AS_LONG = (
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
-def doubted(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
+def with_doubts(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return findings as one each a fault, with what speaks against naming anybody."""
     one_each = _joined(found)
     together = _at_once(one_each)

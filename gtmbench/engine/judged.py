@@ -8,7 +8,7 @@ from functools import cached_property, lru_cache
 
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.engine.curves import ErrorCurve, curves_of
-from gtmbench.engine.doubts import doubted
+from gtmbench.engine.doubts import with_doubts
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
@@ -197,11 +197,11 @@ def judged(flight: Flight) -> Judged:
     ([('q', 'failed')], 'q failed')
     """
     findings = findings_of(flight.without(flight.repeats))
-    said = Judged(found=doubted(findings.model, findings.found), model=findings.model)
-    return replace(said, found=_unless_others_part(said)) if flight.is_driven and said.accused else said
+    said = Judged(found=with_doubts(findings.model, findings.found), model=findings.model)
+    return replace(said, found=_unnamed_where_others_part(said)) if flight.is_driven and said.accused else said
 
 
-def _unless_others_part(said: Judged) -> tuple[Finding, ...]:
+def _unnamed_where_others_part(said: Judged) -> tuple[Finding, ...]:
     """Return findings that name nobody where another gyro parts from the attitude, too, and nothing explains that.
 
     An attitude that follows the gyros is bent by whichever failed.

@@ -144,7 +144,7 @@ def alike_of(keys: Sequence[Key]) -> IntArray:
     return np.array([numbers[kind] for kind in kinds], dtype=np.int64)
 
 
-def told_of(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
+def constants_by_flight(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
     """Return what flights tell of constants, and by which deviations, shape (constants, flights).
 
     NaN where one doesn't tell it, or isn't as those before it.
@@ -174,7 +174,7 @@ def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction
     (12, 0.1, True)
     """
     keys = tuple(entry.by_key)
-    values, deviations = told_of(earlier, keys)
+    values, deviations = constants_by_flight(earlier, keys)
     enough = np.isfinite(values).sum(axis=1) >= FEWEST
     if not enough.any():
         return {}

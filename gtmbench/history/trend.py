@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.history.constant import AT_REST, FACTOR, OFFSET, kind_of
 from gtmbench.history.entry import Entry
-from gtmbench.history.spread import FEWEST, Key, Lines, alike_of, fitted, told_of, warmth
+from gtmbench.history.spread import FEWEST, Key, Lines, alike_of, constants_by_flight, fitted, warmth
 
 CHANCE = 1e-3  # that constants which don't change are said to, at a flight
 _WITHIN = 0.05  # that the crossing lies outside its interval
@@ -47,7 +47,7 @@ def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = Non
     """
     own = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: _FACTOR} | dict(limits or {})
     keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in own))
-    values, deviations = told_of(flights, keys)
+    values, deviations = constants_by_flight(flights, keys)
     enough = np.isfinite(values).sum(axis=1) > FEWEST
     if not enough.any():
         return ()

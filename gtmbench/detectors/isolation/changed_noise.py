@@ -115,7 +115,7 @@ def _wandering(case: Case, output: str, white: FloatArray) -> float:
     Student's, nu = 2 / sigma^2: of L samples with the sum of squares s it is L + (nu + L) log((nu + s) / (nu + L)),
     which is s where noise is steady (sigma^2 = 0).
     """
-    squares = np.square(_told(white))
+    squares = np.square(_clipped(white))
     if not len(squares):
         return 0.0
     rows = max(round(BLOCK_S / case.period_s), 1)
@@ -126,10 +126,10 @@ def _wandering(case: Case, output: str, white: FloatArray) -> float:
 
 
 def _judged(case: Case, output: str) -> FloatArray:
-    return _told(case.white[output][case.judged])
+    return _clipped(case.white[output][case.judged])
 
 
-def _told(values: FloatArray) -> FloatArray:
+def _clipped(values: FloatArray) -> FloatArray:
     return np.clip(values[np.isfinite(values)], -MOST, MOST)
 
 
@@ -144,7 +144,7 @@ def _grown(case: Case, channel: str) -> float | None:
     habit = case.habits.get(channel)
     if habit is None:
         return None
-    values = _told(habit.innovations(case.record[channel])[case.judged])
+    values = _clipped(habit.innovations(case.record[channel])[case.judged])
     return max(float(np.mean(np.square(values))), _LEAST) if len(values) else None
 
 

@@ -129,7 +129,7 @@ class FittedNoise:
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
         logs, totals = np.log(spectra.variances), spectra.deviances(binned)
         places = totals.argmin(axis=1)
-        misfits = spectra.misfits(binned, self._told, places).tolist()
+        misfits = spectra.misfits(binned, self._residual_counts, places).tolist()
         for left, total, place, misfit in zip(lefts, totals, places.tolist(), misfits, strict=True):
             at, spread = _bottom(logs, total, place)
             noisy = Left(deviance=float(total[place]), outputs=left.outputs, work_out=left.work_out)
@@ -155,7 +155,7 @@ class FittedNoise:
         return np.asarray(np.add.reduceat(weights, edges) * self._there.mean(axis=1, keepdims=True))
 
     @cached_property
-    def _told(self) -> FloatArray:
+    def _residual_counts(self) -> FloatArray:
         """The same of residuals alone: a sensor's own innovations aren't white where it is healthy."""
         suspect = self._suspect
         residuals = [[output != own(suspect.channel)] for output in suspect.outputs]

@@ -70,7 +70,7 @@ def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) 
     """
     if judged.together:
         return replace(judged, together=tuple(dated(begin, each, None) for each in judged.together))
-    onset = _told(judged, last) or (None if judged.sensor is None else onset_of(begin(), judged))
+    onset = _known_closely(judged, last) or (None if judged.sensor is None else onset_of(begin(), judged))
     if onset is None:
         return judged
     return replace(
@@ -80,7 +80,7 @@ def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) 
     )
 
 
-def _told(judged: Judgement, last: Judgement | None) -> Onset | None:
+def _known_closely(judged: Judgement, last: Judgement | None) -> Onset | None:
     """Return the onset that a judgement before told closely, of the same sensor and kind; None where none did."""
     if last is None or (last.sensor, last.kind) != (judged.sensor, judged.kind) or "onset_s" not in last.intervals:
         return None

@@ -100,7 +100,7 @@ class AlarmLogic:
             for output, track in sorted(tracks.items())
         ]
         self._margin = rows_of(_MARGIN_S, monitor)
-        self._turning = Turning.told(monitor.provenance)
+        self._turning = Turning.from_provenance(monitor.provenance)
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(rows_of(monitor.history_of(output), monitor) for output in tracks) + self._margin + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to

@@ -60,7 +60,7 @@ class Regime:
     middles: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Regime:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Regime:
         """Return what a monitor's provenance tells; no limits where it doesn't."""
         told = provenance.get("regime")
         table = told if isinstance(told, Mapping) else {}

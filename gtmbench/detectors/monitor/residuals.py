@@ -46,7 +46,7 @@ class RecordResiduals:
         return bank_residuals(self.monitor, self.record.part(rows))
 
     @property
-    def as_told(self) -> BankResiduals:
+    def whole(self) -> BankResiduals:
         """All of them, by output; of a long record each is worked out when it is asked for."""
         return BankResiduals(raw=self.raw, predicted=self.predicted, spread=self.spread)
 

@@ -87,7 +87,7 @@ def review(
         return ReviewOutcome(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
-    judged = _unless_named_otherwise(judged, fault.alarm)
+    judged = _consistent_with_earlier(judged, fault.alarm)
     if _is_worse(case, judged, fault.alarm.last):
         return ReviewOutcome()
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
@@ -119,7 +119,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
     return judged
 
 
-def _unless_named_otherwise(judged: Judgement, alarm: Alarm) -> Judgement:
+def _consistent_with_earlier(judged: Judgement, alarm: Alarm) -> Judgement:
     """Return a judgement without its name, where an earlier look named another sensor: one of both was wrong.
 
     What explains a minute by a walk, or by two sensors at once, may be a model that errs as slowly.

@@ -153,7 +153,7 @@ class Luck:
     within: float  # 95 % of the thresholds are within so many times of their median over calibrations
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Luck | None:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Luck | None:
         """Return that of a monitor's provenance, which may hold anything; None where it doesn't say."""
         spread = provenance.get("threshold_spread")
         if not isinstance(spread, Mapping) or not {"median", "within"} <= set(spread):

@@ -157,7 +157,7 @@ class SurfaceStream(ChunkStream):
             self._block(first + i, float(times_s[i]), found.at(i), armed[i])
         rows = range(clock.count - len(new), clock.count)
         told = self._news(before)
-        return self._said(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
+        return self._chunk_result(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
 
     def _tested(self, values: FloatArray) -> _Tested:
         """Return the tests of new blocks."""
@@ -294,7 +294,7 @@ class SurfaceStream(ChunkStream):
                 found += said[-1].candidates
         return tuple(dict.fromkeys(found))
 
-    def _said(
+    def _chunk_result(
         self,
         scores: FloatArray,
         armed: BoolArray,

@@ -214,7 +214,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped, asked=asked)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = tuple(_doubted(course, findings.found, bent))
+    doubted = tuple(_with_doubts(course, findings.found, bent))
     return CourseJudged(
         found=tuple(_in_units(course, each) for each in doubted),
         course=course,
@@ -267,7 +267,7 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(course: Course, found: Sequence[Finding], bent: Sequence[str]) -> Iterator[Finding]:
+def _with_doubts(course: Course, found: Sequence[Finding], bent: Sequence[str]) -> Iterator[Finding]:
     flight = course.flight
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.alarm import ALARM_COLUMNS, Alarm, rows_of_alarms
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -160,7 +160,7 @@ class WatchedLog:
             "watched": f"{3600.0 * self.armed_hours:.1f} s",
             **{f"reason {number}": reason for number, reason in enumerate(self.reasons, 1)},
         }
-        return card(f"WatchedLog {self.log.path.name}", facts, columns=SAID, rows=said_of(self.alarms))
+        return card(f"WatchedLog {self.log.path.name}", facts, columns=ALARM_COLUMNS, rows=rows_of_alarms(self.alarms))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:

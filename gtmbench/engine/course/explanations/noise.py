@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.roughness import QUIET, rough_of, told_of
+from gtmbench.engine.course.relations.roughness import QUIET, noise_channels, rough_of
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import noise
 from gtmbench.engine.flight import Flight
@@ -27,7 +27,7 @@ def explanations(course: Course) -> list[Explanation]:
             low=0.0,
             least=_LEAST,
         )
-        for name in told_of(course)
+        for name in noise_channels(course)
     ]
 
 

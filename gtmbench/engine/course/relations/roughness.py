@@ -34,15 +34,15 @@ def rough_of(channel: str) -> str:
     return f"roughness of {channel}"
 
 
-def told_of(course: Course) -> tuple[str, ...]:
+def noise_channels(course: Course) -> tuple[str, ...]:
     """Return the channels whose noise is told."""
     return tuple(name for name in LEAST if name in course.noise and course.steps_s[name] <= _SLOWEST_S)
 
 
 def relation(course: Course) -> Relation:
     """Return the relation of those of a course's sensors that nothing shakes."""
-    names = told_of(course)
-    values = np.column_stack([_told(course, name) for name in names])
+    names = noise_channels(course)
+    values = np.column_stack([_log_power(course, name) for name in names])
     columns = np.column_stack([np.ones(len(values)), np.log(course.flight.lively)])
 
     def response(_: Flight, effect: Effect) -> FloatArray | None:
@@ -66,7 +66,7 @@ def relation(course: Course) -> Relation:
     )
 
 
-def _told(course: Course, name: str) -> FloatArray:
+def _log_power(course: Course, name: str) -> FloatArray:
     """Return the logarithm of one plus a noise's power beside that of a quiet one."""
     unit = course.strength if name in MAGNETOMETER else 1.0
     return np.asarray(np.log1p(course.noise[name] / (unit * QUIET * LEAST[name]) ** 2))
