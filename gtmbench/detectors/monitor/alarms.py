@@ -31,7 +31,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from types import MappingProxyType
 
 import numpy as np
 
@@ -50,10 +49,10 @@ from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
 from gtmbench.detectors.monitor.review import FaultClosing, ReviewOutcome, review
-from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack, extend
+from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack
 from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
-from gtmbench.values.record import BoolArray, FloatArray, Record
+from gtmbench.values.record import Record
 
 _WINDOW_S = 60.0  # on so much a fault's end is looked for
 _FARTHEST_S = 60.0  # before its alarm: where the onset may be, for a diagnosis
@@ -398,46 +397,3 @@ def span_rows(monitor: CalibratedBank) -> int:
     spans_s = (monitor.bank.statistic.baseline_s, HORIZONS_S[-1], _WINDOW_S)
     history_s = max(map(monitor.history_of, monitor.operators))
     return round((_FARTHEST_S + max(spans_s) + 3.0 * (history_s + _MARGIN_S)) / monitor.sample_period_s) + 10
-
-
-_NONE: Mapping[str, FloatArray] = MappingProxyType({})
-
-
-class AlarmEngine:
-    """A bank's scores and alarms as residuals come.
-
-    `tracks`, by output. `memory`: of the rows whose residuals come. `before`, by output: healthy residuals on which the
-    noise was learnt; of the others it is learnt on what comes. `keeps_changes`, `without`, `excursions`: as
-    `AlarmLogic` has them.
-    """
-
-    def __init__(
-        self,
-        monitor: CalibratedBank,
-        memory: Memory,
-        before: Mapping[str, FloatArray] = _NONE,
-        *,
-        keeps_changes: bool = False,
-        without: Iterable[str] = (),
-        excursions: Excursions | None = None,
-    ) -> None:
-        self.memory = memory
-        self.tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
-        self.logic = AlarmLogic(
-            monitor, memory, self.tracks, keeps_changes=keeps_changes, without=without, excursions=excursions
-        )
-
-    def take(self, residuals: BankResiduals, first: int, rows: range, there: BoolArray) -> None:
-        """Take what some rows make known: residuals of rows from `first` on, and which samples of `rows` are there."""
-        self.logic.missing.take(there)
-        for output, row, raw, spread in extend(self.tracks, residuals, first, rows):
-            self.memory.put(output, row, raw, spread)
-
-    def run(self, stop: int) -> tuple[Alarm, ...]:
-        """Return the alarms that the rows up to one raise or tell more of."""
-        return self.logic.run(stop)
-
-    def forget(self) -> None:
-        """Let go of scores that nobody looks back at."""
-        for track in self.tracks.values():
-            track.forget()
