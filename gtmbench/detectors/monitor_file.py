@@ -31,7 +31,7 @@ from gtmbench.files.seals import KEY, check_seal, seal
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
-VERSION = 3
+VERSION = 3  # of the file's layout; 1 and 2 are read, too
 BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
@@ -44,7 +44,7 @@ _KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")
 _KEYS = (*_KEYS_2, KEY)
 _FIGURES_1 = ("sample_period_s", "name", "bank", "residuals")  # version 1: a bank's, beside the others
 _KEYS_1 = ("format", "version", "gtmbench", *_FIGURES_1, "provenance")
-_LARGEST_FILE_BYTES = 50_000_000
+_LARGEST_FILE_BYTES = 50_000_000  # beyond is a broken file
 _MOST_DIGITS = 18  # of a whole number
 _MOST_WORDS = 400  # characters of a message: a broken file may hold anything
 

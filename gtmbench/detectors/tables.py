@@ -30,8 +30,8 @@ OPERATOR_KEYS = (
 )
 MOST_LAGS = 10_000  # times inputs; what identification allows, too
 GREATEST = 1e30  # of any figure: its fourth power is still a number, and no calibration comes near
-_MOST_NAMES = 100
-PERIODS_S = (1e-9, 86400.0)
+_MOST_NAMES = 100  # beyond is a broken file
+PERIODS_S = (1e-9, 86400.0)  # beyond is a broken file
 
 
 def operator_table(operator: Transmissibility) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def blocks_of(records: Sequence[Record]) -> Blocks:
     return Blocks(start_s=first.start_s, period_s=period_s, **whole)
 
 
-_WIDTHS = {"gyros": 3, "rates": 3, "euler_rates": 3, "angles": 3, "rough": 3, "held_s": 6}
+_WIDTHS = {"gyros": 3, "rates": 3, "euler_rates": 3, "angles": 3, "rough": 3, "held_s": 6}  # columns of each field
 
 
 def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArray]:

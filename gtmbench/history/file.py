@@ -17,8 +17,8 @@ from gtmbench.history.entry import Entry
 
 SCHEMA = 1
 IN_FOLDER = ".gtmbench-history.parquet"  # of a folder of logs: hidden, so that it is none of them
-_PATIENCE_S = 60.0
-_MOST_BYTES = 500_000_000
+_PATIENCE_S = 60.0  # for another process that writes it
+_MOST_BYTES = 500_000_000  # more is no history
 _COLUMNS = {
     "digest": Column("string", "of the log's file, SHA-256"),
     "log": Column("string", "the file's name"),

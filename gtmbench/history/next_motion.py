@@ -22,8 +22,8 @@ from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out
 from gtmbench.verdict.verdict import LogVerdict, verdict_of
 
-_LONG_S = (30.0, 60.0, 120.0, 240.0)
-_RATES_DEG_S = (5.0, 10.0, 20.0)
+_LONG_S = (30.0, 60.0, 120.0, 240.0)  # tried, each twice as long
+_RATES_DEG_S = (5.0, 10.0, 20.0)  # tried, each twice as fast
 _PERIOD_S = 6.0  # of rolling and pitching
 _PIECE_S = 5.0  # of this log's errors, put one after another
 _DRAWS = 3  # of them; the worst counts

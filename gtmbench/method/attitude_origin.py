@@ -16,8 +16,8 @@ from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, Record
 
-_HALF_OCTAVE = 2.0**0.5
-_LOWEST_HZ = 0.5
+_HALF_OCTAVE = 2.0**0.5  # a band's ends, one over the other
+_LOWEST_HZ = 0.5  # of the frequencies that are compared
 _FEWEST = 2  # gyros whose noise has to be missing in the attitude
 _SLOWEST_HZ = 90.0  # of the sample rate: in slower logs noise and vibration fold back, into the gyros alone
 _MOST = 0.1  # of its noise may stand in an own attitude

@@ -24,7 +24,7 @@ from gtmbench.values.record import FloatArray, Record, check_record
 Values = float | FloatArray  # of one sample, or of a record
 
 _STEP = 1e-5  # of a derivative, in the formulas' units
-_M_S_PER_KT = 1852.0 / 3600.0
+_M_S_PER_KT = 1852.0 / 3600.0  # by definition of the nautical mile
 _BLOCK = 4096  # rows at a time: what is worked out of them stays in the cache
 
 

@@ -23,8 +23,8 @@ FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
 
 _EVEN = 1e-9  # of a step
-_ROUNDS, _SAME_DEG = 60, 1e-11
-_RAD = math.pi / 180.0
+_ROUNDS, _SAME_DEG = 60, 1e-11  # of a fixed point, at most; up to rounding
+_RAD = math.pi / 180.0  # of a degree
 
 
 def to_earth(angles: FloatArray) -> FloatArray:

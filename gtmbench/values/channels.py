@@ -73,8 +73,8 @@ class Channel:
 
 UNIT_SUFFIX = {"deg/s": "deg_s", "deg": "deg", "g": "g", "kt": "kt", "ft": "ft", "%": "percent"}
 
-_DEG = math.degrees(1.0)
-_KT_PER_FPS = 3600.0 * M_PER_FT / 1852.0
+_DEG = math.degrees(1.0)  # of a radian
+_KT_PER_FPS = 3600.0 * M_PER_FT / 1852.0  # by definition of foot and nautical mile
 
 
 def _sensor(name: str, unit: str, noise: float, meaning: str, jsbsim: str, scale: float = 1.0) -> Channel:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from jinja2 import Template
 
-_MOST_ROWS = 40
+_MOST_ROWS = 40  # of a card: a screen
 _CARD = """\
 <div class="gtmbench">
 <style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>

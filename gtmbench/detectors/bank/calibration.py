@@ -33,15 +33,15 @@ from gtmbench.values.record import FloatArray, Record, frozen
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 _MOST = 20.0  # deviations that one sample may count for
-_FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
+_FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])  # on an operator's error, tried in steps of 15 %
 _KNOWN = 0.01  # the sum of the parameters' variances: what they let pass of an input's noise
 _LEAST_THERE = 0.5  # of the residual
 _FIRST = 0.4  # of one record: identifies
 _SHORTEST = 20  # samples
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
-_MOST_FOLDS = 10
+_MOST_FOLDS = 10  # each identifies a bank anew: time grows with them
 _BASELINES = 5.0  # in the shortest record
-_SHORTEST_S = 5.0
+_SHORTEST_S = 5.0  # of a healthy record: less is refused
 _LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
 _A_COEFFICIENT = 50  # samples that one of a whitening filter stands on
 

@@ -32,7 +32,7 @@ from gtmbench.method.transmissibility import Transmissibility
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")
 _PARTS = ("operator", "whitener", "tolerance", "thresholds", "uncertainty")
-_LONGEST_WHITENER = 100_000
+_LONGEST_WHITENER = 100_000  # coefficients: more is a broken file
 _LEAST_THRESHOLD = 1e-9  # nats or deviations; the thresholds of calibrations are 1 to 100
 
 

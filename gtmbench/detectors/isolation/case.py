@@ -60,9 +60,9 @@ _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
 _AS_BEFORE = 0.3  # of their steps, by which other sensors still move
 _REMEMBERED_S = 0.3  # that matters, by the longer filters of driven attitudes
-_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
+_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3  # a cubic over so long follows what an aircraft does, and no noise
 _REFERRED_S = 1.0  # over which what references say of a gyro is smooth: they are noisier than it is
-_FREQUENCIES = 64
+_FREQUENCIES = 64  # from 0 to half the sample rate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,15 +23,15 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray
 
-_SEGMENT_S = 2.56
+_SEGMENT_S = 2.56  # 256 samples at 100 Hz: a power of two
 _FEWEST = 6  # segments, which overlap by half
 _BEYOND = 4.0  # times the healthy residual's power: a fault is there
 _WITH, _WITHOUT = 0.5, 0.3  # shares of e: the least of whose it is, the most of the other
 _STRONGER, _LEANING = 2.5, 1.5  # times the other's power where e is: to be clear, to be likely
 _AS_BEFORE, _STEADY = 2.0, 1.5  # times by which the other's power there differs from the gyro's before the fault
-_BEYOND_AUTOPILOTS_HZ = 3.0
+_BEYOND_AUTOPILOTS_HZ = 3.0  # above it no loop moves the aircraft
 _LEAKED = 1e-3  # of the strongest frequency: a window leaks as much into others
-_NOTHING = 1e-300
+_NOTHING = 1e-300  # a logarithm's guard
 
 
 class Excess(NamedTuple):

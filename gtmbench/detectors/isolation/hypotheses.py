@@ -24,7 +24,7 @@ from gtmbench.faults.registry import FAULTS, loaded_faults
 from gtmbench.faults.shape import CONSTANT, SHOWN, How, Shape
 
 _REPLACED = 0.1  # of the signal, may be left of it
-_SOON_S = 0.1
+_SOON_S = 0.1  # behind the sure onset, for what may not begin before it
 _FLIPPED = 0.1  # a gain that near -1 is a wrong sign: what was expected is no better known
 _LEAST_GAIN = 0.1  # less is replaced
 _TURNED = 0.1  # a sensor that is turned keeps its gain, but for as much

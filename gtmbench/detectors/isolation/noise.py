@@ -21,7 +21,7 @@ _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
 _LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
 _CHANCE, _KNOWN = 1.0, 0.02  # of a bin, by chance half; of a spectrum
-_TURNS = 4
+_TURNS = 4  # of the search, each between the best one's neighbours
 _BAND, _BAND_HZ = 0.1, 0.2  # a band's half width: of its frequency, and beside that
 _SPIKE = 20.0  # of -2 log likelihood, that a spike explains
 

@@ -28,7 +28,7 @@ from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray
 
 NAMES = 0.99  # the least probability with which a sensor is named
-_SOON_S = 0.1
+_SOON_S = 0.1  # from which on time counts as its logarithm
 _FAR = 1e4  # of BIC: further apart says no more
 
 

@@ -20,15 +20,15 @@ from gtmbench.values.record import BoolArray, FloatArray, runs
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count
 _ROWS = 3000  # learnt from, at most
-_LEAST = 200
-_BLOCK = 100
+_LEAST = 200  # rows that tell a habit: two blocks
+_BLOCK = 100  # rows, of which a mean square is known to a seventh
 _UNSTEADY = 1.7  # times the variance: blocks of a steady noise stay below
 _STRAIGHT = 1e-9  # of the readings' size
 _STRAIGHTER = 0.005  # of the rows, more than before
 _AROUND = 25  # rows
 _DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good to a quarter
 _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
-_QUIETEST = 1e-3
+_QUIETEST = 1e-3  # of the usual power: less is as good as stuck
 _DISTINCT = 0.9  # of the readings, where they are no counts
 _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
 _LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
@@ -37,7 +37,7 @@ _SELDOM, _EVER = 0.15, 0.3  # of the rows, and of any hundred, that counts run s
 _COARSE = 0.8  # of the rows run straight
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
-ROWS_BEFORE = _ROWS + 4
+ROWS_BEFORE = _ROWS + 4  # with those that the fourth difference takes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,12 +1,13 @@
-"""Banks on samples as they come in: chunk for chunk what `watch` says of the whole record.
+"""Banks on samples as they come in; `watch` hands a whole record to the same stream, in pieces.
 
 Between chunks a stream remembers, per residual, the samples that its statistics look back at and a minute more
 (with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels and of witnesses, residuals
 and predictions of the last two minutes and a bit (`alarms.span_rows`, kept in a table of twice that length). So it
 takes the same memory after an hour as after five minutes; only the alarms add up.
 
-Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
-path of their own that is cheaper (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
+Chunks go through functions that work on arrays, with the rows before that these look back at. Matrix products round
+otherwise where rows begin elsewhere, so residuals in other chunks differ by some 1e-14. Single samples have a path of
+their own that costs a thirteenth (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
 functions decide.
 """
 

@@ -30,7 +30,7 @@ from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.values.record import BoolArray
 
 NEVER = np.iinfo(np.int64).max
-_TOLERATED_S, _TOLERATED_ROWS = 0.5, 5
+_TOLERATED_S, _TOLERATED_ROWS = 0.5, 5  # see the module's text
 _WINDOW = 4  # times what is tolerated: what is looked at
 _BACK = 5  # part of it: what may be missing of a channel that is back
 

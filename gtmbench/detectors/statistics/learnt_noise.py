@@ -76,7 +76,7 @@ _LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: 
 
 # suspicions: a window that departs by so many nats stops the learning; white noise does so once in exp(12) looks
 _SUSPECTED = 12.0  # of the shortest window; longer ones look at new noise more rarely
-_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)
+_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)  # each four times the one before: a change is seen within four times its length
 _CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as many what is there is the noise
 
 

@@ -31,7 +31,7 @@ _KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip 
 
 # steadiness, sigma^2: before anything is known, and after how many blocks a quarter of that is left
 _UNSTEADY, _WORTH = 0.2, 20.0
-_STEADIEST = 1e-3
+_STEADIEST = 1e-3  # no noise is known better than to 3 %
 _HEAVIEST, _TAILS = 3.0, 20.0  # excess kurtosis of short sums, at most, and how much of it makes sigma^2 = 1
 
 # slowness: before anything is known, of a block's variance; what chance makes of the means' excess
@@ -41,7 +41,7 @@ _WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
 
 # columns of a table of measured blocks
 COUNT, SIZE, SUM, FOURTH, SLOW, FAST, LOW, SQUARES, FOURTHS = range(9)
-CLIPPED = slice(9, 9 + len(CLIPS))
+CLIPPED = slice(9, 9 + len(CLIPS))  # behind the nine above
 SQUARED_MEANS = slice(CLIPPED.stop, CLIPPED.stop + len(MEANS))
 LAGS = slice(SQUARED_MEANS.stop, None)
 

@@ -18,7 +18,7 @@ from gtmbench.values.record import FloatArray
 
 _STEP = 20.0  # deviations, beyond what is tolerated
 _NOISE = 10.0  # times the noise, beyond what is tolerated
-_LASTS_S = 5.0
+_LASTS_S = 5.0  # as long a step has to be seen by a monitor that isn't broken
 _FAR = 1e6  # deviations
 _MOST_SAMPLES = 5_000_000  # of a baseline and a window: more is no monitor, but a broken file
 

@@ -20,8 +20,8 @@ from gtmbench.detectors.statistics.statistic import RawScore
 from gtmbench.values.record import BoolArray, FloatArray
 
 THRESHOLD = 18.0  # nats: by chance once in exp(18) looks, of which normal noise has some twenty an hour
-_WINDOWS_S, _APART_S = (10.0, 40.0), 0.1
-_PRIOR, _PRIOR_S = 0.5, 10.0
+_WINDOWS_S, _APART_S = (10.0, 40.0), 0.1  # see the module's text
+_PRIOR, _PRIOR_S = 0.5, 10.0  # see the module's text
 _LEAST_S = 30.0  # of T: until then nobody knows how many there usually are
 _FEWEST = 4  # of them: fewer pass for chance
 

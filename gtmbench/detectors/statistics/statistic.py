@@ -16,7 +16,7 @@ from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
 from gtmbench.values.record import FloatArray
 
-_LONG_S = 20.0
+_LONG_S = 20.0  # windows over which it is looked at what healthy noise does
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
 _LOUDEST = 9.0  # times the power that was learnt: noise that wanders so far is a fault
 _STEADY, _WIDENED = 0.03, 2.5  # sigma that is as good as none; how much more of it widens what a mean may be

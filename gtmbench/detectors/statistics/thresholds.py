@@ -34,7 +34,7 @@ _FAR_SHAPE = 0.5  # of a test by itself: one that is bounded doesn't outvote the
 _OF_THEORY = 500.0  # tail values that the exponential shape counts for, as if 500 had been seen to have it
 _OF_OTHERS = 20.0  # tail values that the other tests' scale counts for, as if tests' scales differed by 22 %
 _MANY_RECORDS = 5  # to draw from; of fewer, blocks are drawn
-_REDRAWS = 10
+_REDRAWS = 10  # calibrations that luck is told by: 45 pairs
 _MOST_LUCK = 3.0  # times, in the median, that thresholds of two calibrations may differ
 
 Residual = tuple[FloatArray, White, Spread | None]  # raw and whitened

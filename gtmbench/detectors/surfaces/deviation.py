@@ -26,9 +26,9 @@ from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, Counts, left,
 from gtmbench.values.record import BoolArray, FloatArray
 
 BASE_S, LEAST_BASE_S = 60.0, 40.0  # what a window is compared with: a phugoid takes half of that
-_RECENT_S = 10.0
+_RECENT_S = 10.0  # just before a window, by which the noise is known as it is now
 OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
-_TESTS = (
+_TESTS = (  # kinds, and windows in seconds
     (OFFSET, 2.0),
     (OFFSET, 4.0),
     (OFFSET, 16.0),
@@ -50,7 +50,7 @@ _FORGETS_S = 2.0  # after a hole
 _LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 _BLIND = 1.0  # the loss of all of a command is less than a deviation: it hardly moved
-_LEAST = 1e-12
+_LEAST = 1e-12  # a division's guard
 
 
 class Changes(NamedTuple):

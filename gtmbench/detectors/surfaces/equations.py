@@ -17,7 +17,7 @@ from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
-_LAMBDA_RAD_S = 2.0
+_LAMBDA_RAD_S = 2.0  # of the filter behind which both sides stand, and rates as their derivatives
 _SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
 _SLOW_ENGINE_S = 1.5  # and a slow engine
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy

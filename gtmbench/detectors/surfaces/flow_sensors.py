@@ -19,7 +19,7 @@ from gtmbench.values.record import FloatArray
 
 _KNOWN_TO = 0.25  # of rho: effects vary with the angle of attack
 _LEAVES = 0.1  # of what a sensor would leave: as much a surface may, for no effect is quite linear
-_LEAST = 1e-9
+_LEAST = 1e-9  # a division's guard
 
 
 def ratios(answer: Answer) -> FloatArray:

@@ -25,8 +25,8 @@ from gtmbench.values.record import FloatArray
 _SERVO_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
 _TWICE_LAGS_S = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)  # of engines that are judged: two in a row
 _BENDS = tuple(np.arange(-0.75, 4.1, 0.25).tolist())  # and how far from proportional their thrust is
-_LEAST_SLOPE = 0.1
-SETTLES_S = 5.0
+_LEAST_SLOPE = 0.1  # of thrust by throttle: with less, a lag and a bend aren't told
+SETTLES_S = 5.0  # until filters have settled: five lags of the dynamic pressure
 _MOVED_DEG, _MOVED_PERCENT = 0.1, 1.0  # deviation that a command must have had to be identified
 STEP_S = 0.05  # from causes to what they change, where effects are identified
 _TURNS = 12  # of fitting effects and making their noise white

@@ -16,6 +16,7 @@ from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
+from gtmbench.detectors.surfaces.identification import SETTLES_S
 from gtmbench.detectors.surfaces.naming import KIND_TESTS, Seen, judged, kind_of
 from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
 from gtmbench.detectors.surfaces.thrust import THROTTLE
@@ -24,7 +25,6 @@ from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-_SETTLES_S = 5.0
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
 _LAST_LOOK_S = 60.0  # of a throttle that no airspeed has told from nx by then
 _KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
@@ -108,7 +108,7 @@ class SurfaceStream(ChunkStream):
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._rows = rows_of(self._period_s)
         self._block_s = self._rows * self._period_s
-        self._settled = round(_SETTLES_S / self._block_s)
+        self._settled = round(SETTLES_S / self._block_s)
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
         self._limits = limits_of(monitor)

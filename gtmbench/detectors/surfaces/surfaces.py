@@ -26,7 +26,7 @@ from gtmbench.detectors.surfaces.answer import Answer, answer_of
 from gtmbench.detectors.surfaces.blocks import BLOCK_S, DeviationBlocks, blocks_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
 from gtmbench.detectors.surfaces.equations import FULL, Flow
-from gtmbench.detectors.surfaces.identification import identified
+from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal, normal_of
@@ -38,10 +38,9 @@ from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray, Record
 
 _KINEMATIC_RATE = 1.0  # false alarms an hour that may keep a surface from being named
-_MINUTE_S = 60.0
-_SETTLES_S = 5.0
+_MINUTE_S = 60.0  # before a window, that it is compared with
 _SLOWEST_S = 0.125  # sample period
-_SHORTEST_S = 60.0
+_SHORTEST_S = 60.0  # of a healthy record without a hole: a window's minute before
 _MOSTLY = 0.9  # of the moments
 _PASSES_NOTHING = 1e6  # nats: of a test that no healthy record was long enough for
 
@@ -188,7 +187,7 @@ def _settled(answer: Answer, values: FloatArray, period_s: float) -> DeviationBl
     """Return the blocks of a record, once the filters have settled."""
     there = np.asarray(np.isfinite(values).all(axis=1))
     blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
-    first = round(_SETTLES_S / blocks.block_s)
+    first = round(SETTLES_S / blocks.block_s)
     return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
 

@@ -22,7 +22,7 @@ from gtmbench.values.record import FloatArray
 
 THROTTLE = "throttle"
 STEP_PERCENT = 20.0  # of throttle, beside a degree of a surface: what is tolerated of either is alike
-_MOST_LAG_S, _MOST_BEND = 60.0, 100.0
+_MOST_LAG_S, _MOST_BEND = 60.0, 100.0  # beyond is a broken file: no engine is as slow, no thrust as bent
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,7 +22,7 @@ from gtmbench.values.record import FloatArray, runs
 _NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspeed nobody knows what a surface can do
 _FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
 _GROUND_S = 5.0  # beside what is slower
-_LEAST_S = 60.0
+_LEAST_S = 60.0  # of flight: in less nothing is judged
 _ENOUGH = round(300.0 / STEP_S)  # steps that tell how late servos and engines are: trying each lag is most of the work
 _SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
 

@@ -24,7 +24,7 @@ BEFORE_S, AFTER_S = 40.0, 10.0  # the least that tells effects, and that shows a
 _CHANCE = 9.2  # of squared deviations: odds of 100 to 1
 _SHARE = 1e-2  # of an error, by which it is worked out what it changes: equations are hardly curved
 _DIFFER = 0.1  # of an effect: no aircraft answers quite linearly
-_RIDGE, _NOTHING = 3.0, 1e-9
+_RIDGE, _NOTHING = 3.0, 1e-9  # a priori precision; a division's guard
 _BEGUN = round(SETTLES_S / STEP_S)  # steps that filters take to settle
 
 

@@ -43,7 +43,7 @@ _SHOWS = "it parts from what others tell, and no explanation holds"
 _WITHIN_S = 60.0  # behind an onset
 _OFTEN = 0.95  # of the onsets in a span
 _SPARE = 1.2  # times an error that may be there: what grows to it shows less
-_LEVEL, _DRIFTS_S = "altitude", 20.0
+_LEVEL, _DRIFTS_S = "altitude", 20.0  # what drifts by nature is cleared of drifts that last as long
 
 
 def cleared(

@@ -28,7 +28,7 @@ UNITS: Mapping[str, float] = {
 }
 WIND = ("wind_north", "wind_east")  # no sensors: what the air moves by, in m/s
 _DELAYS_S = np.linspace(0.0, 0.5, 26)  # of a GPS
-_USUAL_DELAY_S = 0.15
+_USUAL_DELAY_S = 0.15  # of a GPS that doesn't tell its own
 _FEWEST = 50  # blocks by which a delay is told
 _SAMPLES = 5.0  # by which noise is told
 _OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1

@@ -21,6 +21,8 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
 _LIVELY_DEG_S = 1.5  # of turning: motion
+# over which it is told how fast it turns; motion, of what the liveliest tenth has at least; as long it stands; the most
+# that a turn counts for
 _LIVELY_S, _OF_LIVELIEST, _STANDS_S, _MOST_DEG_S = 2.0, 0.2, 20.0, 400.0
 _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
@@ -28,7 +30,7 @@ _GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: 
 _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
-_JUMP_DEVIATIONS = 6.0
+_JUMP_DEVIATIONS = 6.0  # of jumps as large as usual there
 _HALF, _KNOWN_SHARE = 0.5, 0.2  # of a share, and how well a quarter of a log has to know it
 _SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known

@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
-CHUNK_S = 2.0
+CHUNK_S = 2.0  # as closely as an onset is dated
 PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))

@@ -17,7 +17,7 @@ from gtmbench.values.record import FloatArray
 
 # offset (deg/s), three gains, lag (s)
 _PRIOR = np.array([3.0, 0.1, 0.1, 0.1, 0.1])
-_FLOOR = np.array([0.07, 0.02, 0.02, 0.02, 0.01])
+_FLOOR = np.array([0.07, 0.02, 0.02, 0.02, 0.01])  # from one part of a log to another
 _WANDER_DEG_S, _LEAST_DEG_S = 0.05, 0.02  # by vibration that aliases; of noise
 
 

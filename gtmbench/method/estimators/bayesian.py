@@ -35,7 +35,7 @@ _LEAST = 10.0  # equations that say something of their own
 _LEAST_VARIANCE = 1e-12  # of the residual, over the output's
 _BEND = 0.3  # of the delay that an attitude's filter may have: the root of the second moment that it may add
 _ROUGH = 0.2  # samples squared: what laying samples on a clock adds to it
-_ITERATIONS = 4
+_ITERATIONS = 4  # of fits, and of the noise that they are weighted by
 
 
 @dataclass(frozen=True, kw_only=True)

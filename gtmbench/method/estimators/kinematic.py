@@ -16,8 +16,8 @@ import numpy as np
 from gtmbench.method.regression.equations import ALIKE, Equations, about_means, autocovariance, signal_of
 from gtmbench.values.record import FloatArray
 
-_TURNS, _SETTLED = 6, 1e-4
-_LEAST_VARIANCE = 1e-12
+_TURNS, _SETTLED = 6, 1e-4  # of the same kind, at most; a change of the variance by which it is settled
+_LEAST_VARIANCE = 1e-12  # of the residual, over the output's
 _DECISIVE = 4.0  # deviations by which the records have to contradict what physics fixes
 _TAP = 0.3  # deviation of a Markov parameter in a direction that has none of the moments
 _SLOW_S = 0.15  # to either side: what is left lies below 3 Hz, where an attitude's rates hold little noise

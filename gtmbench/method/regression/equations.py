@@ -12,7 +12,7 @@ from gtmbench.method.regression.stretches import Stretch
 from gtmbench.values.record import FloatArray
 
 ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
-_CHUNK = 4096
+_CHUNK = 4096  # rows at a time: they stay in the cache
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,8 +25,8 @@ from gtmbench.values.record import FloatArray
 if TYPE_CHECKING:
     import pandas as pd
 
-ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)
-_MOST_ORDERS = 200
+ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)  # each some 1.4 times the one before, up to the dissertation's
+_MOST_ORDERS = 200  # each is a fit: more is a mistake
 _ALLOWANCE = 1.01  # times the least held-out RMS: what lies within is as good
 
 Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape (outputs,): of fit, of held-out data

@@ -29,6 +29,7 @@ class _Bounds:
     most: float
 
 
+# in m/s2, m/s, shares of the field, deg and m
 _BOUNDS: dict[str, _Bounds] = (
     dict.fromkeys(ACCELEROMETERS, _Bounds(0.7, 40.0))
     | dict.fromkeys(GPS_VELOCITY, _Bounds(1.0, 1000.0))

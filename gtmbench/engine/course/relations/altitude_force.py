@@ -11,7 +11,7 @@ from gtmbench.values.channels import ACCELEROMETERS
 from gtmbench.values.record import FloatArray
 
 NEEDS = ("altitude", *ACCELEROMETERS)
-_WANDER_M_S2 = 0.3
+_WANDER_M_S2 = 0.3  # as for the GPS
 _LEAST_M_S2 = 0.1  # of noise
 
 

@@ -22,10 +22,10 @@ NAME = "roughness"
 # field (ArduPilot's limit), and three deviations of twice this share are as much
 LEAST = dict.fromkeys(GPS_VELOCITY, 1.0) | {"altitude": 5.0} | dict.fromkeys(MAGNETOMETER, 0.1)
 LEAST |= {"tas": 2.5, "alpha": 1.5, "beta": 1.5}  # half of what our users ask for, in m/s and deg
-QUIET = 0.2
+QUIET = 0.2  # of the least noise that is a failure: see the module's text
 _SLOWEST_S = 0.25  # between readings: a turn of 90 deg/s moves a field's second difference by 14 % of it
 _PRIOR, _FLOOR = np.array([10.0, 1.0]), np.array([0.2, 0.08])  # a level, a power of the liveliness
-_WANDER = 0.3
+_WANDER = 0.3  # of logarithms: by a third
 _LEAST = 0.1  # of noise
 
 
