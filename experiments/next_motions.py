@@ -25,7 +25,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
-from gtmbench.history.next_motion import FlyableMotion
+from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.watched import WatchedLog
@@ -43,7 +43,7 @@ Row = dict[str, Any]
 class Autopilot:
     """Holds bank and pitch as a motion says; level without one."""
 
-    motion: FlyableMotion | None
+    motion: Manoeuvre | None
     level: dict[str, float] = field(default_factory=dict)
     theta: float = float("nan")
 
@@ -70,7 +70,7 @@ class Autopilot:
 
 
 def watched(
-    motion: FlyableMotion | None, duration_s: float, seed: int, sort: str, attitude: str, folder: Path
+    motion: Manoeuvre | None, duration_s: float, seed: int, sort: str, attitude: str, folder: Path
 ) -> WatchedLog:
     """Fly, write a log, watch it."""
     calm = sort == "calm" and motion is None

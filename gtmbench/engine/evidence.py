@@ -36,7 +36,7 @@ _AT_ONCE = 256  # windows that are worked out together, for memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WindowEvidence:
+class Support:
     """Evidence over windows of cells, each of shape (windows, explanations) but for the first two."""
 
     # onset, last, shape (windows,): a fault begins at `onset` and ends before `last`
@@ -80,7 +80,7 @@ class _Whole:
 
 def evidence(
     model: Model, onset: IntArray, last: IntArray, sums: tuple[WindowSums, ...] | None = None, *, by_parts: bool = False
-) -> WindowEvidence:
+) -> Support:
     """Return the evidence of windows that begin at cells `onset` and end before `last`.
 
     `onset`, `last`, shape (windows,). `sums`: one an equation, where means are taken to wander otherwise than was
@@ -95,16 +95,14 @@ def evidence(
     return found[0] if len(found) == 1 else _joined(found)
 
 
-def _joined(parts: Sequence[WindowEvidence]) -> WindowEvidence:
+def _joined(parts: Sequence[Support]) -> Support:
     """Return the evidence of windows that were looked at in parts."""
-    names = [each.name for each in fields(WindowEvidence)]
+    names = [each.name for each in fields(Support)]
     joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names[:-1]}
-    return WindowEvidence(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
+    return Support(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
 
 
-def _evidence(
-    model: Model, onset: IntArray, last: IntArray, sums: Sequence[WindowSums], *, by_parts: bool
-) -> WindowEvidence:
+def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[WindowSums], *, by_parts: bool) -> Support:
     count = len(model.explanations)
     seen = [_seen(model, each, onset, last) for each in sums]
     misfit, counts = (
@@ -132,7 +130,7 @@ def _evidence(
     possible = possible & _has_healthy_constants(model, seen, size)
     possible &= ~(np.abs(size - model.of_explanations("mirror")) < MIRROR)
     total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
-    return WindowEvidence(
+    return Support(
         onset=onset,
         last=last,
         ratio=np.where(possible, told + witnesses - price, -np.inf),
@@ -143,11 +141,11 @@ def _evidence(
     )
 
 
-def _nothing(model: Model, onset: IntArray, last: IntArray) -> WindowEvidence:
+def _nothing(model: Model, onset: IntArray, last: IntArray) -> Support:
     """Return evidence where no equation has a say."""
     shape = (len(onset), len(model.explanations))
     impossible, zero = np.full(shape, -np.inf), np.zeros(shape)
-    return WindowEvidence(
+    return Support(
         onset=onset,
         last=last,
         ratio=impossible,

@@ -19,7 +19,7 @@ from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.registry import relations_of
 from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, WindowSearch
 from gtmbench.engine.sides import side_of
-from gtmbench.engine.sums import CELL, ExplanationSignatures
+from gtmbench.engine.sums import CELL, SignatureSet
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
@@ -44,7 +44,7 @@ class _Bench:
     def __init__(self, flight: Flight, relations: Sequence[Relation], explanations: Sequence[Explanation]) -> None:
         self.flight = flight
         self.relations = tuple(relations)
-        self.signatures = ExplanationSignatures(flight, explanations)
+        self.signatures = SignatureSet(flight, explanations)
         self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
 
     def without(self, found: Sequence[Finding]) -> Scan:

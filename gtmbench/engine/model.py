@@ -13,7 +13,7 @@ from gtmbench.engine.equation import Equation, learn
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import BETWEEN, Relation
-from gtmbench.engine.sums import CELL, ExplanationSignatures, Products, WindowSums, products_of, running
+from gtmbench.engine.sums import CELL, Products, SignatureSet, WindowSums, products_of, running
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, int]  # a relation's name and its channel
@@ -34,7 +34,7 @@ class Model:
 
     flight: Flight
     relations: tuple[Relation, ...] = field(repr=False)
-    signatures: ExplanationSignatures = field(repr=False)  # of all explanations that compete
+    signatures: SignatureSet = field(repr=False)  # of all explanations that compete
     products: tuple[Products, ...] = field(repr=False)  # one an equation that is known
     explained: tuple[Explained, ...] = ()  # what was taken away
 
@@ -99,7 +99,7 @@ class Model:
 def learnt(
     flight: Flight,
     relations: Sequence[Relation],
-    signatures: ExplanationSignatures,
+    signatures: SignatureSet,
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.engine.evidence import WindowEvidence, axes_of, axis_number, evidence
+from gtmbench.engine.evidence import Support, axes_of, axis_number, evidence
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
@@ -59,7 +59,7 @@ class Scan:
         return onset[known], last[known]
 
     @cached_property
-    def seen(self) -> WindowEvidence:
+    def seen(self) -> Support:
         """The evidence of all windows."""
         return evidence(self.model, *self.windows)
 
@@ -122,7 +122,7 @@ class WindowSearch:
         first, last, place = self._placed(at)
         return self._described(first, last, place, bound)
 
-    def _one(self, onset: int, last: int, sums: tuple[WindowSums, ...] | None = None) -> WindowEvidence:
+    def _one(self, onset: int, last: int, sums: tuple[WindowSums, ...] | None = None) -> Support:
         return evidence(self.model, np.array([onset]), np.array([last]), sums, by_parts=True)
 
     @cached_property
@@ -235,8 +235,8 @@ class WindowSearch:
 
     def _finding(
         self,
-        one: WindowEvidence,
-        seen: WindowEvidence,
+        one: Support,
+        seen: Support,
         onsets: IntArray,
         totals: FloatArray,
         order: list[int],
@@ -283,7 +283,7 @@ class WindowSearch:
         likeliest = sorted(sums.items(), key=lambda told: -told[1])[:_TOLD]
         return tuple((*key, chance) for key, chance in likeliest if chance >= _LEAST_CHANCE)
 
-    def _shown_by(self, one: WindowEvidence, place: int) -> tuple[tuple[str, int, float], ...]:
+    def _shown_by(self, one: Support, place: int) -> tuple[tuple[str, int, float], ...]:
         """Return the equations that show it most, with what each shows in nats, the strongest first."""
         nats = one.by_equation[:, 0, place]
         told = [
@@ -293,7 +293,7 @@ class WindowSearch:
         ]
         return tuple(sorted(told, key=lambda each: -each[2])[:_TOLD])
 
-    def _own_axis(self, one: WindowEvidence, place: int) -> float:
+    def _own_axis(self, one: Support, place: int) -> float:
         """Return what the suspect's own axis of gyro and attitude shows, in nats; all of them of what has no axis."""
         axis = int(axes_of(self.model)[place])
         shown = 0.0

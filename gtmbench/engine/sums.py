@@ -43,7 +43,7 @@ def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class EquationColumns:
+class WhiteRows:
     """An equation's columns, whitened, and the signatures of explanations in it before they were."""
 
     own: IntArray  # shape (signatures,): which explanations it feels
@@ -56,7 +56,7 @@ class EquationColumns:
     since: FloatArray = field(repr=False)  # shape (cells + 1, signatures): the base's multiplier
 
 
-class ExplanationSignatures:
+class SignatureSet:
     """What each explanation is off by in a relation's equations, from the log's beginning on; worked out once."""
 
     def __init__(self, flight: Flight, explanations: Sequence[Explanation]) -> None:
@@ -118,7 +118,7 @@ class ExplanationSignatures:
         factor = kept_a_block(self.flight, self.explanations[place].fades_s)
         return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
 
-    def answers(self, equation: Equation) -> tuple[EquationColumns, FloatArray, FloatArray]:
+    def answers(self, equation: Equation) -> tuple[WhiteRows, FloatArray, FloatArray]:
         """Return an equation's columns, the signatures in it and those of an attitude that is off by one degree.
 
         Shapes (blocks, signatures) and (blocks, times, 3).
@@ -133,7 +133,7 @@ class ExplanationSignatures:
         answers = np.column_stack([answer for _, answer in found]) if found else np.zeros((len(flight), 0))
         places = {int(place): at for at, place in enumerate(own)}
         bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
-        columns = EquationColumns(
+        columns = WhiteRows(
             own=own,
             times=self.times,
             fading=self.fading[own],
@@ -185,7 +185,7 @@ class Products:
     """
 
     equation: Equation
-    columns: EquationColumns
+    columns: WhiteRows
     first: IntArray = field(repr=False)
     second: IntArray = field(repr=False)
     rates: FloatArray = field(repr=False)
@@ -204,10 +204,7 @@ class Products:
 
 
 def products_of(
-    signatures: ExplanationSignatures,
-    equation: Equation,
-    answers: tuple[EquationColumns, FloatArray, FloatArray],
-    beside: FloatArray,
+    signatures: SignatureSet, equation: Equation, answers: tuple[WhiteRows, FloatArray, FloatArray], beside: FloatArray
 ) -> Products:
     """Return the products of an equation; `beside` are further regressors, shape (blocks, ...), not yet whitened."""
     flight = signatures.flight
@@ -246,7 +243,7 @@ def _fading(equation: Equation, answers: FloatArray, flight: Flight, fades_s: fl
     return equation.whitened_decay(answers, factor) * (factor**since)[:, np.newaxis]
 
 
-def _pairs(columns: EquationColumns, known: int, count: int) -> tuple[IntArray, IntArray]:
+def _pairs(columns: WhiteRows, known: int, count: int) -> tuple[IntArray, IntArray]:
     """Return which columns are multiplied: see `WindowSums.window` for the order."""
     signature = known + np.arange(count)
     fades = known + count + np.arange(3)
@@ -420,7 +417,7 @@ def running(values: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
-def _fading_rates(products: Products, columns: EquationColumns) -> FloatArray:
+def _fading_rates(products: Products, columns: WhiteRows) -> FloatArray:
     """Return by how much each signature's forgotten part fades a block."""
     known = 1 + products.regressors + len(columns.own)
     return np.where(columns.fading >= 0, products.mean_rates[known + 3 * np.maximum(columns.fading, 0)], 0.0)

@@ -26,7 +26,7 @@ _TWO = 2.0**0.5  # installations, each of which is one of the population
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConstantExplanation:
+class FlightCause:
     """What may have changed between flights."""
 
     suspects: tuple[str, ...]  # the sensors of which one failed; none of a healthy cause
@@ -66,7 +66,7 @@ class ConstantExplanation:
 class Weighed:
     """An explanation, and how likely it is beside all others."""
 
-    explanation: ConstantExplanation
+    explanation: FlightCause
     probability: float
 
 
@@ -87,7 +87,7 @@ def weighed(
     return tuple(Weighed(explanation=told[at], probability=float(chances[at])) for at in order)
 
 
-def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[ConstantExplanation]:
+def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[FlightCause]:
     """Give what may explain how far some constants are from what they were.
 
     >>> told = list(explanations_of({("q", "offset"): 4.1, ("q", "noise"): 0.1}))
@@ -98,25 +98,23 @@ def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> It
     for imu in dict.fromkeys(gyro_and_imu(sensor)[1] for sensor, _ in shifts):
         own = [key for key in shifts if not imu or gyro_and_imu(key[0])[1] == imu]
         others = {key: (0.0, _TWO * kind_of(key[1]).population) for key in own}
-        yield ConstantExplanation(
+        yield FlightCause(
             suspects=(), kind=f"{imu or 'the IMU'} was replaced", follow=others, is_new=True, price=_SAME * is_same
         )
     turned = {key: (0.0, _TURNED_DEG) for key in shifts if key[1].startswith(MISALIGNMENT)}
     if turned:
-        yield ConstantExplanation(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
+        yield FlightCause(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
     noises = sorted((key for key in shifts if key[1] == NOISE), key=lambda key: -abs(shifts[key]))
     if noises:
         alike = dict.fromkeys(noises[1:], (1.0, _ALIKE))
         lags = {key: (0.0, _TWO * kind_of(LAG).population) for key in shifts if key[1] == LAG}
-        yield ConstantExplanation(
-            suspects=(), kind="the air or the motors shake it otherwise", lead=noises[0], follow=alike
-        )
+        yield FlightCause(suspects=(), kind="the air or the motors shake it otherwise", lead=noises[0], follow=alike)
         if lags:
             filtered = "its filters or its logging are others"
-            yield ConstantExplanation(suspects=(), kind=filtered, lead=noises[0], follow=alike | lags)
+            yield FlightCause(suspects=(), kind=filtered, lead=noises[0], follow=alike | lags)
 
 
-def _failures(shifts: Mapping[Key, float]) -> Iterator[ConstantExplanation]:
+def _failures(shifts: Mapping[Key, float]) -> Iterator[FlightCause]:
     """Give failures of each gyro: those of one that is watched move all IMUs beside it back."""
     for sensor in dict.fromkeys(sensor for sensor, _ in shifts):
         gyro, imu = gyro_and_imu(sensor)
@@ -133,4 +131,4 @@ def _failures(shifts: Mapping[Key, float]) -> Iterator[ConstantExplanation]:
                 follow = dict.fromkeys(own[1:], (1.0, 0.0)) | dict.fromkeys(against, (-1.0, 0.0))
                 if kind == "noise" and (sensor, FACTOR) in shifts:  # its noise stands in what it is fitted to
                     follow |= {(sensor, FACTOR): (0.0, kind_of(FACTOR).failure)}
-                yield ConstantExplanation(suspects=suspects, kind=kind, lead=own[0], follow=follow)
+                yield FlightCause(suspects=suspects, kind=kind, lead=own[0], follow=follow)

@@ -35,7 +35,7 @@ _FEWEST = 50  # blocks whose errors are known
 
 
 @dataclass(frozen=True, kw_only=True)
-class FlyableMotion:
+class Manoeuvre:
     """A motion that can be flown."""
 
     how: str  # in words, ``{rate}`` for how fast
@@ -68,14 +68,14 @@ class FlyableMotion:
 class NextMotion:
     """A motion, the sensors that it lets be judged, and to which sizes."""
 
-    motion: FlyableMotion
+    motion: Manoeuvre
     sizes: Mapping[str, float]  # by sensor: the error that would show, in the sensor's unit
 
     @property
     def text(self) -> str:
         """In words.
 
-        >>> told = FlyableMotion(how="full turns at {rate}", duration_s=60.0, rate_deg_s=10.0, axes=(0.0, 0.0, 1.0))
+        >>> told = Manoeuvre(how="full turns at {rate}", duration_s=60.0, rate_deg_s=10.0, axes=(0.0, 0.0, 1.0))
         >>> NextMotion(motion=told, sizes={"r": 0.93, "psi": 2.0}).text
         '60 s of full turns at 10 deg/s let r, psi be judged to 0.93 deg/s, 2 deg'
         """
@@ -88,7 +88,7 @@ class NextMotion:
         return f"{self.motion.text} let {', '.join(self.sizes)} be judged to {to}"
 
 
-def motions() -> Iterator[FlyableMotion]:
+def motions() -> Iterator[Manoeuvre]:
     """Give motions that can be flown."""
     hows = (
         ("rolling left and right at up to {rate}", (1.0, 0.0, 0.0)),
@@ -98,9 +98,7 @@ def motions() -> Iterator[FlyableMotion]:
     )
     for how, axes in hows:
         for duration_s in _LONG_S:
-            yield from (
-                FlyableMotion(how=how, duration_s=duration_s, rate_deg_s=rate, axes=axes) for rate in _RATES_DEG_S
-            )
+            yield from (Manoeuvre(how=how, duration_s=duration_s, rate_deg_s=rate, axes=axes) for rate in _RATES_DEG_S)
 
 
 def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
@@ -115,7 +113,7 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
     todo = [name for name in verdict.unjudged if name in JUDGED and not _is_accused(verdict, name)]
     if errors is None or not todo:
         return ()
-    found: dict[FlyableMotion, dict[str, float]] = {}
+    found: dict[Manoeuvre, dict[str, float]] = {}
     for motion in sorted(motions(), key=lambda motion: motion.cost):
         sizes = _sizes(flight, errors, motion, replace(verdict.scope, sensors=tuple(todo)))
         if sizes:
@@ -131,7 +129,7 @@ def _is_accused(verdict: LogVerdict, sensor: str) -> bool:
     return any(verdict.timeline.of(each, State.FAILED, State.SUSPECTED) for each in axis_of(sensor))
 
 
-def _sizes(flight: Flight, errors: FloatArray, motion: FlyableMotion, scope: Scope) -> dict[str, float]:
+def _sizes(flight: Flight, errors: FloatArray, motion: Manoeuvre, scope: Scope) -> dict[str, float]:
     """Return the sensors that a motion lets be judged, and to which sizes: the worst of some draws of errors."""
     worst = dict.fromkeys(scope.sensors, 0.0)
     for draw in range(_DRAWS):
@@ -157,7 +155,7 @@ def _errors(flight: Flight) -> FloatArray | None:
     return known if len(known) >= _FEWEST else None
 
 
-def _flown(flight: Flight, errors: FloatArray, motion: FlyableMotion, random: np.random.Generator) -> Blocks:
+def _flown(flight: Flight, errors: FloatArray, motion: Manoeuvre, random: np.random.Generator) -> Blocks:
     """Return the blocks of a log of a motion."""
     period_s = flight.blocks.period_s
     count = round(motion.duration_s / period_s)

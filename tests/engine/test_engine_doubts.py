@@ -12,7 +12,7 @@ from gtmbench.engine.finding import FROZEN, Finding, Side
 from gtmbench.engine.model import learnt
 from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.sums import ExplanationSignatures
+from gtmbench.engine.sums import SignatureSet
 from tests.engine.engine_flights import flight_from
 from tests.helpers.turning import from_on, motion, with_error
 
@@ -21,7 +21,7 @@ DURATION_S = 200.0
 
 def model_of(record):
     flight = flight_from(record, noise=0.05)
-    return learnt(flight, relations_of(flight), ExplanationSignatures(flight, explanations_of(flight)))
+    return learnt(flight, relations_of(flight), SignatureSet(flight, explanations_of(flight)))
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.sums import CELL, ExplanationSignatures, WindowSums, products_of
+from gtmbench.engine.sums import CELL, SignatureSet, WindowSums, products_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.engine.engine_flights import flight_from
 from tests.helpers.turning import motion
@@ -40,7 +40,7 @@ def flight():
 
 @pytest.fixture(scope="module")
 def signatures(flight):
-    return ExplanationSignatures(flight, explanations_of(flight))
+    return SignatureSet(flight, explanations_of(flight))
 
 
 @pytest.fixture(scope="module")

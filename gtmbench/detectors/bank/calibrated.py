@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.learnt_noise import second_order
-from gtmbench.detectors.statistics.statistic import HealthyTolerance, Spread
+from gtmbench.detectors.statistics.statistic import Allowance, Spread
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
@@ -25,7 +25,7 @@ class CalibratedBank:
     bank: Bank
     operators: Mapping[str, Transmissibility]  # by output
     whiteners: Mapping[str, Whitener]  # by output
-    tolerances: Mapping[str, HealthyTolerance]  # by output
+    tolerances: Mapping[str, Allowance]  # by output
     thresholds: Thresholds  # by output
     sample_period_s: float
     # where it comes from: records, hours, the false-alarm rate asked for and the bound shown

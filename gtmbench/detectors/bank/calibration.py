@@ -18,7 +18,7 @@ from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.statistics.learnt_noise import followed
-from gtmbench.detectors.statistics.statistic import HealthyTolerance, Spread, tolerance_of
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Residual, healthy_maxima, rate_bound
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
@@ -213,7 +213,7 @@ def _weighed(learnt: _Learnt, noise: float, half: int) -> _Learnt:
     )
 
 
-def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> HealthyTolerance:
+def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> Allowance:
     whites = [white.values if spread is None else white.values / spread.white for _, white, spread in judged]
     return tolerance_of(whites, plan.bank.statistic, sample_period_s)
 

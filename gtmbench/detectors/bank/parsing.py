@@ -12,7 +12,7 @@ from gtmbench.checks import naming, number, shown, text
 from gtmbench.detectors.bank.bank import ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.statistics.sight import check_sight
-from gtmbench.detectors.statistics.statistic import HealthyTolerance, Statistic
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.detectors.tables import (
@@ -61,7 +61,7 @@ def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
     }
 
 
-def judging_table(whitener: Whitener, tolerance: HealthyTolerance, thresholds: Mapping[str, float]) -> dict[str, Any]:
+def judging_table(whitener: Whitener, tolerance: Allowance, thresholds: Mapping[str, float]) -> dict[str, Any]:
     """Return what a residual is judged by as plain JSON values."""
     return {
         "whitener": {key: exact(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
@@ -147,10 +147,10 @@ def whitener_from(where: str, table: Any) -> Whitener:
     )
 
 
-def tolerance_from(where: str, table: Any) -> HealthyTolerance:
+def tolerance_from(where: str, table: Any) -> Allowance:
     """Return the tolerance of a table, every key checked."""
     table = keys(where, table, ("mean", "low", "high"))
-    return HealthyTolerance(
+    return Allowance(
         mean=number(f"{where}.mean", table["mean"], 0.0, GREATEST),
         low=number(f"{where}.low", table["low"], 1.0 / GREATEST, 1.0),
         high=number(f"{where}.high", table["high"], 1.0, GREATEST),
@@ -158,20 +158,14 @@ def tolerance_from(where: str, table: Any) -> HealthyTolerance:
 
 
 def thresholds_from(
-    where: str,
-    table: Any,
-    statistic: Statistic,
-    tolerance: HealthyTolerance,
-    period_s: float,
-    *,
-    deviation: float = 1.0,
+    where: str, table: Any, statistic: Statistic, tolerance: Allowance, period_s: float, *, deviation: float = 1.0
 ) -> dict[str, float]:
     """Return the thresholds of a table, one a test of the statistic, that let it see.
 
     `deviation` is that of the healthy residual, in its unit.
     """
     nothing = np.zeros(0)
-    labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, HealthyTolerance())]
+    labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, Allowance())]
     table = keys(where, table, tuple(dict.fromkeys(labels)))
     thresholds = {
         label: math.inf if value == NEVER else threshold_of(f"{where}, '{label}'", value)

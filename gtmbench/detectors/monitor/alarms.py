@@ -48,7 +48,7 @@ from gtmbench.detectors.monitor.excursions import Excursions
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
-from gtmbench.detectors.monitor.review import FaultClosing, ReviewOutcome, review
+from gtmbench.detectors.monitor.review import FaultClosing, Reviewed, review
 from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack
 from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
@@ -298,7 +298,7 @@ class AlarmLogic:
             return
         others = self._open.values()
         leader = leader_of(fault, others)
-        outcome = ReviewOutcome()
+        outcome = Reviewed()
         if leader is None and (fault.is_undecided or fault.may_end):
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
@@ -307,7 +307,7 @@ class AlarmLogic:
                 outcome = replace(outcome, judgement=judged)
         self._apply(outcome, fault, fault if leader is None else leader)
 
-    def _apply(self, outcome: ReviewOutcome, fault: OpenFault, leader: OpenFault) -> None:
+    def _apply(self, outcome: Reviewed, fault: OpenFault, leader: OpenFault) -> None:
         """Let happen what comes of a look at a fault that counts to a leader, maybe itself."""
         alarm, judged = fault.alarm, outcome.judgement
         if leader.number != alarm.fault:

@@ -33,7 +33,7 @@ class _Way:
     of_slope: FloatArray | None = field(repr=False)
 
 
-class FollowedResidual:
+class Followed:
     """A gyro's own residual in the rows about a fault's onset, with an attitude that follows the fault.
 
     `record`: healthy, with the bank's channels. `sensor`: the gyro. `rows`: of the record: from the onset up to the

@@ -1,6 +1,6 @@
 """A review of an open fault: what its case says at a horizon, and what comes of that.
 
-Nothing happens here: a review gives an `ReviewOutcome`, which `alarms.AlarmLogic` lets happen.
+Nothing happens here: a review gives an `Reviewed`, which `alarms.AlarmLogic` lets happen.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class FaultClosing:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReviewOutcome:
+class Reviewed:
     """What comes of a look at an open fault; nothing, unless it says so.
 
     Attributes
@@ -68,7 +68,7 @@ class ReviewOutcome:
 
 def review(
     fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()
-) -> ReviewOutcome:
+) -> Reviewed:
     """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
 
     So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
@@ -76,24 +76,24 @@ def review(
     `others`: all that are open. `without`: families of hypotheses that aren't tried.
     """
     if not case.is_ripe:
-        return ReviewOutcome()
+        return Reviewed()
     if fault.is_late or fault.is_decided:
         end = _end(fault, case, ())
         if end is None or fault.is_late:
-            return ReviewOutcome(closing=end)
+            return Reviewed(closing=end)
     ranking = ranked_hypotheses(case, case.suspects, without)
     end = _end(fault, case, ranking)
     if end is not None:
-        return ReviewOutcome(closing=end)
+        return Reviewed(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
     judged = _consistent_with_earlier(judged, fault.alarm)
     if _is_worse(case, judged, fault.alarm.last):
-        return ReviewOutcome()
+        return Reviewed()
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
     if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
-        return ReviewOutcome()
-    return ReviewOutcome(
+        return Reviewed()
+    return Reviewed(
         judgement=judged,
         ruled_out=frozenset(hopeless(case, ranking, case.suspects) - set(judged.candidates)),
         held=_decisive(ranking, judged),

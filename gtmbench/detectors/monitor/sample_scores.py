@@ -28,9 +28,7 @@ class RowByRow:
     def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, ScoreTrack]) -> None:
         self._memory, self._names = memory, sorted(tracks)
         self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
-        self._lines = [
-            _ResidualLine(monitor, memory, tracks[output], output, i) for i, output in enumerate(self._names)
-        ]
+        self._lines = [_Residual(monitor, memory, tracks[output], output, i) for i, output in enumerate(self._names)]
         self._ratios = _Ratios(monitor, self._names)
         names = {name for line in self._lines for name in (line.output, *line.inputs)}
         self._pseudo = tuple(name for name in names if name in PSEUDO_INPUTS)
@@ -119,7 +117,7 @@ class RowByRow:
         self.is_stale = False
 
 
-class _ResidualLine:
+class _Residual:
     """One residual's way from its inputs to white noise."""
 
     def __init__(self, monitor: CalibratedBank, memory: Memory, track: ScoreTrack, output: str, place: int) -> None:

@@ -1,7 +1,7 @@
 """What a fault put on a record would do to a residual, without watching the record again.
 
 A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual;
-but for a gyro that drives the attitude, which bends the prediction, too (`FollowedResidual`).
+but for a gyro that drives the attitude, which bends the prediction, too (`Followed`).
 Whitening passes that on from the onset, by the noise as it was learnt until then, and the scores after it follow from
 the monitor's own statistic.
 """
@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.monitor.following import FollowedResidual
+from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
-from gtmbench.detectors.statistics.statistic import HealthyTolerance, Spread, Statistic, over
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic, over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import AttitudeEstimator
@@ -110,7 +110,7 @@ class ChangedResidual:
         return self.monitor.bank.statistic
 
     @property
-    def _tolerance(self) -> HealthyTolerance:
+    def _tolerance(self) -> Allowance:
         return self.monitor.tolerances[self.output]
 
     @property
@@ -169,7 +169,7 @@ class Superposition:
     armed: BoolArray = field(repr=False)  # shape (samples,): where its score, once known, could have raised an alarm
     # what makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't
     estimator: AttitudeEstimator | None = None
-    _followings: dict[range, FollowedResidual] = field(default_factory=dict, init=False, repr=False)
+    _followings: dict[range, Followed] = field(default_factory=dict, init=False, repr=False)
 
     def alarm_row(self, fault: Fault, within_s: float) -> int | None:
         """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
@@ -210,13 +210,11 @@ class Superposition:
         change = following.change(reads - was)[: stop - following.begin]
         return following.begin, self.residual.raw[following.begin : stop] + change
 
-    def _following(self, row: int, stop: int) -> FollowedResidual | None:
+    def _following(self, row: int, stop: int) -> Followed | None:
         """Return how the attitude follows what is changed from one row up to another; None where it doesn't."""
         if self.estimator is None:
             return None
         rows = range(row, min(stop + self.residual.ahead, len(self.record)))
         if rows not in self._followings:
-            self._followings[rows] = FollowedResidual(
-                self.residual.monitor, self.record, self.sensor, rows, self.estimator
-            )
+            self._followings[rows] = Followed(self.residual.monitor, self.record, self.sensor, rows, self.estimator)
         return self._followings[rows]

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, HealthyTolerance, Statistic
+from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.values.record import FloatArray
@@ -27,7 +27,7 @@ def check_sight(
     where: str,
     thresholds: Mapping[str, float],
     statistic: Statistic,
-    tolerance: HealthyTolerance,
+    tolerance: Allowance,
     sample_period_s: float,
     *,
     deviation: float = 1.0,
@@ -40,8 +40,8 @@ def check_sight(
     test sees a step of the mean of 20 deviations that lasts 5 s, or ten times the noise for as long.
 
     >>> test = Statistic(windows_s=(1.0,))
-    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 24.0}, test, HealthyTolerance(), 0.01)
-    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 1e308}, test, HealthyTolerance(), 0.01)
+    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 24.0}, test, Allowance(), 0.01)
+    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 1e308}, test, Allowance(), 0.01)
     Traceback (most recent call last):
     ...
     gtmbench.errors.InputError: p, 'energy 1 s' is 1e+308; nothing passes that: the grossest fault reaches 5.03e+05
@@ -70,7 +70,7 @@ def check_sight(
 
 @lru_cache(maxsize=64)
 def _extremes(
-    statistic: Statistic, tolerance: HealthyTolerance, sample_period_s: float
+    statistic: Statistic, tolerance: Allowance, sample_period_s: float
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
     """Return what each test is on healthy noise, least and greatest, and the greatest under faults that must be seen.
 
@@ -92,7 +92,7 @@ def _extremes(
 
 
 @lru_cache(maxsize=64)
-def _grossest(statistic: Statistic, tolerance: HealthyTolerance, sample_period_s: float) -> dict[str, float]:
+def _grossest(statistic: Statistic, tolerance: Allowance, sample_period_s: float) -> dict[str, float]:
     """Return the greatest that each test can be: under far steps, far noise and silence as long as its window."""
     noise, quiet = _noise(statistic, sample_period_s)
     after = np.arange(len(noise)) >= quiet
@@ -117,7 +117,7 @@ def _lasting(statistic: Statistic, sample_period_s: float) -> int:
 
 
 def _greatest(
-    statistic: Statistic, tolerance: HealthyTolerance, sample_period_s: float, values: FloatArray
+    statistic: Statistic, tolerance: Allowance, sample_period_s: float, values: FloatArray
 ) -> dict[str, float]:
     scores = statistic.scores(values, White.steady(values), sample_period_s, tolerance)
     return {score.label: float(np.nanmax(score.values)) for score in scores}

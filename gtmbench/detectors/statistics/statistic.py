@@ -29,7 +29,7 @@ Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how ma
 
 
 @dataclass(frozen=True, kw_only=True)
-class HealthyTolerance:
+class Allowance:
     """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so."""
 
     mean: float = 0.0  # change of its mean, in deviations: tests of the mean judge what exceeds it
@@ -133,7 +133,7 @@ class Statistic:
         raw: FloatArray,
         white: White,
         sample_period_s: float,
-        tolerance: HealthyTolerance,
+        tolerance: Allowance,
         spread: Spread | None = None,
     ) -> list[RawScore]:
         """Return the scores of one residual, raw (in the output's unit) and whitened, row for row beside it."""
@@ -178,7 +178,7 @@ class Statistic:
         self,
         given: Given,
         sample_period_s: float,
-        tolerance: HealthyTolerance,
+        tolerance: Allowance,
         *,
         at: range | None = None,
         carried: Carried | None = None,
@@ -203,7 +203,7 @@ class Statistic:
 
 
 def _energy(
-    test: Statistic, given: Given, sample_period_s: float, _: HealthyTolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, _: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
     squares = np.square(given.values[: at.stop])
@@ -212,7 +212,7 @@ def _energy(
 
 
 def _whitened_energy(
-    test: Statistic, given: Given, sample_period_s: float, _: HealthyTolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, _: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """RMS of the whitened residual over a window; healthy: about 1."""
     squares = np.square(given.values[: at.stop])
@@ -221,7 +221,7 @@ def _whitened_energy(
 
 
 def _cusum(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: HealthyTolerance, at: range, carried: Carried
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Allowance, at: range, carried: Carried
 ) -> Iterator[RawScore]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
     base, _ = _baseline(given.sums.plain, test, sample_period_s, gap=1, at=at)  # a sample isn't compared with itself
@@ -248,7 +248,7 @@ def _cusum(
 
 
 def _glr(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: HealthyTolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
@@ -357,7 +357,7 @@ def over(values: FloatArray, threshold: float) -> FloatArray:
         return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
 
 
-STATISTICS: dict[str, Callable[[Statistic, Given, float, HealthyTolerance, range, Carried], Iterator[RawScore]]] = {
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Allowance, range, Carried], Iterator[RawScore]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,
@@ -446,7 +446,7 @@ def _baseline(
     return total, length
 
 
-def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> HealthyTolerance:
+def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> Allowance:
     """Return what healthy whitened residuals do beyond noise, three times the greatest over long windows.
 
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
@@ -462,7 +462,7 @@ def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s:
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()
         chance = 4.0 * np.sqrt(2.0 / rows)
         powers += (power[some] - np.clip(power[some] - 1.0, -chance, chance)).tolist()
-    return HealthyTolerance(
+    return Allowance(
         mean=3.0 * max(shifts),
         low=1.0 / (1.0 + 3.0 * (1.0 / max(min(powers), 1e-3) - 1.0)),
         high=1.0 + 3.0 * (max(powers) - 1.0),

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.statistics.statistic import HealthyTolerance, Spread, Statistic
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.files.plain import finite_or_none
@@ -207,7 +207,7 @@ class Luck:
 
 
 def healthy_maxima(
-    test: Statistic, healthy: Healthy, tolerances: Mapping[str, HealthyTolerance], sample_period_s: float
+    test: Statistic, healthy: Healthy, tolerances: Mapping[str, Allowance], sample_period_s: float
 ) -> HealthyMaxima:
     """Return the greatest values of all tests in blocks of healthy residuals.
 

@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, in_coloured_noise
 from gtmbench.detectors.surfaces.whitened import ORDER
 from gtmbench.engine.commands.commanded import Commanded
-from gtmbench.engine.commands.suspects import CommandSuspect
+from gtmbench.engine.commands.suspects import Culprit
 from gtmbench.values.record import FloatArray
 
 _CHUNK_S = 4.0  # as closely as a flight is divided
@@ -32,7 +32,7 @@ _BEGUN = round(SETTLES_S / STEP_S)  # steps that filters take to settle
 class SuspectEvidence:
     """What a suspect explains."""
 
-    suspect: CommandSuspect
+    suspect: Culprit
     nats: float  # less what each size costs
     # sizes, deviations, shape (wrong,): zero of what isn't used
     sizes: FloatArray
@@ -82,7 +82,7 @@ def _misfit(products: FloatArray) -> FloatArray:
 
 
 def change_of(
-    commanded: Commanded, suspects: Sequence[CommandSuspect], step: int, last: int, between: tuple[int, int]
+    commanded: Commanded, suspects: Sequence[Culprit], step: int, last: int, between: tuple[int, int]
 ) -> AnswerChange:
     """Return what the change at a step is, and who explains it until another."""
     own = commanded.steps
@@ -111,7 +111,7 @@ def change_of(
 
 
 def _changed(
-    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: CommandSuspect, kind: int, name: str
+    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: Culprit, kind: int, name: str
 ) -> FloatArray:
     """Return what an error changes of what an equation leaves.
 
@@ -159,7 +159,7 @@ class _Equation:
         return squares, white.T @ self._left / self._noise - mixed.T @ self._gain @ self._products
 
 
-def _explained(suspect: CommandSuspect, squares: FloatArray, products: FloatArray, steps: int) -> SuspectEvidence:
+def _explained(suspect: Culprit, squares: FloatArray, products: FloatArray, steps: int) -> SuspectEvidence:
     """Return what a suspect explains at best, in the ways that can be."""
     best = SuspectEvidence(
         suspect=suspect, nats=-np.inf, sizes=np.zeros(len(products)), deviations=np.full(len(products), np.inf)

@@ -27,7 +27,7 @@ _NO_ENDS = ("phi", "theta")  # they enter no equation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CommandSuspect:
+class Culprit:
     """Who may be behind it."""
 
     name: str  # a channel
@@ -49,7 +49,7 @@ class CommandSuspect:
 _MOST = 1.3  # of a share: what is fitted is noisy
 
 
-def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[CommandSuspect]:
+def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[Culprit]:
     """Give everybody who may be behind a change.
 
     `excluded`, by channel: the largest error of sensors that may hide, where others call them clear, in their unit.
@@ -60,13 +60,11 @@ def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator
         if name in commanded.frame.surfaces:
             slow_s, unit = (_SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (_SLOW_S, 1.0)
             wrong = (np.ones(len(read)), from_mean, (read - _behind(read, slow_s)) / slow_s)
-            yield CommandSuspect(
-                name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True
-            )
+            yield Culprit(name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True)
         elif name not in (*COMMANDS, *_NO_ENDS):
             most = _EXCLUDED * excluded.get(name, _ANY)
             spread = np.array([most, most / max(float(from_mean.std()), 1e-9)])
-            yield CommandSuspect(name=name, wrong=(np.ones(len(read)), from_mean), spread=spread, is_surface=False)
+            yield Culprit(name=name, wrong=(np.ones(len(read)), from_mean), spread=spread, is_surface=False)
 
 
 def _behind(values: FloatArray, lag_s: float) -> FloatArray:
