@@ -40,9 +40,8 @@ _SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usu
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
-_TIMES_AS_LONG = (
-    20.0  # a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
-)
+# a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
+_TIMES_AS_LONG = 20.0
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 

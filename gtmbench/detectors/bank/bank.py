@@ -15,9 +15,8 @@ from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, r
 from gtmbench.values.channels import ATTITUDE, GYROS
 
 _MOST_RESIDUALS = 50  # a bank's file with more is a mistake: an aircraft has some ten sensors
-_DRIVEN_WHITENING_S = (
-    1.5  # what is left of a gyro's fault is slow beside the references' noise: it takes longer filters
-)
+# what is left of a gyro's fault is slow beside the references' noise: it takes longer filters
+_DRIVEN_WHITENING_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,9 +25,8 @@ _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
 _LIKELIEST = 8.9  # of -2 log likelihood a row: its noise has gone (3.5), its gain nearly (4.6), any gain will do (0.8)
 _FAR_DEG = 5.0  # an angle's change that is larger isn't linear: it is taken out first
 _LEAST_GAIN = 0.05  # of a whitening filter for what is slow
-_LINEAR_DEG = (
-    1.0  # of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
-)
+# of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
+_LINEAR_DEG = 1.0
 _MISTAKEN = 0.01  # of what bent angles and motion make of a rate
 _MOTION_S = 1.0  # over which what bent angles and motion make is averaged
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
