@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import UNKNOWN, WALKING, WORTH, Fit, Fitter, Parameters
-from gtmbench.detectors.isolation.noise import spikes_of
+from gtmbench.detectors.isolation.noise import NoiseFit, spikes_of
 from gtmbench.detectors.isolation.search import ParameterSearch
 from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.detectors.isolation.suspect import Left, Suspect
@@ -93,16 +93,7 @@ def _tone(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
             errors = partial(_errors, fitter, shape.parameter, "sin", "cos")
             yield fitter.shaped(cls.kind, family, names, found, errors, more=1)
     band = fitter.band
-    amplitude = float(np.sqrt(2.0 * band.variance))
-    yield Fit(
-        kind=cls.kind,
-        family=shape.family,
-        left=band.left,
-        parameters={shape.parameter: amplitude, "frequency_hz": fitter.frequency_hz},
-        free=3,
-        errors=partial(_scaled, shape.parameter, amplitude, 0.5 * band.spread),
-        misfit=band.misfit,
-    )
+    yield _noisy(cls, shape, band, float(np.sqrt(2.0 * band.variance)), 3, frequency_hz=fitter.frequency_hz)
 
 
 def _gain(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
@@ -175,30 +166,12 @@ def _rounded(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 def _white(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     noise = fitter.noises([()])[0][0]
-    deviation = float(np.sqrt(noise.variance))
-    yield Fit(
-        kind=cls.kind,
-        family=shape.family,
-        left=noise.left,
-        parameters={shape.parameter: deviation},
-        free=1,
-        errors=partial(_scaled, shape.parameter, deviation, 0.5 * noise.spread),
-        misfit=noise.misfit,
-    )
+    yield _noisy(cls, shape, noise, float(np.sqrt(noise.variance)), 1)
 
 
 def _walk(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     for names, (_, walk) in zip(WALKING, fitter.noises(WALKING), strict=True):
-        gain = float(np.sqrt(walk.variance / fitter.period_s))
-        yield Fit(
-            kind=cls.kind,
-            family=shape.family,
-            left=walk.left,
-            parameters={shape.parameter: gain},
-            free=1 + len(names),
-            errors=partial(_scaled, shape.parameter, gain, 0.5 * walk.spread),
-            misfit=walk.misfit,
-        )
+        yield _noisy(cls, shape, walk, float(np.sqrt(walk.variance / fitter.period_s)), 1 + len(names))
 
 
 def _spikes(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
@@ -226,6 +199,19 @@ def _turned(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
         found = {shape.parameter: float(np.rad2deg(np.arctan2(across, along)))}
         errors = partial(_angle_error, fitter, shape.parameter, names)
         yield fitter.shaped(cls.kind, shape.family, names, found, errors, partner=name)
+
+
+def _noisy(cls: type[Fault], shape: Shape, noise: NoiseFit, size: float, free: int, **beside: float) -> Fit:
+    """Return the fit of noise of a size, a root of its variance, whose logarithm it tells half as wide."""
+    return Fit(
+        kind=cls.kind,
+        family=shape.family,
+        left=noise.left,
+        parameters={shape.parameter: size, **beside},
+        free=free,
+        errors=partial(_scaled, shape.parameter, size, 0.5 * noise.spread),
+        misfit=noise.misfit,
+    )
 
 
 def _errors(fitter: Fitter, name: str, *shapes: str) -> Parameters:
