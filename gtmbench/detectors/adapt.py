@@ -68,10 +68,7 @@ def installed_names() -> dict[str, str]:
 
 
 def installed(name: str) -> Detector | Monitor:
-    """Return an installed detector by its name.
-
-    InputError where none has that name, or it can't be imported.
-    """
+    """Return an installed detector by its name. InputError where none has that name, or it can't be imported."""
     names = installed_names()
     if name not in names:
         raise InputError(

@@ -136,10 +136,7 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
 
 
 def check_monitor(path: Path) -> None:
-    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures.
-
-    Raises InputError.
-    """
+    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures. Raises InputError."""
     with naming(path):
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
         if KEY not in (document := _parsed(path.read_text(encoding="utf-8"))):

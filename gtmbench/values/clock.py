@@ -126,10 +126,7 @@ class ChunkClock:
 
 
 def advanced(clock: ChunkClock | None, chunk: ChunkClock) -> ChunkClock:
-    """Return the clock after a chunk.
-
-    InputError where the chunk doesn't continue what was before.
-    """
+    """Return the clock after a chunk. InputError where the chunk doesn't continue what was before."""
     if clock is None or clock.count == 0:
         return chunk
     if chunk.source != clock.source:

@@ -100,10 +100,7 @@ class Fit:
 
 
 class Fitter:
-    """Fits of one suspect: shapes are computed once, filtered together.
-
-    `without`: families that aren't tried.
-    """
+    """Fits of one suspect: shapes are computed once, filtered together. `without`: families that aren't tried."""
 
     def __init__(self, suspect: Suspect, without: Iterable[str] = ()) -> None:
         self.suspect, self.without = suspect, frozenset(without)

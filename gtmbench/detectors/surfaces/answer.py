@@ -151,10 +151,7 @@ def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
 
 
 def answer_of(where: str, given: Any) -> Answer:
-    """Return the answer of a table, every key checked.
-
-    InputError naming the key, what stands there and what should.
-    """
+    """Return the answer of a table, every key checked. InputError naming the key, what stands there and what should."""
     names = (
         "vanes",
         "airspeed",

@@ -86,10 +86,7 @@ def judged_series(surfaces: int, series: int) -> int:
 
 
 class Comparing:
-    """The tests at work, as blocks come in.
-
-    `floor`, shape (series,): the noise that was learnt, made white.
-    """
+    """The tests at work, as blocks come in. `floor`, shape (series,): the noise that was learnt, made white."""
 
     def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
         self._floor = np.square(_QUIET * floor)

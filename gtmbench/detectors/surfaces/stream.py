@@ -33,10 +33,7 @@ _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts 
 
 
 class SurfaceWatching(Protocol):
-    """What a stream needs of its monitor.
-
-    `thresholds`, by series.
-    """
+    """What a stream needs of its monitor. `thresholds`, by series."""
 
     @property
     def name(self) -> str: ...  # noqa: D102

@@ -54,10 +54,7 @@ class Engine:
 
 
 def engine_of(where: str, given: Any) -> Engine:
-    """Return the engine of a table, every key checked.
-
-    InputError naming the key, what stands there and what should.
-    """
+    """Return the engine of a table, every key checked. InputError naming the key, what stands there and what should."""
     table = keys(where, given, ("lag_s", "lags", "bend", "level"))
     return Engine(
         lag_s=number(f"{where}.lag_s", table["lag_s"], 0.0, _MOST_LAG_S, above=True),

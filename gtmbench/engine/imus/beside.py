@@ -15,10 +15,7 @@ from gtmbench.engine.samples import Samples, edges_of, held_between, means_betwe
 
 
 def with_imus(flight: Flight, imus: Mapping[str, Sequence[Samples]]) -> Flight:
-    """Return a flight with further IMUs.
-
-    `imus`, by name: what p, q and r of each read, in deg/s.
-    """
+    """Return a flight with further IMUs. `imus`, by name: what p, q and r of each read, in deg/s."""
     return replace(flight, imus=tuple(_imu(name, samples, flight.blocks) for name, samples in imus.items()))
 
 
