@@ -11,7 +11,7 @@ from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
 from gtmbench.engine.finding import REFERENCES, Finding, Side
-from gtmbench.engine.flight import Flight
+from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
@@ -24,7 +24,6 @@ from gtmbench.values.record import BoolArray, FloatArray, Span
 
 OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
 _SEEN_S, _OUTSIDE, _AS_LIVELY = 10.0, 0.5, 0.5  # of motion elsewhere; of what lies outside; of the usual there
-_LIVELY_S = 3.0  # over which it is told how an axis turns
 _JOINED_S = 40.0  # findings of the same suspects that follow each other are one fault's
 _AT_ONCE_S = 3.0  # as well as three onsets are dated
 _SHORTEST_S = 10.0  # what lasts no longer is a contact's or a gust's, and no gyro's
@@ -335,7 +334,7 @@ def _regime(model: Model, finding: Finding) -> list[str]:
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
     own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
-    lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
+    lively = _over(own, max(round(LIVELY_S / flight.blocks.period_s), 1))
     last = finding.last
     if finding.lasts and not finding.best.is_gain:
         shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))

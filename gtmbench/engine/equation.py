@@ -8,12 +8,11 @@ import numpy as np
 
 from gtmbench.engine.constants import CHUNK_S, by_chunks, constants_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.noise import ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of
+from gtmbench.engine.noise import CLIPPED, ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of
 from gtmbench.engine.relation import Relation
 from gtmbench.values.record import BoolArray, FloatArray
 
 _FEWEST = 60  # known blocks: a dozen seconds
-_CLIPPED = 5.0  # deviations, for the filter
 _FULL = 0.25  # of a usual chunk's precision: a mean of less tells nothing of how means wander
 
 
@@ -96,7 +95,7 @@ def learn(
     if relation.regime is not None:
         level = level * regime_of(beside / level, there, flight.lively, np.nan_to_num(relation.regime[:, channel]))
     level = np.maximum(level, relation.least)
-    clipped = np.where(there, np.clip(beside / level, -_CLIPPED, _CLIPPED), 0.0)
+    clipped = np.where(there, np.clip(beside / level, -CLIPPED, CLIPPED), 0.0)
     taps = taps_of(clipped)
     equation = Equation(
         relation=relation,

@@ -14,8 +14,8 @@ from gtmbench.values.attitude import to_earth
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
-_LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
-_MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
+LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
+MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
 _LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
 _STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
 _REPEATS_S = 3.0  # as long as a gyro that reads one value is none that stands by itself
@@ -137,7 +137,7 @@ class Flight:
     @cached_property
     def lively(self) -> FloatArray:
         """The root mean square of the attitude's rate over the last seconds, in deg/s, shape (blocks,)."""
-        rates = np.clip(np.nan_to_num(self.blocks.rates), -_MOST_DEG_S, _MOST_DEG_S)
+        rates = np.clip(np.nan_to_num(self.blocks.rates), -MOST_DEG_S, MOST_DEG_S)
         return np.asarray(np.sqrt(self._trailing(np.square(rates).sum(axis=1))) + _LEAST_DEG_S)
 
     @cached_property
@@ -201,7 +201,7 @@ class Flight:
 
     @property
     def _lively_blocks(self) -> int:
-        return max(round(_LIVELY_S / self.blocks.period_s), 1)
+        return max(round(LIVELY_S / self.blocks.period_s), 1)
 
     def _trailing(self, values: FloatArray) -> FloatArray:
         """Return trailing means over some seconds."""

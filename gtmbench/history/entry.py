@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.course.course import OF_WHITE
 from gtmbench.engine.equation import Equation, rows_per_chunk
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
@@ -17,7 +18,6 @@ from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE,
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
-_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 _FEWEST = 5  # chunks whose means tell how well a noise is known
 _MEDIAN = np.sqrt(0.5 * np.pi)  # the deviation of a median over that of a mean, of normal values
 
@@ -109,7 +109,7 @@ def _noise(judged: Judged, equation: Equation, sensor: str) -> Iterator[Constant
     means = chunks[np.isfinite(chunks).mean(axis=1) > 0.5]
     if len(means) < _FEWEST:
         return
-    logs = 0.5 * (np.nanmean(means, axis=1) - np.log(_OF_WHITE))
+    logs = 0.5 * (np.nanmean(means, axis=1) - np.log(OF_WHITE))
     middle = float(np.median(logs))
     scatter = 1.4826 * float(np.median(np.abs(logs - middle)))
     yield Constant(sensor=sensor, name=NOISE, value=middle, deviation=_MEDIAN * scatter / float(np.sqrt(len(logs))))

@@ -23,7 +23,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.plain import finite_or_none
 from gtmbench.values.record import FloatArray
 
-_BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
+BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
 _TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
 _FEWEST = 5.0  # of the tail's values, independent ones: with fewer a window isn't judged, for it has hardly been seen
@@ -216,7 +216,7 @@ def healthy_maxima(
     `healthy`, by output: residuals. `tolerances`, by output.
     """
     seconds = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s
-    rows = max(round(float(np.clip(seconds / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
+    rows = max(round(float(np.clip(seconds / _BLOCKS, 1.0, BLOCK_S)) / sample_period_s), 1)
     tests: dict[tuple[str, str], ScoreMaxima] = {}
     for output, residuals in healthy.items():
         for raw, white, spread in residuals:

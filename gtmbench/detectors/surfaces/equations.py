@@ -18,8 +18,8 @@ from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
 _LAMBDA_RAD_S = 2.0  # of the filter behind which both sides stand, and rates as their derivatives
-_SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
-_SLOW_ENGINE_S = 1.5  # and a slow engine
+SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
+SLOW_ENGINE_S = 1.5  # and a slow engine
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 OWN_SURFACES = {
@@ -119,7 +119,7 @@ class Regressing:
         self._engine = [_Lags([np.exp(-period_s / frame.engine.lag_s)]) for _ in range(frame.engine.lags)]
         self._air = _Lags([np.exp(-period_s / _AIR_LAG_S)])
         self._smooth = _Lags([np.exp(-period_s * _LAMBDA_RAD_S)])
-        slow_s = [_SLOW_ENGINE_S if name == THROTTLE else _SLOW_S for name in frame.surfaces]
+        slow_s = [SLOW_ENGINE_S if name == THROTTLE else SLOW_S for name in frame.surfaces]
         self._slow = _Lags(
             [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
         )
@@ -168,7 +168,7 @@ class Regressing:
             explained=explained,
             regressors={name: by_axis[axis] for name, axis in self._frame.equations.items()},
             commanded=commanded,
-            slew=(commanded - self._slow.push(commanded)) / _SLOW_S,
+            slew=(commanded - self._slow.push(commanded)) / SLOW_S,
             pressure=np.maximum(smooth[:, after], 1e-3),
             wind=made.wind,
         )

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.detectors.surfaces.equations import SLOW_ENGINE_S, SLOW_S
 from gtmbench.detectors.surfaces.identification import STEP_S
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.engine.commands.commanded import Commanded
 from gtmbench.values.channels import COMMANDS
 from gtmbench.values.record import FloatArray
 
-_SLOW_S, _SLOW_ENGINE_S = 0.3, 1.5  # what is slow is compared with such a lag
 _OFF_DEG, _LACKS, _LATE_S = 10.0, 1.0, 1.0  # a surface's a, b and c: standard deviations about zero
 _ANY = 1e6  # of a sensor that nothing else holds
 _EXCLUDED = 0.5  # of what is excluded in 95 of 100
@@ -58,7 +58,7 @@ def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator
         read = commanded.column(name)
         from_mean = read - read.mean()
         if name in commanded.frame.surfaces:
-            slow_s, unit = (_SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (_SLOW_S, 1.0)
+            slow_s, unit = (SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (SLOW_S, 1.0)
             wrong = (np.ones(len(read)), from_mean, (read - _behind(read, slow_s)) / slow_s)
             yield Culprit(name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True)
         elif name not in (*COMMANDS, *_NO_ENDS):

@@ -31,7 +31,7 @@ _DELAYS_S = np.linspace(0.0, 0.5, 26)  # of a GPS
 _USUAL_DELAY_S = 0.15  # of a GPS that doesn't tell its own
 _FEWEST = 50  # blocks by which a delay is told
 _SAMPLES = 5.0  # by which noise is told
-_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
+OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,7 +161,7 @@ def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
 def _noise(flight: Flight, samples: Samples, edges: FloatArray, unit: float) -> FloatArray:
     """Return the power of a sensor's noise: a sixth of its mean square second difference, were it white."""
     over = max(round(max(1.0, _SAMPLES * samples.step_s) / flight.blocks.period_s), 1)
-    return unit**2 / _OF_WHITE * trailing_means(rough_between(samples, edges), over)
+    return unit**2 / OF_WHITE * trailing_means(rough_between(samples, edges), over)
 
 
 def _with_gps(course: Course, velocity: Sequence[Samples], edges: FloatArray) -> Course:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
+from gtmbench.engine.flight import MOST_DEG_S
 from gtmbench.engine.hindsight.levels import CHUNK_S, ChunkLevel, deviation_of
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
@@ -21,9 +22,8 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
 _LIVELY_DEG_S = 1.5  # of turning: motion
-# over which it is told how fast it turns; motion, of what the liveliest tenth has at least; as long it stands; the most
-# that a turn counts for
-_LIVELY_S, _OF_LIVELIEST, _STANDS_S, _MOST_DEG_S = 2.0, 0.2, 20.0, 400.0
+# over which it is told how fast it turns; motion, of what the liveliest tenth has at least; as long it stands
+_LIVELY_S, _OF_LIVELIEST, _STANDS_S = 2.0, 0.2, 20.0
 _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
 _GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: it doubles
@@ -106,7 +106,7 @@ def _stands(blocks: Blocks) -> BoolArray:
     """
     turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
     rows = max(min(round(_LIVELY_S / blocks.period_s), len(turning)), 1)
-    mean = np.sqrt(np.convolve(np.square(np.minimum(turning, _MOST_DEG_S)), np.ones(rows) / rows, "same"))
+    mean = np.sqrt(np.convolve(np.square(np.minimum(turning, MOST_DEG_S)), np.ones(rows) / rows, "same"))
     moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
     stands = np.zeros(len(mean), dtype=bool)
     starts, ends = runs(~moves)
@@ -310,7 +310,7 @@ def _means(chunks: FloatArray) -> FloatArray:
 
 def _lively(alignment: Alignment) -> FloatArray:
     """Return how fast the attitude turns in each chunk, in deg/s; 0 where that isn't known."""
-    turns = np.linalg.norm(np.minimum(np.abs(alignment.blocks.rates), _MOST_DEG_S), axis=1)
+    turns = np.linalg.norm(np.minimum(np.abs(alignment.blocks.rates), MOST_DEG_S), axis=1)
     return np.nan_to_num(np.sqrt(_means(np.square(alignment.chunked(turns)))))
 
 

@@ -40,10 +40,10 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
 
-_STANDS_S, _OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
+_STANDS_S, OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
 _MOVES_DEG_S = 1.5  # the attitude meanwhile, or one who stands still is right
 _JUMP_FLOOR_DEG = 1.0  # a smaller jump is an estimator's correction
-_OFTEN = 0.95  # of the onsets in a span, from which its size shows
+OFTEN = 0.95  # of the onsets in a span, from which its size shows
 _COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
 _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
@@ -272,7 +272,7 @@ def _of_gyro(
     errors = shifts["error"].bounds
     gains = shifts["gain"].bounds if "gain" in shifts else np.full(len(errors), np.inf)
     noises = noise_size(alignment, axis, shifts["noise"].bounds)
-    repeats = _OF_USUAL * usual_s <= PROMISED_S
+    repeats = OF_USUAL * usual_s <= PROMISED_S
     known = _chunks_known(alignment, alignment.known[:, axis])
     for first, stop, level in _as_good(errors, known):
         part = slice(first, stop)
@@ -333,7 +333,7 @@ def _standing(alignment: Alignment, held_s: FloatArray, sensor: str) -> tuple[li
     others = [float(np.delete(lengths, place).max(initial=0.0)) for place in range(len(lengths))]
     spans, usual_s = [], 0.0
     for start, stop, length, other in zip(starts.tolist(), ends.tolist(), lengths.tolist(), others, strict=True):
-        if length > max(_STANDS_S, _OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
+        if length > max(_STANDS_S, OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
             end_s = blocks.start_s + stop * blocks.period_s
             since_s = end_s - length - blocks.period_s
             spans.append(unjudged((since_s, end_s), f"{sensor} reads one value from {since_s:.1f} to {end_s:.1f} s"))
@@ -361,7 +361,7 @@ def _as_good(bounds: FloatArray, known: BoolArray) -> Iterator[tuple[int, int, f
     edges = [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(bounds)]
     for first, stop in pairwise(edges):
         own = bounds[first:stop]
-        yield first, stop, float(np.quantile(own, _OFTEN, method="higher")) if steps[first] >= 0 else np.inf
+        yield first, stop, float(np.quantile(own, OFTEN, method="higher")) if steps[first] >= 0 else np.inf
 
 
 def _why_masked(alignment: Alignment, axis: int, first: int, stop: int) -> str:

@@ -17,7 +17,7 @@ from gtmbench.method.regression.equations import ALIKE, Equations, about_means, 
 from gtmbench.values.record import FloatArray
 
 _TURNS, _SETTLED = 6, 1e-4  # of the same kind, at most; a change of the variance by which it is settled
-_LEAST_VARIANCE = 1e-12  # of the residual, over the output's
+LEAST_VARIANCE = 1e-12  # of the residual, over the output's
 _DECISIVE = 4.0  # deviations by which the records have to contradict what physics fixes
 _TAP = 0.3  # deviation of a Markov parameter in a direction that has none of the moments
 _SLOW_S = 0.15  # to either side: what is left lies below 3 Hz, where an attitude's rates hold little noise
@@ -69,14 +69,14 @@ def fit(
     wanted, slope = _raw(moments.mean)
     inverse = np.linalg.pinv(among)
     free = np.linalg.svd(among)[2][len(wanted) :].T  # directions without any of these moments
-    variance = max(power / count, _LEAST_VARIANCE)
+    variance = max(power / count, LEAST_VARIANCE)
     # min ||y - U h||^2 + s^2 |z|^2 / tap^2 over h = A^+ c + N z
     for _ in range(2):  # what is left over settles with the first
         hessian = free.T @ gram @ free + variance / _TAP**2 * np.eye(free.shape[1])
         smoothing = np.eye(lags) - free @ np.linalg.solve(hessian, free.T @ gram)
         h = smoothing @ inverse @ wanted + free @ np.linalg.solve(hessian, free.T @ right)
         left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
-        variance = max(left / count, _LEAST_VARIANCE)
+        variance = max(left / count, LEAST_VARIANCE)
     # the moments' own uncertainty, and that of the free directions, are independent
     of_moments = smoothing @ inverse @ slope
     alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
@@ -142,7 +142,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
         prior = np.array([0.0, -shift, expected.curvature + late**2])[: len(deviations)]
         noise = autocovariance(motion, h, lags) * count
         left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
-        variance = max(left / count, _LEAST_VARIANCE)
+        variance = max(left / count, LEAST_VARIANCE)
         own = basis.T @ gram @ basis
         found = []
         # errors in variables: the input's noise shrinks every moment by S/G, and only a share of it is known

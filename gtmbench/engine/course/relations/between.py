@@ -18,6 +18,7 @@ _KEPT = 100  # answers: one an explanation, and it is asked for by every channel
 _STILL = 1e-9  # a change that is rounding
 # of forces: biases of three accelerometers, turned by the attitude, and a constant, in m/s2
 FORCE_PRIOR, FORCE_FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
+FORCE_WANDER_M_S2 = 0.3  # by an attitude that leans
 
 
 def between(course: Course, values: Callable[[Course], FloatArray], **about: Any) -> Relation:
