@@ -84,7 +84,7 @@ def evidence_kept() -> Iterator[dict[tuple[float, tuple[str, ...]], Row]]:
     weighed = review.with_probability
 
     def keeping(case: Case, ranking: Sequence[Any], judged: Judgement) -> Judgement:
-        evidence = probability.Evidence.of(case, ranking, judged)
+        evidence = probability.JudgementEvidence.of(case, ranking, judged)
         kept[judged.time_s, judged.candidates] = evidence._asdict()
         return weighed(case, ranking, judged)
 

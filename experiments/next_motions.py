@@ -25,7 +25,7 @@ import pandas as pd
 import gtmbench as gb
 from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
-from gtmbench.history.next_motion import Motion
+from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.log.watched import WatchedLog
@@ -43,7 +43,7 @@ Row = dict[str, Any]
 class Autopilot:
     """Holds bank and pitch as a motion says; level without one."""
 
-    motion: Motion | None
+    motion: Manoeuvre | None
     level: dict[str, float] = field(default_factory=dict)
     theta: float = float("nan")
 
@@ -69,7 +69,9 @@ class Autopilot:
         return float(np.degrees(np.arctan(np.minimum(turn, 1.0))))  # 45 deg at most
 
 
-def watched(motion: Motion | None, duration_s: float, seed: int, sort: str, attitude: str, folder: Path) -> WatchedLog:
+def watched(
+    motion: Manoeuvre | None, duration_s: float, seed: int, sort: str, attitude: str, folder: Path
+) -> WatchedLog:
     """Fly, write a log, watch it."""
     calm = sort == "calm" and motion is None
     excitation: Any = gb.Excitation() if calm else "turbulence"

@@ -294,7 +294,7 @@ def _calibrated(
 def _check_luck(monitor: Monitor, records: int, what: str) -> None:
     from gtmbench.detectors.statistics.thresholds import Luck
 
-    luck = Luck.told(monitor.provenance)
+    luck = Luck.from_provenance(monitor.provenance)
     if luck is not None:
         luck.check(records, what)
 

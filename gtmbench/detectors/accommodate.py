@@ -191,7 +191,7 @@ class _Hand:
 
     def _decide(self, time_s: float, readings: Readings) -> None:
         """Decide what every sensor is: heard, suspected or replaced."""
-        axes = doubted(self._stream, self._gyros, is_settled=bool(self._latched))
+        axes = doubted_gyros(self._stream, self._gyros, is_settled=bool(self._latched))
         self._guarded_s = {name: until_s for name, until_s in self._guarded_s.items() if time_s < until_s}
         axes |= set(self._guarded_s)
         if axes and math.isnan(self._share):
@@ -370,7 +370,7 @@ class _Proof:
         return self._for_s
 
 
-def doubted(stream: Stream, gyros: Sequence[str], *, is_settled: bool = False) -> set[str]:
+def doubted_gyros(stream: Stream, gyros: Sequence[str], *, is_settled: bool = False) -> set[str]:
     """Return the gyros whose axis a fault that lasts may be in.
 
     These are the ones whose scores rose, and those of the axes of sensors that are named. As long as nothing is settled

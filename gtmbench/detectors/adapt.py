@@ -35,10 +35,7 @@ _MONITOR = (
 def adapted(given: Any, called: str | None = None) -> Detector | Monitor:
     """Return an object as a Detector or a Monitor; `called` is what the user calls it.
 
-    Raises
-    ------
-    InputError
-        Saying what is missing.
+    InputError saying what is missing.
     """
     if isinstance(given, type):
         given = _instance_of(given)
@@ -71,13 +68,7 @@ def installed_names() -> dict[str, str]:
 
 
 def installed(name: str) -> Detector | Monitor:
-    """Return an installed detector by its name.
-
-    Raises
-    ------
-    InputError
-        Where none has that name, or it can't be imported.
-    """
+    """Return an installed detector by its name. InputError where none has that name, or it can't be imported."""
     names = installed_names()
     if name not in names:
         raise InputError(

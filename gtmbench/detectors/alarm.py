@@ -101,7 +101,7 @@ class Judgement:
             return f"can't tell: {self.doubt}"
         return f"undecided: {' or '.join(self.candidates)}" if self.candidates else "nothing is left to explain"
 
-    def doubted(self, why: str) -> Judgement:
+    def naming_nobody(self, why: str) -> Judgement:
         """Return it as one that accuses nobody, and why; what it says by its own residual is its reason."""
         return replace(self, sensor=None, partner=None, doubt=why, reason=f"{self.verdict} by its own residual")
 
@@ -167,7 +167,7 @@ class Alarm:
 
     def disbelieved(self, why: str) -> Alarm:
         """Return it as one that never accuses anybody, and why; what is doubted of its own stays so."""
-        judged = (each.doubted(why) if each.candidates and not each.doubt else each for each in self.judgements)
+        judged = (each.naming_nobody(why) if each.candidates and not each.doubt else each for each in self.judgements)
         return replace(self, judgements=tuple(judged))
 
     @property
@@ -247,13 +247,13 @@ class Alarm:
         return self.last.verdict
 
 
-SAID = ("alarm (s)", "onset (s)", "of", "said")  # what `said_of` says, column by column
+ALARM_COLUMNS = ("alarm (s)", "onset (s)", "of", "said")  # what `rows_of_alarms` says, column by column
 
 
-def said_of(alarms: Iterable[Alarm]) -> list[tuple[str, str, str, str]]:
+def rows_of_alarms(alarms: Iterable[Alarm]) -> list[tuple[str, str, str, str]]:
     """Return what is said of each alarm as words, a row each, for a notebook.
 
-    >>> said_of([Alarm(number=0, time_s=2.5, onset_s=2.0, source="p")])
+    >>> rows_of_alarms([Alarm(number=0, time_s=2.5, onset_s=2.0, source="p")])
     [('2.50', '2.00', 'p', 'alarm')]
     """
     return [(f"{alarm.time_s:.2f}", f"{alarm.onset_s:.2f}", alarm.source, alarm.verdict) for alarm in alarms]

@@ -29,11 +29,7 @@ _USED = [COLUMNS[name] for name in ("alpha", "beta", "phi", "theta", "psi", "ny"
 class Balance:
     """The balances since an onset, for angles as read and as the gyros carry them on.
 
-    Parameters
-    ----------
-    before : sequence of readings
-        The samples that end with the onset, over which what changes is averaged.
-    sample_period_s : float
+    `before`: the samples that end with the onset, over which what changes is averaged.
     """
 
     def __init__(self, before: Sequence[Readings], sample_period_s: float) -> None:

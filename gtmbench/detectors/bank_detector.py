@@ -13,21 +13,20 @@ import numpy as np
 from gtmbench.detectors.bank.bank import Bank, load_bank
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of, without_spread
 from gtmbench.detectors.bank.calibration import calibrate_bank
+from gtmbench.detectors.bank.composed import AUTO, composed_bank
 from gtmbench.detectors.bank.parsing import bank_figures, calibrated_of
 from gtmbench.detectors.basis import Basis
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.isolation.case import WITNESSES
-from gtmbench.detectors.monitor.alarm_engine import Engine
 from gtmbench.detectors.monitor.arming import Arming
-from gtmbench.detectors.monitor.bank_stream import BankStream
+from gtmbench.detectors.monitor.bank_stream import BankStream, RecordStream
 from gtmbench.detectors.monitor.bank_trials import BankTrials
 from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, rises_of
-from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
-from gtmbench.detectors.monitor.scores import reach_of, residual_scores
+from gtmbench.detectors.monitor.scores import residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
@@ -35,7 +34,7 @@ from gtmbench.detectors.statistics.thresholds import RATE
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.estimators.bayesian import Bayesian
-from gtmbench.method.problem import Estimator, Records, taught_records
+from gtmbench.method.problem import Estimator, Records, as_records, taught_records
 from gtmbench.values.channels import unit_of
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.notebook import card, figure
@@ -124,7 +123,7 @@ class BankMonitor(CalibratedBank):
 
     def stream(self) -> BankStream:
         """Return a fresh stream, which gives the results of `watch` as samples arrive."""
-        regime = Regime.told(self.provenance)
+        regime = Regime.from_provenance(self.provenance)
         return MotionStream(self, regime) if self.bank.kinematic and regime.limits else BankStream(self)
 
     def trials(self, record: Record) -> BankTrials:
@@ -167,43 +166,26 @@ class BankMonitor(CalibratedBank):
         residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
         out = blots(self, record, outside)
         learnt = {} if before is None else dict(without_spread(self, before).raw)
-        memory = Memory.of(self, record, residuals.spread)
-        memory.leave_out(out)
         # 2. what scores would have said inside of what nobody judges: it is told as an alarm that can't be judged
         is_silent = any(not excursion.is_judged for excursion in outside)
-        scores = residual_scores(self, record, residuals.as_told, learnt) if is_silent else {}
+        scores = residual_scores(self, record, residuals.whole, learnt) if is_silent else {}
         excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
-        # 3. piece by piece, so that a day costs the memory of twenty minutes: scores, alarms, judgements
-        engine = Engine(self, memory, learnt, keeps_changes=True, without=without, excursions=excursions)
-        values = {output: np.full(len(record), np.nan) for output in self.operators}
-        reach, columns = reach_of(self), record.columns(self.bank.channels)
-        for piece in residuals.pieces():
-            progress("watch", piece.start, len(record))
-            first = max(piece.start - reach, 0)
-            told = residuals.part(range(first, piece.stop))
-            told = replace(told, raw=blotted(told.raw, out)) if out else told
-            rows = range(piece.start, piece.stop)
-            engine.take(told, first, rows, record.part(rows).there[:, columns])
-            engine.run(piece.stop)
-            for output, track in engine.tracks.items():
-                values[output][track.first : track.stop] = track.values
-            if piece.stop < len(record):
-                engine.forget()
+        # 3. the record as a stream takes it: scores, alarms, judgements
+        stream = RecordStream(residuals, out, before=learnt, without=without, excursions=excursions)
+        stream.take_all(progress)
         return BankWatch(
             monitor=self,
             record=record,
             scores=MappingProxyType(
-                {each.output: _score(self, record, each, values[each.output]) for each in engine.logic.arming}
+                {each.output: _score(self, record, each, stream.scores[each.output]) for each in stream.armings}
             ),
-            alarms=tuple(engine.logic.alarms),
+            alarms=stream.alarms,
             residuals=residuals.raw,
             predictions=residuals.predicted,
             spread=residuals.spread,
             before=MappingProxyType(learnt),
             outside=tuple(outside),
-            noise_levels=MappingProxyType(
-                {output: track.level for output, track in engine.tracks.items() if track.level > 0.0}
-            ),
+            noise_levels=MappingProxyType(stream.noise_levels),
             widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
         )
 
@@ -365,10 +347,7 @@ class BankDetector:
 def restore_bank(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> BankMonitor:
     """Return the monitor of a bank, whichever its figures hold; every key is checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     return BankMonitor(**vars(calibrated_of(figures, provenance)))
 
@@ -424,3 +403,24 @@ def calibrate(
         progress=progress,
     )
     return BankMonitor(**vars(calibrated))
+
+
+@dataclass(frozen=True, kw_only=True)
+class AutoDetector:
+    """Bank auto as a recipe: a log's or a record's channels make it a bank (`composed_bank`)."""
+
+    name: str = AUTO
+    channels: tuple[str, ...] = ()  # whatever is there
+
+    def calibrate(
+        self, records: Sequence[Record], false_alarms_per_hour: float | None = None, *, progress: Progress = silent
+    ) -> BankMonitor:
+        """Identify the bank that the channels of all records allow, and set its thresholds."""
+        given = as_records(records)
+        first, *others = (set(record.channels) for record in given)
+        bank = composed_bank(first.intersection(*others))
+        return BankDetector(bank=bank).calibrate(given, false_alarms_per_hour, progress=progress)
+
+    def restore(self, figures: Mapping[str, Any], provenance: Mapping[str, Any] = MappingProxyType({})) -> BankMonitor:
+        """Return the monitor of some figures, whichever bank it was."""
+        return restore_bank(figures, provenance)

@@ -160,17 +160,10 @@ class SimpleDetector:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimpleMonitor:
-    """A `SimpleDetector` and what it learned.
-
-    Attributes
-    ----------
-    detector : SimpleDetector
-    learned : dict
-        As plain values.
-    """
+    """A `SimpleDetector` and what it learned."""
 
     detector: SimpleDetector
-    learned: dict[str, Any] = field(repr=False)
+    learned: dict[str, Any] = field(repr=False)  # as plain values
     sample_period_s: float
     provenance: Mapping[str, object] = field(default_factory=dict)
 
@@ -208,10 +201,7 @@ class SimpleMonitor:
     def watch(self, record: Record) -> Watch:
         """Return scores and alarms: a score that rises above 1, having been known at or below it.
 
-        Raises
-        ------
-        InputError
-            If the record lacks a channel or has another sample period.
+        InputError if the record lacks a channel or has another sample period.
         """
         known_s = np.round(record.time_s + self.look_ahead_s, 9)
         scores = {
@@ -249,12 +239,7 @@ class SimpleMonitor:
 
 
 class SimpleStream:
-    """A `SimpleMonitor` at work: the scores of a rolling buffer, held against 1; whether they are armed is carried on.
-
-    Parameters
-    ----------
-    monitor : SimpleMonitor
-    """
+    """A `SimpleMonitor` at work: scores of a rolling buffer, held against 1; whether they are armed is carried on."""
 
     def __init__(self, monitor: SimpleMonitor) -> None:
         self._monitor = monitor
@@ -276,10 +261,7 @@ class SimpleStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise.
 
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         clock, record = self._buffer.joined(chunk)
         known = clock.known(len(chunk), self._monitor.behind)

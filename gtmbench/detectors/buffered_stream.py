@@ -21,12 +21,8 @@ _SLACK = 1e-3  # of a sample: times of a part are rounded otherwise than those o
 class RollingBuffer:
     """The end of a record that comes in chunks: its last `memory_s`, and one sample more.
 
-    Parameters
-    ----------
-    channels : sequence of str
-        That are kept; all of them, where there are none.
-    memory_s : float
-        May be infinite: then all is kept, and what a sample costs grows.
+    `channels`: that are kept; all of them, where there are none. `memory_s`: may be infinite: then all is kept, and
+    what a sample costs grows.
     """
 
     def __init__(self, channels: Sequence[str], memory_s: float) -> None:
@@ -38,10 +34,7 @@ class RollingBuffer:
     def joined(self, chunk: Record) -> tuple[ChunkClock, Record]:
         """Return where the stream stands after a chunk, and what is kept with the chunk behind it; nothing is changed.
 
-        Raises
-        ------
-        InputError
-            Where the chunk doesn't continue the one before, or lacks a channel.
+        InputError where the chunk doesn't continue the one before, or lacks a channel.
         """
         inside = taken_inside(chunk)
         new = inside.select(self._channels) if self._channels else inside
@@ -79,12 +72,6 @@ class BufferedStream:
     the more the longer the stream runs: state a memory, or push long chunks. A score of the monitor's has to come down
     within its memory to be armed.
 
-    Parameters
-    ----------
-    monitor : Monitor
-
-    Examples
-    --------
     >>> from gtmbench.detectors.function import FunctionDetector
     >>> def beyond_one(record):
     ...     return record.time_s[record["p"] > 1.0]
@@ -114,10 +101,7 @@ class BufferedStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of.
 
-        Raises
-        ------
-        InputError
-            Where the chunk doesn't continue the one before, or the monitor refuses it.
+        InputError where the chunk doesn't continue the one before, or the monitor refuses it.
         """
         clock, record = self._buffer.joined(chunk)
         if not len(chunk):

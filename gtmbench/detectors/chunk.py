@@ -14,7 +14,7 @@ from gtmbench.values.clock import ChunkClock, advanced
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 
-class Said(NamedTuple):
+class ChunkResult(NamedTuple):
     """Of a chunk: scores and where they are armed, a row a sample, and the alarms that are new or told more of."""
 
     known_s: FloatArray
@@ -51,15 +51,12 @@ class ChunkStream(ABC):
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of.
 
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         return self.taken(chunk).told
 
     @abstractmethod
-    def taken(self, chunk: Record) -> Said:
+    def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
 
     def _news(self, before: Mapping[int, Alarm]) -> tuple[Alarm, ...]:
@@ -72,10 +69,7 @@ def taken(
 ) -> tuple[ChunkClock, Record]:
     """Return where a stream stands after a chunk, and the channels of it that a monitor of some name reads.
 
-    Raises
-    ------
-    InputError
-        If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+    InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
     """
     new = taken_inside(chunk).select(channels)
     new.check_period(sample_period_s, f"'{name}' was calibrated at")

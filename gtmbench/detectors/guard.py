@@ -15,15 +15,13 @@ from gtmbench.values.channels import GYROS
 _LEARNT_S = 10.0  # at least, before anything is beyond it
 _BLOCK_S = 1.0  # what came within the last one or two isn't learnt yet
 _JUMP_TIMES, _LEVEL_TIMES = 4.0, 2.5  # the greatest so far
-_LEAST_JUMP_DEG_S, _LEAST_LEVEL_DEG_S = 5.0, 8.0
+_LEAST_JUMP_DEG_S, _LEAST_LEVEL_DEG_S = 5.0, 8.0  # where a flight has hardly moved so far
 _COLUMNS = [(name, COLUMNS[name]) for name in GYROS]
 
 
 class Guard:
     """The guard of one flight, sample by sample.
 
-    Examples
-    --------
     >>> guard = Guard(sample_period_s=0.01)
     >>> calm = [0.5, -0.5, 0.2] + [0.0] * 10
     >>> any(guard.take(calm, is_learning=True) for _ in range(1100))

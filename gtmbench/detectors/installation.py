@@ -29,20 +29,6 @@ Rows = np.ndarray[tuple[int], np.dtype[np.int_]]
 class Installation:
     """How gyros and attitude of a record are installed, as far as it shows.
 
-    Attributes
-    ----------
-    gyros : shape (3, 3)
-        What p, q, r read of the true rates.
-    bias : shape (3,)
-        In deg/s. It is said, not undone: detectors compare means with those before.
-    late_s : float
-        How late the attitude is against the gyros at `since_s`; below 0 the gyros are.
-    drift : float
-        What it is later by in each second: the clocks' rates differ.
-    since_s : float
-
-    Examples
-    --------
     >>> gyros = np.eye(3) + [[0.012, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
     >>> Installation(gyros=gyros, late_s=0.005, drift=1e-4).said
     ('attitude 5 ms late', 'clocks 100 ppm apart', 'p reads 1.2 % high')
@@ -50,10 +36,11 @@ class Installation:
     True
     """
 
-    gyros: FloatArray = field(default_factory=lambda: np.eye(3))
+    gyros: FloatArray = field(default_factory=lambda: np.eye(3))  # shape (3, 3): what p, q, r read of the true rates
+    # shape (3,): in deg/s. It is said, not undone: detectors compare means with those before
     bias: FloatArray = field(default_factory=lambda: np.zeros(3))
-    late_s: float = 0.0
-    drift: float = 0.0
+    late_s: float = 0.0  # how late the attitude is against the gyros at `since_s`; below 0 the gyros are
+    drift: float = 0.0  # what it is later by in each second: the clocks' rates differ
     since_s: float = 0.0
 
     @property
@@ -105,12 +92,7 @@ class Installation:
         left, less than two samples, the attitude goes on with its rates by the gyros: no noise is averaged away. Where
         more or fewer samples have to be waited for than before, clocks being apart, a row's attitude is missing.
 
-        Parameters
-        ----------
-        record : Record
-        rows : range
-        waited : int
-            Samples that the row before `rows` had waited for; below 0 the attitude's.
+        `waited`: samples that the row before `rows` had waited for; below 0 the attitude's.
         """
         if self.is_plain and not waited:
             return record.part(rows), 0

@@ -31,11 +31,11 @@ _BLUNT = np.array([0.001] * 9 + [2e-4, 1e-6])  # what noise in the attitude, and
 _WITHIN = 3.0  # of these
 _DECISIVE = 3.0  # deviations from 0 by which something has to be shown
 _FEWEST = 5  # blocks that settle anything
-_LEAST_POWER = 1e-12
+_LEAST_POWER = 1e-12  # a division's guard, where nothing moves
 _ALIKE = 6.0  # times the median block's residual: more is no installation's
 _KEPT = 200  # blocks
-_TURNS = 6
-_LEAST_THERE = 0.5
+_TURNS = 6  # of a robust fit: each weighs blocks by what the one before left
+_LEAST_THERE = 0.5  # of a block's samples
 _E, _TIME, _RATE = 9, 9, 10  # places among the 11 unknowns: E row by row, lag, drift
 
 
@@ -328,12 +328,8 @@ def has_motion(monitor: Monitor) -> bool:
 def corrected(records: Sequence[Record], expected: Installation | None = None) -> tuple[list[Record], Installation]:
     """Return stretches of one flight with their installation undone, as a stream would have them, and what it is.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        In time, with gyros and the whole attitude, of one sample period.
-    expected : Installation, optional
-        That their monitor was calibrated with; plain unless told.
+    `records`: in time, with gyros and the whole attitude, of one sample period. `expected`: that their monitor was
+    calibrated with; plain unless told.
     """
     learner = Learner(records[0].sample_period_s, expected)
     given = []

@@ -16,8 +16,7 @@ from typing import Any
 
 from gtmbench.checks import naming, shown, text
 from gtmbench.detectors.adapt import CROSS_CHECK, cross_check, installed, installed_names
-from gtmbench.detectors.auto_recipe import AutoDetector
-from gtmbench.detectors.bank_detector import BankDetector, BankMonitor, restore_bank
+from gtmbench.detectors.bank_detector import AutoDetector, BankDetector, BankMonitor, restore_bank
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.detectors.rivals.catalogue import restore_rival
@@ -32,7 +31,7 @@ from gtmbench.files.seals import KEY, check_seal, seal
 from gtmbench.version import __version__
 
 FORMAT = "gtmbench monitor"
-VERSION = 3
+VERSION = 3  # of the file's layout; 1 and 2 are read, too
 BUILT_IN: dict[str, Callable[[Mapping[str, Any], Mapping[str, Any]], Monitor]] = {
     "bank": restore_bank,
     "dissertation": restore_norm,
@@ -45,7 +44,7 @@ _KEYS_2 = ("format", "version", "gtmbench", "detector", "figures", "provenance")
 _KEYS = (*_KEYS_2, KEY)
 _FIGURES_1 = ("sample_period_s", "name", "bank", "residuals")  # version 1: a bank's, beside the others
 _KEYS_1 = ("format", "version", "gtmbench", *_FIGURES_1, "provenance")
-_LARGEST_FILE_BYTES = 50_000_000
+_LARGEST_FILE_BYTES = 50_000_000  # beyond is a broken file
 _MOST_DIGITS = 18  # of a whole number
 _MOST_WORDS = 400  # characters of a message: a broken file may hold anything
 
@@ -137,12 +136,7 @@ def load_monitor(path: str | Path, detector: Detector | None = None) -> Monitor:
 
 
 def check_monitor(path: Path) -> None:
-    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures.
-
-    Raises
-    ------
-    InputError
-    """
+    """Refuse a monitor's file that doesn't hold what was written, whoever can read its figures. Raises InputError."""
     with naming(path):
         check_size(path, "monitor", _LARGEST_FILE_BYTES)
         if KEY not in (document := _parsed(path.read_text(encoding="utf-8"))):
@@ -174,10 +168,7 @@ class _Kept:
 def kind_of(detector: Detector | Monitor) -> str:
     """Return who restores it: ``bank``, ``dissertation``, ``rival`` or the name of a detector of somebody's own.
 
-    Raises
-    ------
-    InputError
-        If somebody's own goes by a name that is gtmbench's.
+    InputError if somebody's own goes by a name that is gtmbench's.
     """
     if isinstance(detector, BankDetector | BankMonitor | AutoDetector):
         return "bank"

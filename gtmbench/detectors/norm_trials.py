@@ -21,16 +21,7 @@ class NormTrials:
     and the windows that hold it are all that is worked out. Where samples are missing, or several channels change, the
     record is watched.
 
-    Parameters
-    ----------
-    monitor : Monitor
-        What watches.
-    operator : Transmissibility
-    window : int
-        w.
-    threshold : float
-    record : Record
-        Healthy.
+    `monitor`: what watches. `window`: w. `record`: healthy.
     """
 
     def __init__(

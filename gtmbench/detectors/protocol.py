@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.alarm import ALARM_COLUMNS, Alarm, rows_of_alarms
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.gate import watch_inside
 from gtmbench.jobs.progress import Progress, silent
@@ -307,7 +307,7 @@ class Watch:
             "watched": f"{3600.0 * self.armed_hours:.1f} s",
             "alarms": f"{len(self.alarms)}" + (f", of {len(faults)} faults" if len(faults) < len(self.alarms) else ""),
         }
-        return card(f"Watch by {self.monitor.name}", facts, columns=SAID, rows=said_of(faults))
+        return card(f"Watch by {self.monitor.name}", facts, columns=ALARM_COLUMNS, rows=rows_of_alarms(faults))
 
     @property
     def faults(self) -> tuple[Alarm, ...]:

@@ -11,10 +11,9 @@ from typing import Any
 
 from gtmbench.checks import meant, shown
 from gtmbench.detectors.adapt import CROSS_CHECK, adapted, cross_check, installed, installed_names
-from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import load_bank
 from gtmbench.detectors.bank.composed import AUTO
-from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.bank_detector import AutoDetector, BankDetector
 from gtmbench.detectors.function import FunctionDetector
 from gtmbench.detectors.monitor_file import load_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe
@@ -66,18 +65,9 @@ def find_detector(source: str | Path) -> Detector | Monitor:
 def as_detector(given: Any) -> Detector | Monitor:
     """Return whatever can serve as a detector as one.
 
-    Parameters
-    ----------
-    given : Detector, Monitor, Bank, callable, str or Path
-        A class of the first two that needs no arguments, too; text and paths are what `find_detector` takes.
+    `given`: a class of the first two that needs no arguments, too; text and paths are what `find_detector` takes.
+    InputError saying what is missing.
 
-    Raises
-    ------
-    InputError
-        Saying what is missing.
-
-    Examples
-    --------
     >>> as_detector(lambda record: []).calibrate([]).suspects
     ()
     """
@@ -87,13 +77,8 @@ def as_detector(given: Any) -> Detector | Monitor:
 def prepared(given: Any) -> Detector | Monitor:
     """Return whatever can serve as a detector as one; a plain function, which learns nothing, as a monitor at once.
 
-    Raises
-    ------
-    InputError
-        As `as_detector`.
+    InputError as `as_detector`.
 
-    Examples
-    --------
     >>> is_recipe(prepared(lambda record: [])), is_recipe(prepared("C"))
     (False, True)
     """
@@ -104,10 +89,7 @@ def prepared(given: Any) -> Detector | Monitor:
 def for_data_file(source: str | Path) -> Detector | Monitor:
     """Return a detector that a baseline, a scenario or a campaign names: by name or by its file, never in Python.
 
-    Raises
-    ------
-    InputError
-        If it is Python, or there is none of that name.
+    InputError if it is Python, or there is none of that name.
     """
     if is_python(source):
         raise InputError(

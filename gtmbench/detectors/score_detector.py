@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gtmbench.detectors.base import SimpleDetector, SimpleMonitor
-from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima
+from gtmbench.detectors.statistics.thresholds import BLOCK_S, RATE, HealthyMaxima, ScoreMaxima, block_maxima
 from gtmbench.errors import InputError
 from gtmbench.files.plain import exact
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.problem import taught_records
 from gtmbench.values.record import FloatArray, Record
 
-_BLOCK_S = 60.0  # of which the greatest scores are kept; shorter where records are
 _FEWEST = 2  # records: one to learn on, one for the thresholds
 
 
@@ -80,7 +79,7 @@ class ScoreDetector(SimpleDetector):
     def _maxima(self, records: Sequence[Record], own: Mapping[str, Any]) -> HealthyMaxima:
         """Return the greatest scores of healthy blocks."""
         period_s = records[0].sample_period_s
-        rows = max(round(_BLOCK_S / period_s), 1)
+        rows = max(round(BLOCK_S / period_s), 1)
         tests: dict[tuple[str, str], ScoreMaxima] = {}
         for record in records:
             for name, given in self.scores(record, own).items():

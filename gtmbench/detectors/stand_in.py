@@ -121,17 +121,9 @@ class CarriedAngles:
     asin(h'/V); nothing corrects a heading. So the error that a healthy gyro may have made grows with time, a heading's
     without end.
 
-    Parameters
-    ----------
-    rows : sequence of (float, readings)
-        The last samples, with their times, up to now.
-    onset_s : float
-        From when on the angles aren't used.
-    angles : collection of str
-        Which; the others are used as they are read.
-    sample_period_s : float
-    tell : callable, optional
-        Called with each of the rows since the onset, and this as of then.
+    `rows`: the last samples, with their times, up to now. `onset_s`: from when on the angles aren't used. `angles`:
+    which; the others are used as they are read. `tell`: called with each of the rows since the onset, and this as of
+    then.
     """
 
     def __init__(

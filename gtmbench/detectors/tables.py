@@ -30,8 +30,8 @@ OPERATOR_KEYS = (
 )
 MOST_LAGS = 10_000  # times inputs; what identification allows, too
 GREATEST = 1e30  # of any figure: its fourth power is still a number, and no calibration comes near
-_MOST_NAMES = 100
-PERIODS_S = (1e-9, 86400.0)
+_MOST_NAMES = 100  # beyond is a broken file
+PERIODS_S = (1e-9, 86400.0)  # beyond is a broken file
 
 
 def operator_table(operator: Transmissibility) -> dict[str, Any]:
@@ -44,10 +44,7 @@ def operator_of(
 ) -> Transmissibility:
     """Return the operator of a table; `other` says what its inputs and outputs have to agree with.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     table = keys(where, table, OPERATOR_KEYS)
     for key, wanted in (("inputs", list(inputs)), ("outputs", list(outputs))):

@@ -17,7 +17,7 @@ from gtmbench.detectors.protocol import Monitor
 from gtmbench.faults.fault import Fault, inject
 from gtmbench.values.record import Record
 
-TIE_S = 1e-9
+TIE_S = 1e-9  # times are rounded to so much
 FAR = 5.0  # times its threshold: how far a score is followed where nobody asks what failed
 
 

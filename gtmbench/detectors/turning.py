@@ -19,23 +19,18 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 _AVERAGED_S = 0.06  # over which rates are averaged: noise isn't motion
-_COVERED = 0.999  # of the rows that a monitor was calibrated on
-_BEYOND = 1.5  # times what these reach
-_APART_S = 0.15  # an attitude may be late
+COVERED = 0.999  # of the rows that a monitor was calibrated on
+BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
+APART_S = 0.15  # an attitude may be late
 _KEYS = ("gyros_deg_s", "gyros_swing_deg_s", "attitude_deg_s", "attitude_swing_deg_s")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Turning:
-    """How fast it turned where a monitor was calibrated, and how far that swung within 0.2 s.
+    """How fast it turned where a monitor was calibrated, and how far that swung within 0.2 s."""
 
-    Attributes
-    ----------
-    limits : tuple of float
-        What 99.9 % of the rows don't exceed, in deg/s, rates and their swing as the gyros tell them and as the attitude
-        does; empty where that isn't known.
-    """
-
+    # what 99.9 % of the rows don't exceed, in deg/s, rates and their swing as the gyros tell them and as the attitude
+    # does; empty where that isn't known
     limits: tuple[float, ...] = ()
 
     @classmethod
@@ -45,10 +40,10 @@ class Turning:
         known = [each[np.isfinite(each)] for each in np.concatenate(sizes, axis=1)] if sizes else []
         if not known or not all(map(len, known)):
             return cls()
-        return cls(limits=tuple(float(np.quantile(each, _COVERED)) for each in known))
+        return cls(limits=tuple(float(np.quantile(each, COVERED)) for each in known))
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Turning:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Turning:
         """Return what a monitor's provenance tells; no limits where it doesn't."""
         told = provenance.get("turning")
         limits = [told.get(key) for key in _KEYS] if isinstance(told, Mapping) else []
@@ -70,8 +65,8 @@ class Turning:
     def _beyond(self, record: Record) -> BoolArray:
         """Return the rows in which gyros say that it is beyond, and about then the attitude does."""
         with np.errstate(invalid="ignore"):
-            beyond = _sizes(record) > _BEYOND * np.array(self.limits)[:, np.newaxis]
-        rate, swing = (_about(told, round(_APART_S / record.sample_period_s)) for told in beyond[2:])
+            beyond = _sizes(record) > BEYOND * np.array(self.limits)[:, np.newaxis]
+        rate, swing = (_about(told, round(APART_S / record.sample_period_s)) for told in beyond[2:])
         return np.asarray((beyond[0] & rate) | (beyond[1] & swing))
 
 

@@ -27,13 +27,8 @@ def integrated_angle(record: Record, channel: str, start_row: int) -> FloatArray
     there on. Its constant of integration is the mean over the rows before. It drifts with the gyros' noise and bias
     (0.05 deg after 1 s with the T2's noise, as the root of time).
 
-    Raises
-    ------
-    InputError
-        Where the channel isn't phi, theta or psi.
+    InputError where the channel isn't phi, theta or psi.
 
-    Examples
-    --------
     >>> stuck = Record(np.tile([0.0, 0.0, 2.0, 0.0, 0.0, 7.0], (400, 1)),
     ...                channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
     >>> integrated_angle(stuck, "psi", 0)[300].round(3)

@@ -267,12 +267,7 @@ class NormMonitor:
 
 
 class NormAlarmStream:
-    """A `NormMonitor` at work on samples as they come in.
-
-    Parameters
-    ----------
-    monitor : NormMonitor
-    """
+    """A `NormMonitor` at work on samples as they come in."""
 
     def __init__(self, monitor: NormMonitor) -> None:
         self._residual = ResidualStream(monitor.operator)
@@ -294,10 +289,7 @@ class NormAlarmStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise.
 
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         crossed = self._crossings.push(self._norm.push(self._residual.push(taken_inside(chunk))))
         times_s = np.round(crossed.time_s, 9).tolist()
@@ -310,10 +302,7 @@ class NormAlarmStream:
 def restore_norm(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> NormMonitor:
     """Return the monitor of some figures; every key is checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     figures = keys("figures", figures, ("sample_period_s", "name", "window", "threshold", "operator"))
     table = keys("operator", figures["operator"], OPERATOR_KEYS)

@@ -21,30 +21,21 @@ _SAME = 1e-6  # of a channel's spread: interpolation rounds
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Blocks:
-    """Blocks of a log, from its first sample on; NaN where samples are missing.
+    """Blocks of a log, from its first sample on; NaN where samples are missing."""
 
-    Attributes
-    ----------
-    start_s, period_s : float
-        Where the first begins, and how long each is.
-    gyros, rates, euler_rates : shape (blocks, 3)
-        Means of p, q, r; the attitude's body rates, by the rotation between the ends of a block; and what phi, theta
-        and psi turn by themselves, in deg/s.
-    angles : shape (blocks, 3)
-        phi, theta and psi at the beginning, in deg.
-    rough : shape (blocks, 3)
-        Mean squares of the gyros' second differences, in (deg/s)^2: six times the variance of white noise.
-    held_s : shape (blocks, 6)
-        For how long p, q, r, phi, theta, psi have read one value, at the end of a block.
-    """
-
+    # start_s, period_s: where the first begins, and how long each is
     start_s: float
     period_s: float
+    # gyros, rates, euler_rates, shape (blocks, 3): means of p, q, r; the attitude's body rates, by the rotation between
+    # the ends of a block; and what phi, theta and psi turn by themselves, in deg/s
     gyros: FloatArray = field(repr=False)
     rates: FloatArray = field(repr=False)
     euler_rates: FloatArray = field(repr=False)
-    angles: FloatArray = field(repr=False)
+    angles: FloatArray = field(repr=False)  # shape (blocks, 3): phi, theta and psi at the beginning, in deg
+    # shape (blocks, 3): mean squares of the gyros' second differences, in (deg/s)^2: six times the variance of white
+    # noise
     rough: FloatArray = field(repr=False)
+    # shape (blocks, 6): for how long p, q, r, phi, theta, psi have read one value, at the end of a block
     held_s: FloatArray = field(repr=False)
 
     def __len__(self) -> int:
@@ -72,8 +63,6 @@ class Blocks:
 def blocks_of(records: Sequence[Record]) -> Blocks:
     """Return the blocks of records with p, q, r, phi, theta and psi, in time and of one sample period.
 
-    Examples
-    --------
     >>> time_s = np.arange(0.0, 10.0, 0.05)
     >>> level, turning = 0.0 * time_s, 3.0 * time_s
     >>> values = np.column_stack([level, level, level + 3.0, level, level, turning])
@@ -97,7 +86,7 @@ def blocks_of(records: Sequence[Record]) -> Blocks:
     return Blocks(start_s=first.start_s, period_s=period_s, **whole)
 
 
-_WIDTHS = {"gyros": 3, "rates": 3, "euler_rates": 3, "angles": 3, "rough": 3, "held_s": 6}
+_WIDTHS = {"gyros": 3, "rates": 3, "euler_rates": 3, "angles": 3, "rough": 3, "held_s": 6}  # columns of each field
 
 
 def _of_record(record: Record, rows: int, period_s: float) -> dict[str, FloatArray]:

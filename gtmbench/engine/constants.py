@@ -39,18 +39,9 @@ def constants_of(
     m_c is a chunk's mean square misfit, n_c the part of it that is known. The loss is concave in m_c, so that a part
     with other constants costs about the same whatever they are: most of the log decides, not the sum of all.
 
-    Parameters
-    ----------
-    values : shape (rows,)
-    regressors : shape (rows, constants)
-    known : shape (rows,)
-    prior : shape (constants,)
-        Standard deviations about zero.
-    per_chunk : int
-        Rows of a chunk.
+    `values`, shape (rows,). `regressors`, shape (rows, constants). `known`, shape (rows,). `prior`, shape (constants,):
+    standard deviations about zero. `per_chunk`: rows of a chunk.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> turns = 10.0 * random.standard_normal(1000)
     >>> read = 0.5 + 0.02 * turns + 0.1 * random.standard_normal(1000)

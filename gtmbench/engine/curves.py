@@ -17,22 +17,16 @@ _MOST = 3  # of a finding
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Curve:
-    """What a relation is off by beside its constants, and what a finding makes of it.
+class ErrorCurve:
+    """What a relation is off by beside its constants, and what a finding makes of it."""
 
-    Attributes
-    ----------
-    sensor, kind : str
-        What the finding makes of it: which fault of whom.
-    said, unit : str
-        What the relation is off by, in words, and in which unit.
-    time_s, measured, predicted : shape (blocks,)
-    """
-
+    # sensor, kind: what the finding makes of it: which fault of whom
     sensor: str
     kind: str
+    # said, unit: what the relation is off by, in words, and in which unit
     said: str
     unit: str
+    # time_s, measured, predicted, shape (blocks,)
     time_s: FloatArray = field(repr=False)
     measured: FloatArray = field(repr=False)
     predicted: FloatArray = field(repr=False)
@@ -40,16 +34,11 @@ class Curve:
 
 def curves_of(
     model: Model, found: Sequence[Finding], unit_of: Callable[[Finding], float] = lambda _: 1.0
-) -> tuple[Curve, ...]:
+) -> tuple[ErrorCurve, ...]:
     """Return what shows that somebody may have failed, an equation each; those that accuse come first.
 
-    Parameters
-    ----------
-    model : Model
-        With the findings taken away.
-    found : sequence of Finding
-    unit_of : callable
-        From a finding to what an error of one in its relations is in the finding's unit.
+    `model`: with the findings taken away. `unit_of`: from a finding to what an error of one in its relations is in the
+    finding's unit.
     """
     faults = [each for each in found if not (each.best.is_healthy or each.is_frozen)]
     return tuple(
@@ -59,7 +48,7 @@ def curves_of(
     )
 
 
-def _curves(model: Model, finding: Finding, size: float) -> Iterator[Curve]:
+def _curves(model: Model, finding: Finding, size: float) -> Iterator[ErrorCurve]:
     equations = {(each.equation.relation.name, each.equation.channel): each.equation for each in model.products}
     for name, channel, _ in finding.shown_by[:_MOST]:
         equation = equations.get((name, channel))
@@ -68,14 +57,14 @@ def _curves(model: Model, finding: Finding, size: float) -> Iterator[Curve]:
             yield curve
 
 
-def _curve(model: Model, finding: Finding, equation: Equation, size: float) -> Curve | None:
+def _curve(model: Model, finding: Finding, equation: Equation, size: float) -> ErrorCurve | None:
     relation, channel, signatures = equation.relation, equation.channel, model.signatures
     place = signatures.place_of(finding.best)
     shape = signatures.over(relation, channel, equation.constants, place, finding.first, finding.last)
     if shape is None:
         return None
     there = np.isfinite(relation.values[:, channel])
-    return Curve(
+    return ErrorCurve(
         sensor=finding.best.suspect,
         kind=judgement_of(finding, finding.end_s).kind or finding.best.kind,
         said=relation.title(channel),

@@ -11,7 +11,7 @@ from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
 from gtmbench.engine.finding import REFERENCES, Finding, Side
-from gtmbench.engine.flight import Flight
+from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
@@ -24,7 +24,6 @@ from gtmbench.values.record import BoolArray, FloatArray, Span
 
 OWN, SHARE = 12.0, 0.1  # nats, and of all: what the broken axis itself must show between gyro and attitude
 _SEEN_S, _OUTSIDE, _AS_LIVELY = 10.0, 0.5, 0.5  # of motion elsewhere; of what lies outside; of the usual there
-_LIVELY_S = 3.0  # over which it is told how an axis turns
 _JOINED_S = 40.0  # findings of the same suspects that follow each other are one fault's
 _AT_ONCE_S = 3.0  # as well as three onsets are dated
 _SHORTEST_S = 10.0  # what lasts no longer is a contact's or a gust's, and no gyro's
@@ -40,13 +39,12 @@ _SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usu
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
 _RESTLESS = 1.5
-_TIMES_AS_LONG = (
-    20.0  # a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
-)
+# a log of two minutes never asks; of ten healthy hours a model's error showed after 500 times as long
+_TIMES_AS_LONG = 20.0
 _BENT_DEG = 20.0  # an attitude that is further off turns other axes in a way that no signature has
 
 
-def doubted(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
+def with_doubts(model: Model, found: Sequence[Finding]) -> tuple[Finding, ...]:
     """Return findings as one each a fault, with what speaks against naming anybody."""
     one_each = _joined(found)
     together = _at_once(one_each)
@@ -336,7 +334,7 @@ def _regime(model: Model, finding: Finding) -> list[str]:
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
     own = rates[:, axis] if axis >= 0 else np.linalg.norm(rates, axis=1)
-    lively = _over(own, max(round(_LIVELY_S / flight.blocks.period_s), 1))
+    lively = _over(own, max(round(LIVELY_S / flight.blocks.period_s), 1))
     last = finding.last
     if finding.lasts and not finding.best.is_gain:
         shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))

@@ -8,49 +8,28 @@ import numpy as np
 
 from gtmbench.engine.constants import CHUNK_S, by_chunks, constants_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.noise import ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of
+from gtmbench.engine.noise import CLIPPED, ORDER, filtered, level_of, regime_of, taps_of, unit_of, wander_of
 from gtmbench.engine.relation import Relation
 from gtmbench.values.record import BoolArray, FloatArray
 
 _FEWEST = 60  # known blocks: a dozen seconds
-_CLIPPED = 5.0  # deviations, for the filter
 _FULL = 0.25  # of a usual chunk's precision: a mean of less tells nothing of how means wander
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equation:
-    """y = X theta + e of one channel, e = level * A(z)^-1 white noise, and a mean that wanders from chunk to chunk.
-
-    Attributes
-    ----------
-    relation : Relation
-    channel : int
-        Which of the relation's.
-    constants : shape (constants,)
-        theta.
-    level : shape (blocks,)
-        The standard deviation of e, up to its colour.
-    taps : shape (ORDER + 1,)
-        A(z).
-    unit : float
-        What is left of the deviation behind the filter.
-    known : shape (blocks,)
-        Where the equation holds, and did for as long as the filter reaches back.
-    left : shape (blocks,)
-        y - X theta, less what is explained.
-    wander : float
-        By how much means of chunks wander, in y's unit.
-    """
+    """y = X theta + e of one channel, e = level * A(z)^-1 white noise, and a mean that wanders from chunk to chunk."""
 
     relation: Relation
-    channel: int
-    constants: FloatArray
-    level: FloatArray = field(repr=False)
-    taps: FloatArray = field(repr=False)
-    unit: float
+    channel: int  # which of the relation's
+    constants: FloatArray  # shape (constants,): theta
+    level: FloatArray = field(repr=False)  # shape (blocks,): the standard deviation of e, up to its colour
+    taps: FloatArray = field(repr=False)  # shape (ORDER + 1,): A(z)
+    unit: float  # what is left of the deviation behind the filter
+    # shape (blocks,): where the equation holds, and did for as long as the filter reaches back
     known: BoolArray = field(repr=False)
-    left: FloatArray = field(repr=False)
-    wander: float = 0.0
+    left: FloatArray = field(repr=False)  # shape (blocks,): y - X theta, less what is explained
+    wander: float = 0.0  # by how much means of chunks wander, in y's unit
 
     @property
     def name(self) -> str:
@@ -96,15 +75,8 @@ def learn(
 ) -> Equation | None:
     """Return an equation as the whole log has it; None where too little of it is known.
 
-    Parameters
-    ----------
-    flight : Flight
-    relation : Relation
-    channel : int
-    explained : shape (blocks,), optional
-        What findings account for.
-    left_out : shape (blocks,), optional
-        Blocks that aren't asked, such as those of a gyro that stands still.
+    `explained`, shape (blocks,): what findings account for. `left_out`, shape (blocks,): blocks that aren't asked, such
+    as those of a gyro that stands still.
     """
     values, regressors = relation.values[:, channel], relation.regressors[:, channel]
     there = np.isfinite(values) & np.isfinite(regressors).all(axis=1) & relation.asked
@@ -123,7 +95,7 @@ def learn(
     if relation.regime is not None:
         level = level * regime_of(beside / level, there, flight.lively, np.nan_to_num(relation.regime[:, channel]))
     level = np.maximum(level, relation.least)
-    clipped = np.where(there, np.clip(beside / level, -_CLIPPED, _CLIPPED), 0.0)
+    clipped = np.where(there, np.clip(beside / level, -CLIPPED, CLIPPED), 0.0)
     taps = taps_of(clipped)
     equation = Equation(
         relation=relation,

@@ -19,7 +19,7 @@ import numpy as np
 
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model, unsure
-from gtmbench.engine.sums import Products, Sums, Window
+from gtmbench.engine.sums import Products, Window, WindowSums
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
@@ -36,29 +36,18 @@ _AT_ONCE = 256  # windows that are worked out together, for memory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Evidence:
-    """Evidence over windows of cells, each of shape (windows, explanations) but for the first two.
+class Support:
+    """Evidence over windows of cells, each of shape (windows, explanations) but for the first two."""
 
-    Attributes
-    ----------
-    onset, last : shape (windows,)
-        A fault begins at `onset` and ends before `last`.
-    ratio : nats
-        Existence, less the price; -inf where an explanation isn't possible.
-    total : nats
-        Placing, less the price.
-    size, deviation :
-        In the explanation's unit.
-    by_equation : shape (equations, windows, explanations)
-        Existence, equation by equation.
-    """
-
+    # onset, last, shape (windows,): a fault begins at `onset` and ends before `last`
     onset: IntArray
     last: IntArray
-    ratio: FloatArray = field(repr=False)
-    total: FloatArray = field(repr=False)
+    ratio: FloatArray = field(repr=False)  # existence, less the price; -inf where an explanation isn't possible
+    total: FloatArray = field(repr=False)  # placing, less the price
+    # size, deviation: in the explanation's unit
     size: FloatArray = field(repr=False)
     deviation: FloatArray = field(repr=False)
+    # shape (equations, windows, explanations): existence, equation by equation
     by_equation: FloatArray = field(repr=False)
 
     def __len__(self) -> int:
@@ -90,19 +79,13 @@ class _Whole:
 
 
 def evidence(
-    model: Model, onset: IntArray, last: IntArray, sums: tuple[Sums, ...] | None = None, *, by_parts: bool = False
-) -> Evidence:
+    model: Model, onset: IntArray, last: IntArray, sums: tuple[WindowSums, ...] | None = None, *, by_parts: bool = False
+) -> Support:
     """Return the evidence of windows that begin at cells `onset` and end before `last`.
 
-    Parameters
-    ----------
-    model : Model
-    onset, last : shape (windows,)
-    sums : tuple of Sums, optional
-        One an equation, where means are taken to wander otherwise than was learnt.
-    by_parts : bool
-        Whether only that evidence counts which remains without the part of a window that shows most. Without it the
-        ratio is an upper bound, at a third of the cost.
+    `onset`, `last`, shape (windows,). `sums`: one an equation, where means are taken to wander otherwise than was
+    learnt. `by_parts`: whether only that evidence counts which remains without the part of a window that shows most.
+    Without it the ratio is an upper bound, at a third of the cost.
     """
     if not len(onset) or model.is_witness.all():
         return _nothing(model, onset, last)
@@ -112,14 +95,14 @@ def evidence(
     return found[0] if len(found) == 1 else _joined(found)
 
 
-def _joined(parts: Sequence[Evidence]) -> Evidence:
+def _joined(parts: Sequence[Support]) -> Support:
     """Return the evidence of windows that were looked at in parts."""
-    names = [each.name for each in fields(Evidence)]
+    names = [each.name for each in fields(Support)]
     joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names[:-1]}
-    return Evidence(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
+    return Support(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
 
 
-def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums], *, by_parts: bool) -> Evidence:
+def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[WindowSums], *, by_parts: bool) -> Support:
     count = len(model.explanations)
     seen = [_seen(model, each, onset, last) for each in sums]
     misfit, counts = (
@@ -147,7 +130,7 @@ def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums
     possible = possible & _has_healthy_constants(model, seen, size)
     possible &= ~(np.abs(size - model.of_explanations("mirror")) < MIRROR)
     total = _placing(model, seen, low, high) - np.where(np.isfinite(price), price, 0.0)
-    return Evidence(
+    return Support(
         onset=onset,
         last=last,
         ratio=np.where(possible, told + witnesses - price, -np.inf),
@@ -158,11 +141,11 @@ def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[Sums
     )
 
 
-def _nothing(model: Model, onset: IntArray, last: IntArray) -> Evidence:
+def _nothing(model: Model, onset: IntArray, last: IntArray) -> Support:
     """Return evidence where no equation has a say."""
     shape = (len(onset), len(model.explanations))
     impossible, zero = np.full(shape, -np.inf), np.zeros(shape)
-    return Evidence(
+    return Support(
         onset=onset,
         last=last,
         ratio=impossible,
@@ -217,31 +200,25 @@ def _moves(model: Model, onset: IntArray, last: IntArray) -> BoolArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outside:
-    """What all outside of windows says of an equation's constants, less those that were learnt.
+class OutsideConstants:
+    """What all outside of windows says of an equation's constants, less those that were learnt."""
 
-    Attributes
-    ----------
-    shift : shape (windows, regressors)
-    precision : shape (windows, regressors, regressors)
-        How well they are known inside of a window, where they may differ a bit.
-    """
-
-    shift: FloatArray
+    shift: FloatArray  # shape (windows, regressors)
+    # shape (windows, regressors, regressors): how well they are known inside of a window, where they may differ a bit
     precision: FloatArray
 
 
-def outside(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> Outside:
+def outside(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> OutsideConstants:
     """Return what all outside of cells [onset, last) says of an equation's constants."""
     prior, floor, centre = _beliefs(model, sums)
     zero, end = np.zeros_like(onset), np.full_like(last, sums.cells)
     known = sums.known(zero, onset) + sums.known(last, end)
     spread = np.linalg.inv(known[:, 1:, 1:] + np.diag(prior))
     shift = np.einsum("wij,wj->wi", spread, known[:, 1:, 0] - prior * centre)
-    return Outside(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
+    return OutsideConstants(shift=shift, precision=np.linalg.inv(spread + np.diag(floor**2)))
 
 
-def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
+def _seen(model: Model, sums: WindowSums, onset: IntArray, last: IntArray) -> _Seen:
     """Return an equation over windows, its constants by what is outside."""
     own = sums.products
     begin = np.minimum(onset + 1, last)  # a cell is what a filter forgets: an onset within it would cost thousands
@@ -262,7 +239,7 @@ def _seen(model: Model, sums: Sums, onset: IntArray, last: IntArray) -> _Seen:
     )
 
 
-def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
+def _whole(model: Model, sums: WindowSums, inside: Window) -> _Whole:
     own, (prior, _, centre) = sums.products, _beliefs(model, sums)
     known = sums.known(np.zeros(1, dtype=np.int64), np.array([sums.cells]))[0]
     aim = known[1:, 0] - prior * centre
@@ -277,7 +254,7 @@ def _whole(model: Model, sums: Sums, inside: Window) -> _Whole:
     )
 
 
-def _beliefs(model: Model, sums: Sums) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _beliefs(model: Model, sums: WindowSums) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the precisions of constants a priori, by how much they may differ within a log, and what was learnt."""
     equation = sums.products.equation
     more = unsure(model.explained, equation)

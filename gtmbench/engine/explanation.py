@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 from gtmbench.values.recursive_filter import filtered
@@ -19,61 +19,30 @@ TIMES_S = (2.5, 7.0, 16.0)  # time constants of an estimator that the gyros driv
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """An explanation, linear in its size.
+    """An explanation, linear in its size."""
 
-    Attributes
-    ----------
-    suspect : str
-        The sensor that is off, or what a healthy cause is called.
-    kind : str
-    effect : callable
-        From a flight to what readings are off by at size one, had it been there since the log began.
-    fades_s : float
-        The time constant by which the attitude forgets what was before the onset; 0 of one that doesn't follow.
-    price : float
-        Minus the log of its odds a priori, in nats; infinite where it can't be.
-    low, high : float
-        Between what a size has to be.
-    reach : float
-        The most that a size times the seconds since the onset may be.
-    least : float
-        What is smaller is no failure.
-    shortest_s : float
-        In less, its shape is another one's, or chance's.
-    is_healthy : bool
-        Whether nothing failed.
-    axes : tuple of int
-        Of what is no sensor's: which gyros and angles aren't judged where it holds.
-    is_gain : bool
-        Whether it needs motion to show.
-    mirror : float
-        The size at which a gyro's own noise explains itself; NaN for none.
-    lasts : bool
-        Whether every part of a window has to show it: a gust is in one part alone.
-    since : callable, or None
-        From a flight to what grows with time, shape (blocks,): its value at the onset times the effect of `base` is
-        taken off.
-    base : str
-        The name of the explanation that is meant.
-    """
-
-    suspect: str
+    suspect: str  # the sensor that is off, or what a healthy cause is called
     kind: str
+    # from a flight to what readings are off by at size one, had it been there since the log began
     effect: Callable[[Flight], Effect] = field(repr=False)
+    # the time constant by which the attitude forgets what was before the onset; 0 of one that doesn't follow
     fades_s: float = 0.0
-    price: float = 0.0
+    price: float = 0.0  # minus the log of its odds a priori, in nats; infinite where it can't be
+    # low, high: between what a size has to be
     low: float = -np.inf
     high: float = np.inf
-    reach: float = np.inf
-    least: float = 0.0
-    shortest_s: float = 0.0
-    is_healthy: bool = False
-    axes: tuple[int, ...] = ()
-    is_gain: bool = False
-    mirror: float = np.nan
-    lasts: bool = True
+    reach: float = np.inf  # the most that a size times the seconds since the onset may be
+    least: float = 0.0  # what is smaller is no failure
+    shortest_s: float = 0.0  # in less, its shape is another one's, or chance's
+    is_healthy: bool = False  # whether nothing failed
+    axes: tuple[int, ...] = ()  # of what is no sensor's: which gyros and angles aren't judged where it holds
+    is_gain: bool = False  # whether it needs motion to show
+    mirror: float = np.nan  # the size at which a gyro's own noise explains itself; NaN for none
+    lasts: bool = True  # whether every part of a window has to show it: a gust is in one part alone
+    # from a flight to what grows with time, shape (blocks,): its value at the onset times the effect of `base` is taken
+    # off
     since: Callable[[Flight], FloatArray] | None = field(default=None, repr=False)
-    base: str = ""
+    base: str = ""  # the name of the explanation that is meant
 
     @property
     def name(self) -> str:
@@ -95,15 +64,8 @@ def of_gyros(
 ) -> list[Explanation]:
     """Return explanations of each gyro: an attitude that doesn't follow it, and one that does through an estimator.
 
-    Parameters
-    ----------
-    kind : str
-    wrong : callable
-        From a flight and an axis to what the gyro is off by at size one, in deg/s, shape (blocks,).
-    base : str
-        The kind that it grows from, of the same gyro behind the same estimator.
-    **bounds
-        Of `Explanation`.
+    `wrong`: from a flight and an axis to what the gyro is off by at size one, in deg/s, shape (blocks,). `base`: the
+    kind that it grows from, of the same gyro behind the same estimator. `bounds`: of `Explanation`.
     """
     found = []
     for fades_s in (0.0, *TIMES_S):
@@ -139,13 +101,7 @@ def kept_a_block(flight: Flight, fades_s: float) -> float:
 def followed(flight: Flight, wrong: FloatArray, fades_s: float) -> tuple[FloatArray, FloatArray]:
     """Return how far an estimator's attitude is off that wrong rates drive, behind each block, and how fast it turns.
 
-    Parameters
-    ----------
-    flight : Flight
-    wrong : shape (blocks, 3)
-        In body axes, deg/s.
-    fades_s : float
-        Its time constant.
+    `wrong`, shape (blocks, 3): in body axes, deg/s. `fades_s`: its time constant.
     """
     step = flight.blocks.period_s
     driven = np.einsum("nij,nj->ni", flight.matrices, wrong)

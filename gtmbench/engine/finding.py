@@ -29,59 +29,31 @@ class Side(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Finding:
-    """Something that no healthy constant explains.
+    """Something that no healthy constant explains."""
 
-    Attributes
-    ----------
-    first, last : int
-        Cells: it begins at `first` and ends before `last`.
-    onset_s, end_s : float
-        On the log's clock.
-    onset_range_s : (float, float)
-        Between which onset lies, at odds of 100 to 1.
-    ranked : tuple of (Explanation, nats)
-        Those within the odds, by how much less likely each is than the first.
-    size : float
-        Of the first, in its unit.
-    interval : (float, float)
-        About twice its deviation, over all onsets that are left.
-    evidence : float
-        Nats, tempered.
-    own_axis, shown : float
-        What the suspect's own axis of gyro and attitude shows, and what all equations but witnesses show, in nats.
-    side : Side
-    doubt : str
-        Why it names nobody all the same; "" for none.
-    others : tuple of str
-        Further suspects that other findings bring in.
-    shows_s : float
-        By when as much of it was seen as names anybody, with constants of the whole log.
-    lasts : bool
-        Whether it goes on to the log's end.
-    chances : tuple of (suspect, kind, probability)
-        Of the likeliest explanations, of all that the flight allows.
-    shown_by : tuple of (relation, channel, nats)
-        The equations that show it most.
-    """
-
+    # first, last: cells: it begins at `first` and ends before `last`
     first: int
     last: int
+    # onset_s, end_s: on the log's clock
     onset_s: float
     end_s: float
-    onset_range_s: Span
+    onset_range_s: Span  # between which onset lies, at odds of 100 to 1
+    # those within the odds, by how much less likely each is than the first
     ranked: tuple[tuple[Explanation, float], ...] = field(repr=False)
-    size: float
-    interval: Span
-    evidence: float
+    size: float  # of the first, in its unit
+    interval: Span  # about twice its deviation, over all onsets that are left
+    evidence: float  # nats, tempered
+    # own_axis, shown: what the suspect's own axis of gyro and attitude shows, and what all equations but witnesses
+    # show, in nats
     own_axis: float = 0.0
     shown: float = 0.0
     side: Side = Side.AFTER
-    doubt: str = ""
-    others: tuple[str, ...] = ()
-    shows_s: float = -np.inf
-    lasts: bool = False
-    chances: tuple[tuple[str, str, float], ...] = ()
-    shown_by: tuple[tuple[str, int, float], ...] = ()
+    doubt: str = ""  # why it names nobody all the same; "" for none
+    others: tuple[str, ...] = ()  # further suspects that other findings bring in
+    shows_s: float = -np.inf  # by when as much of it was seen as names anybody, with constants of the whole log
+    lasts: bool = False  # whether it goes on to the log's end
+    chances: tuple[tuple[str, str, float], ...] = ()  # of the likeliest explanations, of all that the flight allows
+    shown_by: tuple[tuple[str, int, float], ...] = ()  # the equations that show it most
 
     @property
     def best(self) -> Explanation:

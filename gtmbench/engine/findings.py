@@ -17,9 +17,9 @@ from gtmbench.engine.frozen import frozen_gyros
 from gtmbench.engine.model import Explained, Key, Model, learnt
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, Search
+from gtmbench.engine.search import BOUND, EXPECTED, MISFIT, Scan, WindowSearch
 from gtmbench.engine.sides import side_of
-from gtmbench.engine.sums import CELL, Signatures
+from gtmbench.engine.sums import CELL, SignatureSet
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
@@ -31,21 +31,11 @@ _ROUNDS = 2  # what was dropped in one is what is left in the next
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Findings:
-    """What was found on a flight.
+    """What was found on a flight."""
 
-    Attributes
-    ----------
-    model : Model
-        With everything that was found taken away.
-    found : tuple of Finding
-        In order of time.
-    whole : Scan
-        The model with nothing taken away, all its windows looked at once.
-    """
-
-    model: Model
-    found: tuple[Finding, ...]
-    whole: Scan = field(repr=False)
+    model: Model  # with everything that was found taken away
+    found: tuple[Finding, ...]  # in order of time
+    whole: Scan = field(repr=False)  # the model with nothing taken away, all its windows looked at once
 
 
 class _Bench:
@@ -54,7 +44,7 @@ class _Bench:
     def __init__(self, flight: Flight, relations: Sequence[Relation], explanations: Sequence[Explanation]) -> None:
         self.flight = flight
         self.relations = tuple(relations)
-        self.signatures = Signatures(flight, explanations)
+        self.signatures = SignatureSet(flight, explanations)
         self._last: tuple[tuple[Finding, ...], Scan] = ((), self.whole)
 
     def without(self, found: Sequence[Finding]) -> Scan:
@@ -121,19 +111,13 @@ def found_by(
 ) -> Findings:
     """Return everything that some explanations find in some relations of a flight.
 
-    Parameters
-    ----------
-    flight : Flight
-    relations : sequence of Relation
-    explanations : sequence of Explanation
-    frozen : sequence of Finding
-        What is known before anything is searched.
+    `frozen`: what is known before anything is searched.
     """
     bench = _Bench(flight, relations, explanations)
     one = np.ones(len(bench.signatures.explanations))
     found = list(frozen)
     for _ in range(_MOST):
-        strongest = Search(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
+        strongest = WindowSearch(scan=bench.without(found), tempers=one, found=tuple(found)).strongest(_FIRST * BOUND)
         if strongest is None:
             break
         found.append(strongest)
@@ -163,7 +147,7 @@ def _each_again(bench: _Bench, found: Sequence[Finding], tempers: FloatArray) ->
             continue
         place = kept.index(finding)
         others = (*kept[:place], *kept[place + 1 :])
-        again = Search(scan=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
+        again = WindowSearch(scan=bench.without(others), tempers=tempers, found=others).again(finding, BOUND)
         kept[place : place + 1] = [] if again is None else [again]
     return kept
 

@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.engine.imus.imu import Imu
+from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
-_LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
-_MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
+LIVELY_S = 3.0  # over which it is told how lively the motion is; from 2 to 5 nothing changes
+MOST_DEG_S = 400.0  # a rate beyond is a jump of an angle, and no turn
 _LEAST_DEG_S = 0.5  # added to the liveliness: noise alone
 _STILL_DEG_S, _STILL_G = 1.0, 0.02  # the most that an aircraft turns and shakes while it stands
 _REPEATS_S = 3.0  # as long as a gyro that reads one value is none that stands by itself
@@ -29,23 +29,6 @@ _LEAN_BLOCKS = 5  # over which the specific force is averaged
 class Flight:
     """A flight in blocks of a fifth of a second.
 
-    Attributes
-    ----------
-    blocks : Blocks
-        What gyros and attitude read.
-    forces : shape (blocks, 3), or None
-        Means of nx, ny, nz, in g; NaN where they are missing.
-    shaking : shape (blocks,), or None
-        The standard deviation of nz within a block, in g.
-    gyro_step_s : float
-        The longest usual time between two samples of a gyro.
-    is_driven, is_assumed : bool
-        Whether the gyros drive the attitude, and whether that is only assumed.
-    imus : tuple of Imu
-        Those beside the one whose gyros are in the blocks.
-
-    Examples
-    --------
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.record import Record
     >>> level = Record(np.zeros((100, 6)), channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.1)
@@ -54,20 +37,23 @@ class Flight:
     ((49, 3, 3), 0.5)
     """
 
-    blocks: Blocks
+    blocks: Blocks  # what gyros and attitude read
+    # shape (blocks, 3): means of nx, ny, nz, in g; NaN where they are missing
     forces: FloatArray | None = field(default=None, repr=False)
+    # shape (blocks,): the standard deviation of nz within a block, in g
     shaking: FloatArray | None = field(default=None, repr=False)
-    gyro_step_s: float = 0.0
+    gyro_step_s: float = 0.0  # the longest usual time between two samples of a gyro
+    # is_driven, is_assumed: whether the gyros drive the attitude, and whether that is only assumed
     is_driven: bool = True
     is_assumed: bool = False
-    imus: tuple[Imu, ...] = field(default=(), repr=False)
+    imus: tuple[FlightImu, ...] = field(default=(), repr=False)  # those beside the one whose gyros are in the blocks
 
     @property
-    def compared(self) -> tuple[Imu, ...]:
+    def compared(self) -> tuple[FlightImu, ...]:
         """The further IMUs that are judged: each of their gyros is about one of the aircraft's axes."""
         return tuple(imu for imu in self.imus if imu.mounting.is_along_axes)
 
-    def by(self, imu: Imu) -> Flight:
+    def by(self, imu: FlightImu) -> Flight:
         """Return the flight as it is watched by a further IMU alone."""
         held_s = np.column_stack([imu.held_s, self.blocks.held_s[:, len(GYROS) :]])
         blocks = replace(self.blocks, gyros=imu.gyros, rough=imu.rough, held_s=held_s)
@@ -151,7 +137,7 @@ class Flight:
     @cached_property
     def lively(self) -> FloatArray:
         """The root mean square of the attitude's rate over the last seconds, in deg/s, shape (blocks,)."""
-        rates = np.clip(np.nan_to_num(self.blocks.rates), -_MOST_DEG_S, _MOST_DEG_S)
+        rates = np.clip(np.nan_to_num(self.blocks.rates), -MOST_DEG_S, MOST_DEG_S)
         return np.asarray(np.sqrt(self._trailing(np.square(rates).sum(axis=1))) + _LEAST_DEG_S)
 
     @cached_property
@@ -205,9 +191,7 @@ class Flight:
     def levelled(self, turned: FloatArray) -> FloatArray:
         """Return rotations in earth axes about the horizontal axes of the aircraft: forward and right.
 
-        Parameters
-        ----------
-        turned : shape (blocks, 3) or (blocks, 3, ...)
+        `turned`, shape (blocks, 3).
         """
         psi = np.radians(self.angles[:, 2]).reshape(-1, *[1] * (turned.ndim - 2))
         cosine, sine = np.cos(psi), np.sin(psi)
@@ -217,7 +201,7 @@ class Flight:
 
     @property
     def _lively_blocks(self) -> int:
-        return max(round(_LIVELY_S / self.blocks.period_s), 1)
+        return max(round(LIVELY_S / self.blocks.period_s), 1)
 
     def _trailing(self, values: FloatArray) -> FloatArray:
         """Return trailing means over some seconds."""

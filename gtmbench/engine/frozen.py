@@ -7,10 +7,10 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.sums import CELL
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray, runs

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 from gtmbench.detectors.alarm import Alarm, Judgement
-from gtmbench.engine.curves import Curve, curves_of
-from gtmbench.engine.doubts import doubted
+from gtmbench.engine.curves import ErrorCurve, curves_of
+from gtmbench.engine.doubts import with_doubts
 from gtmbench.engine.evidence import axis_number
 from gtmbench.engine.finding import Finding, Side
 from gtmbench.engine.findings import findings_of
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.hindsight.cleared import Change, Failure, Hindsight, hindsight_of
+from gtmbench.engine.hindsight.cleared import Failure, Hindsight, LevelChange, hindsight_of
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.named import alarm_of, claims_of, judgement_of
@@ -30,18 +30,10 @@ _CONSTANT = ("bias", "drift")  # beside which an angle's jump still shows
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judged:
-    """What the engine says of a flight.
+    """What the engine says of a flight."""
 
-    Attributes
-    ----------
-    found : tuple of Finding
-        One each a fault, with doubts.
-    model : Model
-        The flight's equations, with everything that was found taken away.
-    """
-
-    found: tuple[Finding, ...]
-    model: Model = field(repr=False)
+    found: tuple[Finding, ...]  # one each a fault, with doubts
+    model: Model = field(repr=False)  # the flight's equations, with everything that was found taken away
 
     @property
     def flight(self) -> Flight:
@@ -72,10 +64,7 @@ class Judged:
     def hindsight(self, failures: Mapping[str, Sequence[Failure]]) -> Hindsight:
         """Return where p, q, r, phi, theta and psi are clear, beside all that failed.
 
-        Parameters
-        ----------
-        failures : mapping of sensor to sequence of Failure
-            Whom others accuse; the engine's own are added.
+        `failures`, by sensor: whom others accuse; the engine's own are added.
         """
         named = {sensor: list(spans) for sensor, spans in failures.items()}
         for sensor, span in self.accused:
@@ -112,7 +101,7 @@ class Judged:
             yield replace(span, sizes=_beside(finding, span.sizes)) if meets and span.sizes is not None else span
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ErrorCurve, ...]:
         """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
         return curves_of(self.model, self.found)
 
@@ -176,7 +165,7 @@ def _beside(finding: Finding, sizes: Sizes) -> Sizes:
     return replace(sizes, error=max(sizes.error, _SPARE * finding.reached_deg_s))
 
 
-def parting(changes: Sequence[Change], least_deg_s: float = 0.0) -> list[str]:
+def parting(changes: Sequence[LevelChange], least_deg_s: float = 0.0) -> list[str]:
     """Return the gyros that part from the attitude so far that they may bend it."""
     far_deg_s = max(_PARTS_DEG_S, least_deg_s)
     return [GYROS[each.axis] for each in changes if each.of == "error" and abs(each.size) > far_deg_s]
@@ -191,8 +180,6 @@ def failure_of(span: SensorSpan) -> Failure:
 def judged(flight: Flight) -> Judged:
     """Return what the engine says of a flight.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.channels import ATTITUDE, GYROS
@@ -210,11 +197,11 @@ def judged(flight: Flight) -> Judged:
     ([('q', 'failed')], 'q failed')
     """
     findings = findings_of(flight.without(flight.repeats))
-    said = Judged(found=doubted(findings.model, findings.found), model=findings.model)
-    return replace(said, found=_unless_others_part(said)) if flight.is_driven and said.accused else said
+    said = Judged(found=with_doubts(findings.model, findings.found), model=findings.model)
+    return replace(said, found=_unnamed_where_others_part(said)) if flight.is_driven and said.accused else said
 
 
-def _unless_others_part(said: Judged) -> tuple[Finding, ...]:
+def _unnamed_where_others_part(said: Judged) -> tuple[Finding, ...]:
     """Return findings that name nobody where another gyro parts from the attitude, too, and nothing explains that.
 
     An attitude that follows the gyros is bent by whichever failed.

@@ -13,7 +13,7 @@ from gtmbench.engine.equation import Equation, learn
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import BETWEEN, Relation
-from gtmbench.engine.sums import CELL, Products, Signatures, Sums, products_of, running
+from gtmbench.engine.sums import CELL, Products, SignatureSet, WindowSums, products_of, running
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, int]  # a relation's name and its channel
@@ -30,25 +30,13 @@ class Explained:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """The equations of a flight.
-
-    Attributes
-    ----------
-    flight : Flight
-    relations : tuple of Relation
-    signatures : Signatures
-        Of all explanations that compete.
-    products : tuple of Products
-        One an equation that is known.
-    explained : tuple of Explained
-        What was taken away.
-    """
+    """The equations of a flight."""
 
     flight: Flight
     relations: tuple[Relation, ...] = field(repr=False)
-    signatures: Signatures = field(repr=False)
-    products: tuple[Products, ...] = field(repr=False)
-    explained: tuple[Explained, ...] = ()
+    signatures: SignatureSet = field(repr=False)  # of all explanations that compete
+    products: tuple[Products, ...] = field(repr=False)  # one an equation that is known
+    explained: tuple[Explained, ...] = ()  # what was taken away
 
     @property
     def explanations(self) -> tuple[Explanation, ...]:
@@ -66,16 +54,16 @@ class Model:
         return CELL * self.flight.blocks.period_s
 
     @cached_property
-    def sums(self) -> tuple[Sums, ...]:
+    def sums(self) -> tuple[WindowSums, ...]:
         """Of each equation."""
-        return tuple(map(Sums, self.products))
+        return tuple(map(WindowSums, self.products))
 
     @cached_property
     def is_witness(self) -> BoolArray:
         """Which equations have no say in a size, shape (equations,)."""
         return np.array([each.equation.relation.is_witness for each in self.products], dtype=bool)
 
-    def own_axis(self, axis: int) -> Sums | None:
+    def own_axis(self, axis: int) -> WindowSums | None:
         """Return the sums of a gyro and its attitude; None where too little of them is known."""
         for sums in self.sums:
             equation = sums.products.equation
@@ -111,7 +99,7 @@ class Model:
 def learnt(
     flight: Flight,
     relations: Sequence[Relation],
-    signatures: Signatures,
+    signatures: SignatureSet,
     *,
     explained: Sequence[Explained] = (),
     frozen: Sequence[tuple[str, int, int]] = (),
@@ -119,17 +107,8 @@ def learnt(
 ) -> Model:
     """Return the model of a flight.
 
-    Parameters
-    ----------
-    flight : Flight
-    relations : sequence of Relation
-    signatures : Signatures
-    explained : sequence of Explained
-        What is taken away before anything is learnt.
-    frozen : sequence of (gyro, first, last)
-        Blocks in which a gyro stands still: no equation that it enters is asked there.
-    edges : sequence of (first, last)
-        Blocks in which no IMU is held against another.
+    `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a gyro stands still: no
+    equation that it enters is asked there. `edges`: blocks in which no IMU is held against another.
     """
     products = []
     for relation in relations:

@@ -21,7 +21,7 @@ _TURNED = 0.25  # about a factor of -1: the sign is wrong
 def judgement_of(finding: Finding, time_s: float) -> Judgement:
     """Return what a finding says, known at a time.
 
-    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.relation import Effect
     >>> from gtmbench.engine.explanation import Explanation
     >>> half = (Explanation(suspect="q", kind="scale", effect=lambda _: Effect()), 0.0)
     >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)

@@ -8,7 +8,7 @@ from gtmbench.values.record import BoolArray, FloatArray
 
 ORDER = 5  # of the autoregression; as many blocks as a second has, and half or twice as many change little
 _BINS, _FEWEST = 6, 60  # of liveliness; blocks of one
-_CLIPPED = 5.0  # deviations: what is beyond is no noise
+CLIPPED = 5.0  # deviations: what is beyond is no noise
 _RIDGE = 1e-2  # of the autocorrelation, or a tone makes the filter ring
 _OF_NORMAL = 1.4826  # a deviation over the median of absolute values
 # known blocks; tails as heavy as gusts make; the most by which a level differs, in its logarithm
@@ -39,7 +39,7 @@ def level_of(errors: FloatArray, known: BoolArray, lively: FloatArray) -> FloatA
 
 def _clipped_deviation(values: FloatArray) -> float:
     usual = float(np.median(np.abs(values))) * _OF_NORMAL + 1e-9
-    return float(np.sqrt(np.mean(np.square(np.clip(values, -_CLIPPED * usual, _CLIPPED * usual)))) + 1e-9)
+    return float(np.sqrt(np.mean(np.square(np.clip(values, -CLIPPED * usual, CLIPPED * usual)))) + 1e-9)
 
 
 def regime_of(errors: FloatArray, known: BoolArray, lively: FloatArray, regime: FloatArray) -> FloatArray:
@@ -105,14 +105,8 @@ def unit_of(white: FloatArray) -> float:
 def wander_of(means: FloatArray, precisions: FloatArray, least: float) -> float:
     """Return how far the means of chunks wander beside what noise makes of them; no step or drift makes that.
 
-    Parameters
-    ----------
-    means : shape (chunks,)
-        NaN where too little is known.
-    precisions : shape (chunks,)
-        One over a mean's variance by noise alone.
-    least : float
-        What it is a priori, worth four chunks.
+    `means`, shape (chunks,): NaN where too little is known. `precisions`, shape (chunks,): one over a mean's variance
+    by noise alone. `least`: what it is a priori, worth four chunks.
     """
     known = np.isfinite(means)
     count = int(np.count_nonzero(known))

@@ -8,7 +8,7 @@ import numpy as np
 
 from gtmbench.engine.evidence import outside
 from gtmbench.engine.model import Model
-from gtmbench.engine.sums import Sums
+from gtmbench.engine.sums import WindowSums
 from gtmbench.values.record import FloatArray
 
 _AROUND_S = 15.0  # before and behind
@@ -30,7 +30,7 @@ def wanders_beside(model: Model, place: Place) -> FloatArray:
     return np.array([_wander(sums, model, place) for sums in model.sums])
 
 
-def restless_sums(model: Model, place: Place, *, is_around: bool = False) -> tuple[Sums, ...]:
+def restless_sums(model: Model, place: Place, *, is_around: bool = False) -> tuple[WindowSums, ...]:
     """Return sums in which means wander as they do beside an explanation; and about it, where that is asked."""
     wanders = np.nan_to_num(wanders_beside(model, place))
     if is_around:
@@ -44,7 +44,7 @@ def restless_sums(model: Model, place: Place, *, is_around: bool = False) -> tup
     if tilt:
         wanders[tilt] = wanders[tilt].max()
     return tuple(
-        sums if wander <= sums.products.equation.wander else Sums(sums.products, float(wander))
+        sums if wander <= sums.products.equation.wander else WindowSums(sums.products, float(wander))
         for sums, wander in zip(model.sums, wanders, strict=True)
     )
 
@@ -65,7 +65,7 @@ def _around(model: Model, place: Place, wanders: FloatArray) -> FloatArray:
     return found
 
 
-def _wander(sums: Sums, model: Model, place: Place) -> float:
+def _wander(sums: WindowSums, model: Model, place: Place) -> float:
     """Return the root mean square of means of chunks, with what is not known of them."""
     own, columns = sums.products, sums.products.columns
     begin = min(place.onset + 1, place.last)

@@ -41,8 +41,6 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     Blocks are a fifth of a second, or as long as the slowest of gyros and attitude takes for a sample. An attitude that
     is logged late is taken so much earlier.
 
-    Examples
-    --------
     >>> slow, fast = np.arange(0.0, 20.0, 0.1), np.arange(0.0, 20.0, 0.004)
     >>> turning = {"r": Samples(fast, np.full(5000, 3.0)), "psi": Samples(slow, 3.0 * slow)}
     >>> rest = {name: Samples(slow, 0.0 * slow) for name in ("p", "q", "phi", "theta")}
@@ -86,8 +84,6 @@ def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:
     The least of the mean squared difference over lags, its largest tenth clipped, by a parabola through three. Of a
     long log the liveliest twenty minutes tell it.
 
-    Examples
-    --------
     >>> time_s = np.arange(0.0, 60.0, 0.05)
     >>> level = {name: Samples(time_s, 0.0 * time_s) for name in (*GYROS, *ATTITUDE)}
     >>> rolls = {"p": Samples(time_s, 5.0 * np.cos(time_s)), "phi": Samples(time_s + 0.12, 5.0 * np.sin(time_s))}

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.engine.evidence import Evidence, axes_of, axis_number, evidence
+from gtmbench.engine.evidence import Support, axes_of, axis_number, evidence
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model
 from gtmbench.engine.restless import Place, restless_sums
-from gtmbench.engine.sums import Sums
+from gtmbench.engine.sums import WindowSums
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 EXPECTED = 6.0  # nats: the most that chance makes of evidence on a log as the model has it
@@ -59,7 +59,7 @@ class Scan:
         return onset[known], last[known]
 
     @cached_property
-    def seen(self) -> Evidence:
+    def seen(self) -> Support:
         """The evidence of all windows."""
         return evidence(self.model, *self.windows)
 
@@ -75,21 +75,14 @@ class Scan:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Search:
-    """A search in a model.
-
-    Attributes
-    ----------
-    scan : Scan
-    tempers : shape (explanations,)
-        What evidence is divided by: chance makes more of some explanations on this log than noise would.
-    found : tuple of Finding
-        What is known of already, and taken away in the model.
-    """
+class WindowSearch:
+    """A search in a model."""
 
     scan: Scan
+    # shape (explanations,): what evidence is divided by: chance makes more of some explanations on this log than noise
+    # would
     tempers: FloatArray
-    found: tuple[Finding, ...] = ()
+    found: tuple[Finding, ...] = ()  # what is known of already, and taken away in the model
 
     @property
     def model(self) -> Model:
@@ -129,7 +122,7 @@ class Search:
         first, last, place = self._placed(at)
         return self._described(first, last, place, bound)
 
-    def _one(self, onset: int, last: int, sums: tuple[Sums, ...] | None = None) -> Evidence:
+    def _one(self, onset: int, last: int, sums: tuple[WindowSums, ...] | None = None) -> Support:
         return evidence(self.model, np.array([onset]), np.array([last]), sums, by_parts=True)
 
     @cached_property
@@ -229,7 +222,7 @@ class Search:
         shows = self._shows(int(onsets[row]), last, place, found.size, sums)
         return replace(found, shows_s=model.flight.blocks.start_s + shows * model.cell_s)
 
-    def _shows(self, first: int, last: int, place: int, size: float, sums: tuple[Sums, ...]) -> int:
+    def _shows(self, first: int, last: int, place: int, size: float, sums: tuple[WindowSums, ...]) -> int:
         """Return the first end, in cells, up to which it shows: by s^2 / (2 d^2), d the deviation of its size s.
 
         The ratio itself doesn't tell: it is by the constants of all outside a window, where the fault goes on.
@@ -242,8 +235,8 @@ class Search:
 
     def _finding(
         self,
-        one: Evidence,
-        seen: Evidence,
+        one: Support,
+        seen: Support,
         onsets: IntArray,
         totals: FloatArray,
         order: list[int],
@@ -290,7 +283,7 @@ class Search:
         likeliest = sorted(sums.items(), key=lambda told: -told[1])[:_TOLD]
         return tuple((*key, chance) for key, chance in likeliest if chance >= _LEAST_CHANCE)
 
-    def _shown_by(self, one: Evidence, place: int) -> tuple[tuple[str, int, float], ...]:
+    def _shown_by(self, one: Support, place: int) -> tuple[tuple[str, int, float], ...]:
         """Return the equations that show it most, with what each shows in nats, the strongest first."""
         nats = one.by_equation[:, 0, place]
         told = [
@@ -300,7 +293,7 @@ class Search:
         ]
         return tuple(sorted(told, key=lambda each: -each[2])[:_TOLD])
 
-    def _own_axis(self, one: Evidence, place: int) -> float:
+    def _own_axis(self, one: Support, place: int) -> float:
         """Return what the suspect's own axis of gyro and attitude shows, in nats; all of them of what has no axis."""
         axis = int(axes_of(self.model)[place])
         shown = 0.0

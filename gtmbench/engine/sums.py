@@ -20,12 +20,11 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.engine.constants import by_chunks
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.equation import Equation, rows_per_chunk
 from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets
@@ -44,34 +43,20 @@ def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Columns:
-    """An equation's columns, whitened, and the signatures of explanations in it before they were.
+class WhiteRows:
+    """An equation's columns, whitened, and the signatures of explanations in it before they were."""
 
-    Attributes
-    ----------
-    own : shape (signatures,)
-        Which explanations it feels.
-    times : tuple of float
-        By which signatures fade, in seconds.
-    fading : shape (signatures,)
-        Which of these times each fades by; -1 for none.
-    bases : shape (signatures,)
-        Which signature each grows from; -1 for none.
-    states : shape (cells + 1, signatures, 3)
-        By how much the attitude would be off at each cell's beginning, in earth axes, deg.
-    since : shape (cells + 1, signatures)
-        The base's multiplier.
-    """
-
-    own: IntArray
-    times: tuple[float, ...]
-    fading: IntArray
-    bases: IntArray
+    own: IntArray  # shape (signatures,): which explanations it feels
+    times: tuple[float, ...]  # by which signatures fade, in seconds
+    fading: IntArray  # shape (signatures,): which of these times each fades by; -1 for none
+    bases: IntArray  # shape (signatures,): which signature each grows from; -1 for none
+    # shape (cells + 1, signatures, 3): by how much the attitude would be off at each cell's beginning, in earth axes,
+    # deg
     states: FloatArray = field(repr=False)
-    since: FloatArray = field(repr=False)
+    since: FloatArray = field(repr=False)  # shape (cells + 1, signatures): the base's multiplier
 
 
-class Signatures:
+class SignatureSet:
     """What each explanation is off by in a relation's equations, from the log's beginning on; worked out once."""
 
     def __init__(self, flight: Flight, explanations: Sequence[Explanation]) -> None:
@@ -133,7 +118,7 @@ class Signatures:
         factor = kept_a_block(self.flight, self.explanations[place].fades_s)
         return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
 
-    def answers(self, equation: Equation) -> tuple[Columns, FloatArray, FloatArray]:
+    def answers(self, equation: Equation) -> tuple[WhiteRows, FloatArray, FloatArray]:
         """Return an equation's columns, the signatures in it and those of an attitude that is off by one degree.
 
         Shapes (blocks, signatures) and (blocks, times, 3).
@@ -148,7 +133,7 @@ class Signatures:
         answers = np.column_stack([answer for _, answer in found]) if found else np.zeros((len(flight), 0))
         places = {int(place): at for at, place in enumerate(own)}
         bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
-        columns = Columns(
+        columns = WhiteRows(
             own=own,
             times=self.times,
             fading=self.fading[own],
@@ -200,7 +185,7 @@ class Products:
     """
 
     equation: Equation
-    columns: Columns
+    columns: WhiteRows
     first: IntArray = field(repr=False)
     second: IntArray = field(repr=False)
     rates: FloatArray = field(repr=False)
@@ -219,7 +204,7 @@ class Products:
 
 
 def products_of(
-    signatures: Signatures, equation: Equation, answers: tuple[Columns, FloatArray, FloatArray], beside: FloatArray
+    signatures: SignatureSet, equation: Equation, answers: tuple[WhiteRows, FloatArray, FloatArray], beside: FloatArray
 ) -> Products:
     """Return the products of an equation; `beside` are further regressors, shape (blocks, ...), not yet whitened."""
     flight = signatures.flight
@@ -258,8 +243,8 @@ def _fading(equation: Equation, answers: FloatArray, flight: Flight, fades_s: fl
     return equation.whitened_decay(answers, factor) * (factor**since)[:, np.newaxis]
 
 
-def _pairs(columns: Columns, known: int, count: int) -> tuple[IntArray, IntArray]:
-    """Return which columns are multiplied: see `Sums.window` for the order."""
+def _pairs(columns: WhiteRows, known: int, count: int) -> tuple[IntArray, IntArray]:
+    """Return which columns are multiplied: see `WindowSums.window` for the order."""
     signature = known + np.arange(count)
     fades = known + count + np.arange(3)
     pairs: list[tuple[int, int]] = [(i, j) for i in range(known) for j in range(i, known)]
@@ -290,43 +275,21 @@ def _of_cells(cells: FloatArray, first: IntArray, second: IntArray) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Window:
-    """An equation's sums over windows, for signatures that begin at an onset; the first axis is that of windows.
+    """An equation's sums over windows, for signatures that begin at an onset; the first axis is that of windows."""
 
-    Attributes
-    ----------
-    errors : shape (windows,)
-        e'e.
-    products : shape (windows, regressors)
-        X'e.
-    squares : shape (windows, regressors, regressors)
-        X'X.
-    cross : shape (windows, signatures)
-        s'e.
-    mixed : shape (windows, signatures, regressors)
-        s'X.
-    power : shape (windows, signatures)
-        s's.
-    counts : shape (windows,)
-        Known blocks.
-    """
-
-    errors: FloatArray
-    products: FloatArray
-    squares: FloatArray
-    cross: FloatArray
-    mixed: FloatArray
-    power: FloatArray
-    counts: FloatArray
+    errors: FloatArray  # shape (windows,): e'e
+    products: FloatArray  # shape (windows, regressors): X'e
+    squares: FloatArray  # shape (windows, regressors, regressors): X'X
+    cross: FloatArray  # shape (windows, signatures): s'e
+    mixed: FloatArray  # shape (windows, signatures, regressors): s'X
+    power: FloatArray  # shape (windows, signatures): s's
+    counts: FloatArray  # shape (windows,): known blocks
 
 
-class Sums:
+class WindowSums:
     """Sums of an equation's products over windows, the mean of each chunk marginalised.
 
-    Parameters
-    ----------
-    products : Products
-    wander : float, optional
-        By how much means of chunks wander; the equation's own by default, 0 for not at all.
+    `wander`: by how much means of chunks wander; the equation's own by default, 0 for not at all.
     """
 
     def __init__(self, products: Products, wander: float | None = None) -> None:
@@ -428,13 +391,7 @@ class Sums:
     def signature_means(self, onset: int, edges: IntArray, signature: int) -> FloatArray:
         """Return the same of a signature that begins at `onset`, over cells from each edge to the next.
 
-        Parameters
-        ----------
-        onset : int
-        edges : shape (pieces + 1,)
-            Each piece lies in one chunk.
-        signature : int
-            Which of the equation's.
+        `edges`, shape (pieces + 1,): each piece lies in one chunk. `signature`: which of the equation's.
         """
         own, columns = self.products, self.products.columns
         known = 1 + own.regressors
@@ -460,7 +417,7 @@ def running(values: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
-def _fading_rates(products: Products, columns: Columns) -> FloatArray:
+def _fading_rates(products: Products, columns: WhiteRows) -> FloatArray:
     """Return by how much each signature's forgotten part fades a block."""
     known = 1 + products.regressors + len(columns.own)
     return np.where(columns.fading >= 0, products.mean_rates[known + 3 * np.maximum(columns.fading, 0)], 0.0)

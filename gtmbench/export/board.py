@@ -141,7 +141,7 @@ def _check_kind(monitor: CalibratedBank) -> None:
             f"bank {bank.name} was identified on little flight, so its residuals are judged by how uncertain its "
             f"operators are, which has no place on board; calibrate it on more flights: {EXPORTABLE}"
         )
-    if Regime.told(monitor.provenance).limits:
+    if Regime.from_provenance(monitor.provenance).limits:
         raise InputError(
             f"bank {bank.name} was calibrated on logs and says nothing in motion harder than theirs, which the C code "
             f"wouldn't notice; {EXPORTABLE}"

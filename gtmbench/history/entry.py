@@ -8,50 +8,33 @@ from functools import cached_property
 
 import numpy as np
 
+from gtmbench.engine.course.course import OF_WHITE
 from gtmbench.engine.equation import Equation, rows_per_chunk
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.relation import BETWEEN
-from gtmbench.engine.sums import Sums
+from gtmbench.engine.sums import WindowSums
 from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
-_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 _FEWEST = 5  # chunks whose means tell how well a noise is known
 _MEDIAN = np.sqrt(0.5 * np.pi)  # the deviation of a median over that of a mean, of normal values
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A flight in a history.
+    """A flight in a history."""
 
-    Attributes
-    ----------
-    digest : str
-        Of the log's file: a log is entered once.
-    log : str
-        The file's name.
-    airframe : str
-    hardware : str
-        The autopilot's identifier; "" where the log states none.
-    temperature_c : float
-        The IMU's over the flight; NaN where it isn't logged.
-    constants : tuple of Constant
-    apart : frozenset of (sensor, name)
-        Those that weren't as in the flights before: they are no part of what later ones are held against.
-    begins : bool
-        Whether an installation begins with it: no earlier flight tells of later ones.
-    """
-
-    digest: str
-    log: str
+    digest: str  # of the log's file: a log is entered once
+    log: str  # the file's name
     airframe: str
-    hardware: str = ""
-    temperature_c: float = float("nan")
+    hardware: str = ""  # the autopilot's identifier; "" where the log states none
+    temperature_c: float = float("nan")  # the IMU's over the flight; NaN where it isn't logged
     constants: tuple[Constant, ...] = field(default=(), repr=False)
+    # those that weren't as in the flights before: they are no part of what later ones are held against
     apart: frozenset[tuple[str, str]] = frozenset()
-    begins: bool = False
+    begins: bool = False  # whether an installation begins with it: no earlier flight tells of later ones
 
     def is_on(self, other: Entry) -> bool | None:
         """Tell whether another flight was flown with the same autopilot; None where one of them doesn't say."""
@@ -74,7 +57,7 @@ def constants_of(judged: Judged) -> tuple[Constant, ...]:
     return tuple(found.values())
 
 
-def _of_equation(judged: Judged, sums: Sums) -> Iterator[Constant]:
+def _of_equation(judged: Judged, sums: WindowSums) -> Iterator[Constant]:
     equation = sums.products.equation
     name, sensor = equation.relation.name, equation.relation.channels[equation.channel]
     if name == "roughness":
@@ -108,7 +91,7 @@ def _of_gyro(equation: Equation, sensor: str, deviations: FloatArray) -> Iterato
     yield Constant(sensor=sensor, name=LAG, value=float(theta[4]), deviation=float(deviations[4]))
 
 
-def _deviations(sums: Sums) -> FloatArray:
+def _deviations(sums: WindowSums) -> FloatArray:
     """Return the standard deviations of an equation's constants: the whole log's information, and their priors."""
     equation = sums.products.equation
     first, last = np.array([0], dtype=np.int64), np.array([sums.cells], dtype=np.int64)
@@ -126,7 +109,7 @@ def _noise(judged: Judged, equation: Equation, sensor: str) -> Iterator[Constant
     means = chunks[np.isfinite(chunks).mean(axis=1) > 0.5]
     if len(means) < _FEWEST:
         return
-    logs = 0.5 * (np.nanmean(means, axis=1) - np.log(_OF_WHITE))
+    logs = 0.5 * (np.nanmean(means, axis=1) - np.log(OF_WHITE))
     middle = float(np.median(logs))
     scatter = 1.4826 * float(np.median(np.abs(logs - middle)))
     yield Constant(sensor=sensor, name=NOISE, value=middle, deviation=_MEDIAN * scatter / float(np.sqrt(len(logs))))

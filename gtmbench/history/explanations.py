@@ -26,31 +26,16 @@ _TWO = 2.0**0.5  # installations, each of which is one of the population
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explanation:
-    """What may have changed between flights.
+class FlightCause:
+    """What may have changed between flights."""
 
-    Attributes
-    ----------
-    suspects : tuple of str
-        The sensors of which one failed; none of a healthy cause.
-    kind : str
-        Of the fault, as the faults' registry calls it; of a healthy cause, in words.
-    lead : (sensor, name) or None
-        The constant that is off by what a failure is off by.
-    follow : mapping of (sensor, name) to (float, float)
-        Those that change with it: by how many times as much, and to within which standard deviation.
-    is_new : bool
-        Whether earlier flights tell nothing of what comes after it.
-    price : float
-        In nats.
-    """
-
-    suspects: tuple[str, ...]
-    kind: str
-    lead: Key | None = None
+    suspects: tuple[str, ...]  # the sensors of which one failed; none of a healthy cause
+    kind: str  # of the fault, as the faults' registry calls it; of a healthy cause, in words
+    lead: Key | None = None  # the constant that is off by what a failure is off by
+    # by (sensor, name): those that change with it: by how many times as much, and to within which standard deviation
     follow: Mapping[Key, tuple[float, float]] = field(default_factory=dict)
-    is_new: bool = False
-    price: float = 0.0
+    is_new: bool = False  # whether earlier flights tell nothing of what comes after it
+    price: float = 0.0  # in nats
 
     def log_odds(self, constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction]) -> float:
         """Return the logarithm of its likelihood over that of a flight whose constants are all as before."""
@@ -81,7 +66,7 @@ class Explanation:
 class Weighed:
     """An explanation, and how likely it is beside all others."""
 
-    explanation: Explanation
+    explanation: FlightCause
     probability: float
 
 
@@ -90,14 +75,8 @@ def weighed(
 ) -> tuple[Weighed, ...]:
     """Return explanations of a flight's constants, the likeliest first.
 
-    Parameters
-    ----------
-    constants : mapping of key to Constant
-        Of the flight.
-    predictions : mapping of key to Prediction
-        Of those that earlier flights predict.
-    is_same : bool
-        Whether it was flown with the same autopilot.
+    `constants`, by key: of the flight. `predictions`, by key: of those that earlier flights predict. `is_same`: whether
+    it was flown with the same autopilot.
     """
     shifts = {key: constants[key].value - each.value for key, each in predictions.items()}
     told = list(explanations_of(shifts, is_same=is_same))
@@ -108,7 +87,7 @@ def weighed(
     return tuple(Weighed(explanation=told[at], probability=float(chances[at])) for at in order)
 
 
-def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[Explanation]:
+def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[FlightCause]:
     """Give what may explain how far some constants are from what they were.
 
     >>> told = list(explanations_of({("q", "offset"): 4.1, ("q", "noise"): 0.1}))
@@ -119,23 +98,23 @@ def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> It
     for imu in dict.fromkeys(gyro_and_imu(sensor)[1] for sensor, _ in shifts):
         own = [key for key in shifts if not imu or gyro_and_imu(key[0])[1] == imu]
         others = {key: (0.0, _TWO * kind_of(key[1]).population) for key in own}
-        yield Explanation(
+        yield FlightCause(
             suspects=(), kind=f"{imu or 'the IMU'} was replaced", follow=others, is_new=True, price=_SAME * is_same
         )
     turned = {key: (0.0, _TURNED_DEG) for key in shifts if key[1].startswith(MISALIGNMENT)}
     if turned:
-        yield Explanation(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
+        yield FlightCause(suspects=(), kind="the IMU was mounted anew", follow=turned, is_new=True)
     noises = sorted((key for key in shifts if key[1] == NOISE), key=lambda key: -abs(shifts[key]))
     if noises:
         alike = dict.fromkeys(noises[1:], (1.0, _ALIKE))
         lags = {key: (0.0, _TWO * kind_of(LAG).population) for key in shifts if key[1] == LAG}
-        yield Explanation(suspects=(), kind="the air or the motors shake it otherwise", lead=noises[0], follow=alike)
+        yield FlightCause(suspects=(), kind="the air or the motors shake it otherwise", lead=noises[0], follow=alike)
         if lags:
             filtered = "its filters or its logging are others"
-            yield Explanation(suspects=(), kind=filtered, lead=noises[0], follow=alike | lags)
+            yield FlightCause(suspects=(), kind=filtered, lead=noises[0], follow=alike | lags)
 
 
-def _failures(shifts: Mapping[Key, float]) -> Iterator[Explanation]:
+def _failures(shifts: Mapping[Key, float]) -> Iterator[FlightCause]:
     """Give failures of each gyro: those of one that is watched move all IMUs beside it back."""
     for sensor in dict.fromkeys(sensor for sensor, _ in shifts):
         gyro, imu = gyro_and_imu(sensor)
@@ -152,4 +131,4 @@ def _failures(shifts: Mapping[Key, float]) -> Iterator[Explanation]:
                 follow = dict.fromkeys(own[1:], (1.0, 0.0)) | dict.fromkeys(against, (-1.0, 0.0))
                 if kind == "noise" and (sensor, FACTOR) in shifts:  # its noise stands in what it is fitted to
                     follow |= {(sensor, FACTOR): (0.0, kind_of(FACTOR).failure)}
-                yield Explanation(suspects=suspects, kind=kind, lead=own[0], follow=follow)
+                yield FlightCause(suspects=suspects, kind=kind, lead=own[0], follow=follow)

@@ -17,8 +17,8 @@ from gtmbench.history.entry import Entry
 
 SCHEMA = 1
 IN_FOLDER = ".gtmbench-history.parquet"  # of a folder of logs: hidden, so that it is none of them
-_PATIENCE_S = 60.0
-_MOST_BYTES = 500_000_000
+_PATIENCE_S = 60.0  # for another process that writes it
+_MOST_BYTES = 500_000_000  # more is no history
 _COLUMNS = {
     "digest": Column("string", "of the log's file, SHA-256"),
     "log": Column("string", "the file's name"),
@@ -42,10 +42,7 @@ def history_file(given: Path) -> Path:
 def read_history(path: Path) -> tuple[Entry, ...]:
     """Return the flights of a history, in the order in which they were entered; none where there is no file yet.
 
-    Raises
-    ------
-    InputError
-        Where it isn't a history, or is damaged; it stays as it is.
+    InputError where it isn't a history, or is damaged; it stays as it is.
     """
     if not is_file(path):
         if path.exists():
@@ -75,10 +72,7 @@ def read_history(path: Path) -> tuple[Entry, ...]:
 def enter(path: Path, entry: Entry) -> bool:
     """Enter a flight, beside what others enter meanwhile; return whether it is new: each log is entered once.
 
-    Raises
-    ------
-    InputError
-        Where the file isn't a history, or another process holds it for a minute.
+    InputError where the file isn't a history, or another process holds it for a minute.
     """
     if not path.parent.is_dir():
         raise InputError(f"can't write {path}: folder {path.parent} doesn't exist; create it first")

@@ -22,8 +22,8 @@ from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import State, laid_out
 from gtmbench.verdict.verdict import LogVerdict, verdict_of
 
-_LONG_S = (30.0, 60.0, 120.0, 240.0)
-_RATES_DEG_S = (5.0, 10.0, 20.0)
+_LONG_S = (30.0, 60.0, 120.0, 240.0)  # tried, each twice as long
+_RATES_DEG_S = (5.0, 10.0, 20.0)  # tried, each twice as fast
 _PERIOD_S = 6.0  # of rolling and pitching
 _PIECE_S = 5.0  # of this log's errors, put one after another
 _DRAWS = 3  # of them; the worst counts
@@ -35,22 +35,13 @@ _FEWEST = 50  # blocks whose errors are known
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
-    """A motion that can be flown.
+class Manoeuvre:
+    """A motion that can be flown."""
 
-    Attributes
-    ----------
-    how : str
-        In words, ``{rate}`` for how fast.
-    duration_s, rate_deg_s : float
-    axes : tuple of float
-        Of rolling, pitching and turning: which take part.
-    """
-
-    how: str
+    how: str  # in words, ``{rate}`` for how fast
     duration_s: float
     rate_deg_s: float
-    axes: tuple[float, float, float]
+    axes: tuple[float, float, float]  # of rolling, pitching and turning: which take part
 
     @property
     def text(self) -> str:
@@ -75,23 +66,16 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class NextMotion:
-    """A motion, the sensors that it lets be judged, and to which sizes.
+    """A motion, the sensors that it lets be judged, and to which sizes."""
 
-    Attributes
-    ----------
-    motion : Motion
-    sizes : mapping of sensor to float
-        The error that would show, in the sensor's unit.
-    """
-
-    motion: Motion
-    sizes: Mapping[str, float]
+    motion: Manoeuvre
+    sizes: Mapping[str, float]  # by sensor: the error that would show, in the sensor's unit
 
     @property
     def text(self) -> str:
         """In words.
 
-        >>> told = Motion(how="full turns at {rate}", duration_s=60.0, rate_deg_s=10.0, axes=(0.0, 0.0, 1.0))
+        >>> told = Manoeuvre(how="full turns at {rate}", duration_s=60.0, rate_deg_s=10.0, axes=(0.0, 0.0, 1.0))
         >>> NextMotion(motion=told, sizes={"r": 0.93, "psi": 2.0}).text
         '60 s of full turns at 10 deg/s let r, psi be judged to 0.93 deg/s, 2 deg'
         """
@@ -104,7 +88,7 @@ class NextMotion:
         return f"{self.motion.text} let {', '.join(self.sizes)} be judged to {to}"
 
 
-def motions() -> Iterator[Motion]:
+def motions() -> Iterator[Manoeuvre]:
     """Give motions that can be flown."""
     hows = (
         ("rolling left and right at up to {rate}", (1.0, 0.0, 0.0)),
@@ -114,7 +98,7 @@ def motions() -> Iterator[Motion]:
     )
     for how, axes in hows:
         for duration_s in _LONG_S:
-            yield from (Motion(how=how, duration_s=duration_s, rate_deg_s=rate, axes=axes) for rate in _RATES_DEG_S)
+            yield from (Manoeuvre(how=how, duration_s=duration_s, rate_deg_s=rate, axes=axes) for rate in _RATES_DEG_S)
 
 
 def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
@@ -123,18 +107,13 @@ def next_motions(flight: Flight, verdict: LogVerdict) -> tuple[NextMotion, ...]:
     None for sensors that failed, or whose partner about their axis did, that part from the attitude, or that no motion
     of four minutes would clear.
 
-    Parameters
-    ----------
-    flight : Flight
-        Of the log.
-    verdict : LogVerdict
-        On it.
+    `flight`: of the log. `verdict`: on it.
     """
     errors = _errors(flight)
     todo = [name for name in verdict.unjudged if name in JUDGED and not _is_accused(verdict, name)]
     if errors is None or not todo:
         return ()
-    found: dict[Motion, dict[str, float]] = {}
+    found: dict[Manoeuvre, dict[str, float]] = {}
     for motion in sorted(motions(), key=lambda motion: motion.cost):
         sizes = _sizes(flight, errors, motion, replace(verdict.scope, sensors=tuple(todo)))
         if sizes:
@@ -150,7 +129,7 @@ def _is_accused(verdict: LogVerdict, sensor: str) -> bool:
     return any(verdict.timeline.of(each, State.FAILED, State.SUSPECTED) for each in axis_of(sensor))
 
 
-def _sizes(flight: Flight, errors: FloatArray, motion: Motion, scope: Scope) -> dict[str, float]:
+def _sizes(flight: Flight, errors: FloatArray, motion: Manoeuvre, scope: Scope) -> dict[str, float]:
     """Return the sensors that a motion lets be judged, and to which sizes: the worst of some draws of errors."""
     worst = dict.fromkeys(scope.sensors, 0.0)
     for draw in range(_DRAWS):
@@ -176,7 +155,7 @@ def _errors(flight: Flight) -> FloatArray | None:
     return known if len(known) >= _FEWEST else None
 
 
-def _flown(flight: Flight, errors: FloatArray, motion: Motion, random: np.random.Generator) -> Blocks:
+def _flown(flight: Flight, errors: FloatArray, motion: Manoeuvre, random: np.random.Generator) -> Blocks:
     """Return the blocks of a log of a motion."""
     period_s = flight.blocks.period_s
     count = round(motion.duration_s / period_s)

@@ -19,39 +19,21 @@ _SURE = 1.96  # deviations of a normal law: 95 %
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Overview:
-    """A constant of an airframe over its flights; a noise in its sensor's unit.
-
-    Attributes
-    ----------
-    sensor, name, unit : str
-    flights : shape (flights,)
-        Their numbers, from 1, of all flights of the airframe that tell it.
-    values : shape (flights,)
-    intervals : shape (flights, 2)
-        Between which each lies with 95 %.
-    is_apart : shape (flights,)
-        Which were others than before.
-    usual : (float, float) or None
-        Between which the last flight is expected by those before it; None where fewer than five tell.
-    chance : float
-        How likely the last flight's is, by these; 1 where nothing is expected.
-    trend : Trend or None
-        Where it changes slowly.
-    began : int
-        At which flight the installation begins.
-    """
+    """A constant of an airframe over its flights; a noise in its sensor's unit."""
 
     sensor: str
     name: str
     unit: str
+    # shape (flights,): their numbers, from 1, of all flights of the airframe that tell it
     flights: IntArray = field(repr=False)
-    values: FloatArray = field(repr=False)
-    intervals: FloatArray = field(repr=False)
-    is_apart: BoolArray = field(repr=False)
+    values: FloatArray = field(repr=False)  # shape (flights,)
+    intervals: FloatArray = field(repr=False)  # shape (flights, 2): between which each lies with 95 %
+    is_apart: BoolArray = field(repr=False)  # shape (flights,): which were others than before
+    # between which the last flight is expected by those before it; None where fewer than five tell
     usual: tuple[float, float] | None
-    chance: float
-    trend: Trend | None
-    began: int
+    chance: float  # how likely the last flight's is, by these; 1 where nothing is expected
+    trend: Trend | None  # where it changes slowly
+    began: int  # at which flight the installation begins
 
     @property
     def title(self) -> str:
@@ -64,10 +46,7 @@ def overviews_of(flights: Sequence[Entry]) -> tuple[Overview, ...]:
 
     Those that the last flight parts from come first, then those that change slowly, then by how unlikely the last is.
 
-    Parameters
-    ----------
-    flights : sequence of Entry
-        Of one airframe, in order.
+    `flights`: of one airframe, in order.
     """
     if not flights:
         return ()

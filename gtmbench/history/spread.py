@@ -34,27 +34,15 @@ _SEASON_K = 10.0  # by which temperatures differ that nobody logged: a standard 
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """What a constant of the next flight is by the flights before it.
+    """What a constant of the next flight is by the flights before it."""
 
-    Attributes
-    ----------
-    flights : int
-        By how many.
-    value, deviation : float
-        Student's law's centre and scale, the new flight's own error among it.
-    degrees : float
-        Its degrees of freedom.
-    spread : float
-        By how much flights differ.
-    low, high : float
-        The least and the greatest so far.
-    """
-
-    flights: int
+    flights: int  # by how many
+    # value, deviation: Student's law's centre and scale, the new flight's own error among it
     value: float
     deviation: float
-    degrees: float
-    spread: float
+    degrees: float  # its degrees of freedom
+    spread: float  # by how much flights differ
+    # low, high: the least and the greatest so far
     low: float
     high: float
 
@@ -79,17 +67,11 @@ class Prediction:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lines:
-    """Fits of constants over flights, weighted by the spread and each one's own error; the first axis is theirs.
+    """Fits of constants over flights, weighted by the spread and each one's own error; the first axis is theirs."""
 
-    Attributes
-    ----------
-    theta : shape (constants, columns)
-    covariance : shape (constants, columns, columns)
-    spread, degrees : shape (constants,)
-    """
-
-    theta: FloatArray = field(repr=False)
-    covariance: FloatArray = field(repr=False)
+    theta: FloatArray = field(repr=False)  # shape (constants, columns)
+    covariance: FloatArray = field(repr=False)  # shape (constants, columns, columns)
+    # spread, degrees, shape (constants,)
     spread: FloatArray
     degrees: FloatArray
 
@@ -104,20 +86,11 @@ def fitted(
 ) -> Lines:
     """Return fits of values over flights.
 
-    Parameters
-    ----------
-    values, deviations : shape (constants, flights)
-        NaN where a flight doesn't tell it.
-    columns : shape (flights, columns)
-    prior : shape (constants, columns)
-        Standard deviations about zero; infinite of what nothing is known of. Only the latter cost a degree of freedom.
-    least : shape (constants,)
-        Of the spread.
-    alike : shape (constants,)
-        A number that those have in common which tell one spread.
+    `values`, `deviations`, shape (constants, flights): NaN where a flight doesn't tell it. `columns`, shape (flights,
+    columns). `prior`, shape (constants, columns): standard deviations about zero; infinite of what nothing is known of.
+    Only the latter cost a degree of freedom. `least`, shape (constants,): of the spread. `alike`, shape (constants,): a
+    number that those have in common which tell one spread.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> values, one = 2.0 + 0.5 * random.standard_normal((1, 400)), np.ones((400, 1))
     >>> own = np.full((1, 400), 0.01), one, np.array([[np.inf]]), np.array([0.1]), np.array([0])
@@ -171,7 +144,7 @@ def alike_of(keys: Sequence[Key]) -> IntArray:
     return np.array([numbers[kind] for kind in kinds], dtype=np.int64)
 
 
-def told_of(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
+def constants_by_flight(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
     """Return what flights tell of constants, and by which deviations, shape (constants, flights).
 
     NaN where one doesn't tell it, or isn't as those before it.
@@ -192,8 +165,6 @@ def warmth(flights: Sequence[Entry]) -> FloatArray | None:
 def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction]:
     """Return what a flight's constants are by earlier ones; none of those that fewer than five tell.
 
-    Examples
-    --------
     >>> def flight(number, value):
     ...     read = Constant(sensor="q", name="offset", value=value, deviation=0.05)
     ...     return Entry(digest=str(number), log="", airframe="a", temperature_c=20.0, constants=(read,))
@@ -203,7 +174,7 @@ def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction
     (12, 0.1, True)
     """
     keys = tuple(entry.by_key)
-    values, deviations = told_of(earlier, keys)
+    values, deviations = constants_by_flight(earlier, keys)
     enough = np.isfinite(values).sum(axis=1) >= FEWEST
     if not enough.any():
         return {}

@@ -25,23 +25,13 @@ _SUSPECTS = 3  # more are none
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Standing:
-    """A flight beside those before it.
-
-    Attributes
-    ----------
-    entry : Entry
-    flights : int
-        How many of its airframe and its installation were before.
-    predictions : mapping of (sensor, name) to Prediction
-        What these say of its constants; none of those that fewer than five tell.
-    is_same : bool
-        Whether the logs say that it was flown with the same autopilot.
-    """
+    """A flight beside those before it."""
 
     entry: Entry
-    flights: int
+    flights: int  # how many of its airframe and its installation were before
+    # by (sensor, name): what these say of its constants; none of those that fewer than five tell
     predictions: Mapping[Key, Prediction] = field(default_factory=dict, repr=False)
-    is_same: bool = False
+    is_same: bool = False  # whether the logs say that it was flown with the same autopilot
 
     @cached_property
     def level(self) -> float:
@@ -187,11 +177,7 @@ def _size(constant: Constant, before: Prediction) -> tuple[str, float, tuple[flo
 def stood(earlier: Sequence[Entry], entry: Entry) -> Standing:
     """Return a flight beside the earlier ones of its airframe, since its installation began.
 
-    Parameters
-    ----------
-    earlier : sequence of Entry
-        In the order in which they were flown; those of other airframes, and the flight itself, are passed over.
-    entry : Entry
+    `earlier`: in the order in which they were flown; those of other airframes, and the flight itself, are passed over.
     """
     own = installed(earlier, entry)
     is_same = bool(own) and bool(entry.is_on(own[-1]))

@@ -9,7 +9,7 @@ import numpy as np
 
 from gtmbench.history.constant import AT_REST, FACTOR, OFFSET, kind_of
 from gtmbench.history.entry import Entry
-from gtmbench.history.spread import FEWEST, Key, Lines, alike_of, fitted, told_of, warmth
+from gtmbench.history.spread import FEWEST, Key, Lines, alike_of, constants_by_flight, fitted, warmth
 
 CHANCE = 1e-3  # that constants which don't change are said to, at a flight
 _WITHIN = 0.05  # that the crossing lies outside its interval
@@ -18,45 +18,25 @@ _FACTOR = 0.1  # from one: where a factor is asked by nobody
 
 @dataclass(frozen=True, kw_only=True)
 class Trend:
-    """A constant that changes from flight to flight.
-
-    Attributes
-    ----------
-    sensor, name : str
-    flights : int
-        By how many it is told.
-    slope, deviation : float
-        Its change a flight, and the standard deviation of that.
-    limit : float
-        Which it will reach.
-    crossing : float
-        The flight at which it does, counted from the first of the installation, which is 1.
-    between : (float, float)
-        Between which flights, with 95 %.
-    """
+    """A constant that changes from flight to flight."""
 
     sensor: str
     name: str
-    flights: int
+    flights: int  # by how many it is told
+    # slope, deviation: its change a flight, and the standard deviation of that
     slope: float
     deviation: float
-    limit: float
-    crossing: float
-    between: tuple[float, float]
+    limit: float  # which it will reach
+    crossing: float  # the flight at which it does, counted from the first of the installation, which is 1
+    between: tuple[float, float]  # between which flights, with 95 %
 
 
 def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = None) -> tuple[Trend, ...]:
     """Return the constants that change slowly over the flights of an installation, the first to reach its limit first.
 
-    Parameters
-    ----------
-    flights : sequence of Entry
-        Of one airframe since its installation began, in order.
-    limits : mapping of name to float
-        How far from zero an offset may be, in deg/s, and from one a factor; 5 and 0.1 by default.
+    `flights`: of one airframe since its installation began, in order. `limits`, by name: how far from zero an offset
+    may be, in deg/s, and from one a factor; 5 and 0.1 by default.
 
-    Examples
-    --------
     >>> from gtmbench.history.constant import Constant
     >>> def flight(number):
     ...     read = Constant(sensor="q", name="offset", value=0.2 * number + 0.1 * (number % 2), deviation=0.02)
@@ -67,7 +47,7 @@ def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = Non
     """
     own = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: _FACTOR} | dict(limits or {})
     keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in own))
-    values, deviations = told_of(flights, keys)
+    values, deviations = constants_by_flight(flights, keys)
     enough = np.isfinite(values).sum(axis=1) > FEWEST
     if not enough.any():
         return ()

@@ -16,8 +16,8 @@ from gtmbench.method.rate_spectra import Gain, RateSpectra, spectra_of
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, Record
 
-_HALF_OCTAVE = 2.0**0.5
-_LOWEST_HZ = 0.5
+_HALF_OCTAVE = 2.0**0.5  # a band's ends, one over the other
+_LOWEST_HZ = 0.5  # of the frequencies that are compared
 _FEWEST = 2  # gyros whose noise has to be missing in the attitude
 _SLOWEST_HZ = 90.0  # of the sample rate: in slower logs noise and vibration fold back, into the gyros alone
 _MOST = 0.1  # of its noise may stand in an own attitude
@@ -35,25 +35,14 @@ _OF_GRID = 4.0  # times the power of its readings' steps is noise
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where an attitude comes from.
+    """Where an attitude comes from."""
 
-    Attributes
-    ----------
-    is_driven : bool
-        Whether the gyros drive it, so that a gyro's fault bends it.
-    why : str
-        What was measured, what the format documents, or that driven is assumed, for nothing shows it.
-    shares : mapping of float
-        By gyro, where it was measured: how much of its noise, or of all that it reads at high frequencies where its
-        noise isn't seen to be missing, stands in the gyro less the attitude's rate.
-    is_assumed : bool
-        Whether it is taken for driven because nothing shows that it is of its own.
-    """
-
-    is_driven: bool
-    why: str
+    is_driven: bool  # whether the gyros drive it, so that a gyro's fault bends it
+    why: str  # what was measured, what the format documents, or that driven is assumed, for nothing shows it
+    # by gyro, where it was measured: how much of its noise, or of all that it reads at high frequencies where its noise
+    # isn't seen to be missing, stands in the gyro less the attitude's rate
     shares: Mapping[str, float] = field(default_factory=dict)
-    is_assumed: bool = False
+    is_assumed: bool = False  # whether it is taken for driven because nothing shows that it is of its own
 
     @property
     def may_bend(self) -> bool:
@@ -83,16 +72,9 @@ def origin_of(records: Sequence[Record], documented: bool | None = None) -> Orig
     nothing is said to be of its own, for what a gyro's samples fold back from higher frequencies is missing in a driven
     attitude, too.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        p, q, r in deg/s, phi, theta, psi in deg; at one rate, the gyros as fast as they can be had. Of others nothing
-        can be told.
-    documented : bool, optional
-        What the log's format says: True of an estimator that the gyros drive.
+    `records`: p, q, r in deg/s, phi, theta, psi in deg; at one rate, the gyros as fast as they can be had. Of others
+    nothing can be told. `documented`: what the log's format says: True of an estimator that the gyros drive.
 
-    Examples
-    --------
     >>> level = Record([[0.0] * 6] * 5, channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.01)
     >>> origin_of([level]).is_driven, origin_of([level], documented=False).is_driven
     (True, False)

@@ -46,13 +46,9 @@ def yule_walker(covariance: FloatArray) -> tuple[FloatArray, float]:
 def levinson(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return 1, a_1, ..., a_n and the innovations' variance of many autocovariances at once, by Levinson's recursion.
 
-    Parameters
-    ----------
-    covariance : shape (models, n + 1)
-        At lags 0..n. Where one isn't positive definite (missing samples), reflections stop short of 1.
+    `covariance`, shape (models, n + 1): at lags 0..n. Where one isn't positive definite (missing samples), reflections
+    stop short of 1.
 
-    Examples
-    --------
     >>> levinson(np.array([[2.0, 1.0], [1.0, 0.0]]))
     (array([[ 1. , -0.5],
            [ 1. ,  0. ]]), array([1.5, 1. ]))

@@ -25,23 +25,12 @@ def filtered(
     spike meets an exact zero wherever it doesn't belong (a Fourier transform would spread its rounding errors); so that
     this holds for NaN and inf too, 0 takes their place, and the outputs that need them become NaN.
 
-    Parameters
-    ----------
-    channels : one array of shape (samples,) an input, or shape (inputs, samples)
-        Views will do: they are read a stretch at a time, so that temporary memory doesn't grow with the samples.
-    markov : shape (lags, outputs, inputs)
-        H_0 acts on the newest sample.
-    means : shape (inputs,)
-        Subtracted from the channels: u(k) is what is left.
-    out : shape (samples - lags + 1, outputs)
-        Where to put the result, if not into an array of its own.
+    `channels`, shape (samples,): views will do: they are read a stretch at a time, so that temporary memory doesn't
+    grow with the samples. `markov`, shape (lags, outputs, inputs): H_0 acts on the newest sample. `means`, shape
+    (inputs,): subtracted from the channels: u(k) is what is left. `out`, shape (samples - lags + 1, outputs): where to
+    put the result, if not into an array of its own. Returns shape (samples - lags + 1, outputs), no rows where that is
+    negative.
 
-    Returns
-    -------
-    shape (samples - lags + 1, outputs), no rows where that is negative
-
-    Examples
-    --------
     >>> H = np.array([[[1.0]], [[10.0]]])  # x(n) = u(n + 1) + 10 u(n)
     >>> filtered([np.array([1.0, 2.0, 3.0, np.nan])], H, np.zeros(1)).T
     array([[12., 23., nan]])

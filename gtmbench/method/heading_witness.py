@@ -68,7 +68,7 @@ class FieldOpinion:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Fit:
+class _HeadingFit:
     """How a stretch's field is explained by an error of each gyro, which grows evenly."""
 
     errors_deg_s: FloatArray  # mean over the stretch, shape (3,), by gyro
@@ -181,15 +181,15 @@ class HeadingWitness:
         rows = np.concatenate([np.isfinite(record.matrix(MAGNETOMETER)).all(axis=1) for record in self.healthy])
         return float(rows.mean())
 
-    def _usual(self, length_s: float) -> tuple[list[_Fit], bool]:
+    def _usual(self, length_s: float) -> tuple[list[_HeadingFit], bool]:
         """Return healthy stretches, and whether they are of that length, or shorter for want of enough."""
         lasts_s = length_s
         while len(fits := self._stretches(lasts_s)) < _FEWEST and lasts_s > SHORTEST_S:
             lasts_s = max(_SHORTER * lasts_s, SHORTEST_S)
         return fits, lasts_s == length_s
 
-    def _stretches(self, length_s: float) -> list[_Fit]:
-        fits: list[_Fit] = []
+    def _stretches(self, length_s: float) -> list[_HeadingFit]:
+        fits: list[_HeadingFit] = []
         for record in self.healthy:
             rows = round(length_s / record.sample_period_s)
             step = max(int(_STEP * rows), 1)
@@ -206,7 +206,7 @@ def left_open(reason: str, error: float = np.nan, bound: float = np.nan) -> Fiel
     return FieldOpinion(sensor=None, reason=reason, error_deg_s=error, bound_deg_s=bound)
 
 
-def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -> FieldOpinion:
+def _judged(fit: _HeadingFit, usual: Sequence[_HeadingFit], claimed: float, length_s: float) -> FieldOpinion:
     """Return the opinion about a stretch, given how healthy ones of the same length are."""
     middle, bound = _middle_and_bound(usual)
     error = float(fit.errors_deg_s[_YAW]) - middle
@@ -240,14 +240,14 @@ def _judged(fit: _Fit, usual: Sequence[_Fit], claimed: float, length_s: float) -
     return FieldOpinion(sensor="r", reason=why, error_deg_s=error, bound_deg_s=bound)
 
 
-def _middle_and_bound(usual: Sequence[_Fit]) -> tuple[float, float]:
+def _middle_and_bound(usual: Sequence[_HeadingFit]) -> tuple[float, float]:
     """Return r's usual error on healthy stretches, and by how much more than that an error isn't healthy."""
     errors = np.array([each.errors_deg_s[_YAW] for each in usual])
     middle = float(np.median(errors))
     return middle, float(_OF_HEALTHY * np.abs(errors - middle).max())
 
 
-def _fit(stretch: Record, usual_share: float) -> _Fit | None:
+def _fit(stretch: Record, usual_share: float) -> _HeadingFit | None:
     """Return how errors of each gyro explain a stretch; None where too much is missing."""
     rates, field = np.deg2rad(stretch.matrix(GYROS)), stretch.matrix(MAGNETOMETER)
     read: BoolArray = np.asarray(np.isfinite(field).all(axis=1), dtype=np.bool_)
@@ -267,7 +267,7 @@ def _fit(stretch: Record, usual_share: float) -> _Fit | None:
     size = _second_means(np.linalg.norm(field, axis=1)[:, np.newaxis], time_s)[:, 0]
     corrected = carried_by(rates - np.array([0.0, 0.0, errors[_YAW]]), stretch.sample_period_s)
     turns = [float(np.rad2deg(each.magnitude().max())) for each in (path, corrected)]
-    return _Fit(
+    return _HeadingFit(
         errors_deg_s=np.rad2deg(errors),
         left=left,
         strength=float(np.max(np.abs(size / size[0] - 1.0))),

@@ -154,15 +154,8 @@ def _warn_of_rank(problem: Problem, estimate: Estimate) -> None:
 def cause(root: FloatArray, channels: Sequence[str], equations: int) -> str:
     """Return which channels leave Markov parameters undetermined, and how.
 
-    Parameters
-    ----------
-    root : shape (lags channels,) twice
-        R of the regressor, columns lag by lag, channel by channel within.
-    channels : sequence of str
-    equations : int
+    `root`, shape (lags channels,): R of the regressor, columns lag by lag, channel by channel within.
 
-    Examples
-    --------
     >>> u = np.random.default_rng(1).standard_normal((500, 3))
     >>> u[:, 2] = u[:, 0] + u[:, 1]
     >>> cause(np.linalg.qr(u, mode="r"), ["p", "q", "s"], 500)

@@ -28,34 +28,21 @@ Constant = Literal["estimated", "records", "none"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """Centred, scaled samples and the operator that is looked for.
+    """Centred, scaled samples and the operator that is looked for."""
 
-    Attributes
-    ----------
-    stretches : tuple of Stretch
-        Channels: instruments, inputs, outputs, in this order.
-    instruments, inputs, outputs : tuple of str
-    causal_order, noncausal_order : int
-        r and d.
-    centre, scale : shape (channels,)
-        Mean of every channel (0 if there is to be no constant) and RMS about it, in its unit; estimates are in units of
-        `scale`.
-    sample_period_s : float
-        Ts, in seconds.
-    constant : str
-        As `identify` takes it.
-    """
-
-    stretches: tuple[Stretch, ...] = field(repr=False)
+    stretches: tuple[Stretch, ...] = field(repr=False)  # channels: instruments, inputs, outputs, in this order
     instruments: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
+    # causal_order, noncausal_order: r and d
     causal_order: int
     noncausal_order: int
+    # centre, scale, shape (channels,): mean of every channel (0 if there is to be no constant) and RMS about it, in its
+    # unit; estimates are in units of `scale`
     centre: FloatArray
     scale: FloatArray
-    sample_period_s: float
-    constant: Constant = "estimated"
+    sample_period_s: float  # Ts, in seconds
+    constant: Constant = "estimated"  # as `identify` takes it
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -130,42 +117,21 @@ def columns_of(channels: Sequence[int], lags: Sequence[int], *, count: int, caus
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimate:
-    """What an estimator found, every channel scaled to an RMS of 1.
+    """What an estimator found, every channel scaled to an RMS of 1."""
 
-    Attributes
-    ----------
-    coefficients : shape (parameters, outputs)
-        Lag r to -d, input by input within.
-    root : shape (outputs, parameters, parameters), or (1, parameters, parameters) for all outputs
-        S: with white noise the covariance of an output's coefficients is its noise variance times (S'S)^-1.
-    noise_variance : shape (outputs,)
-        Of that noise; NaN where the theory gives no covariance.
-    rms_residual : shape (outputs,)
-        Of the one-step residual over the equations.
-    equations : int
-        How many the estimator used.
-    rank : int
-    solver : str
-    constant : shape (outputs,)
-        What the operator adds; 0 unless it was estimated.
-    rank_chosen : bool
-        The rank was chosen, so that less than full is no surprise.
-    noise_model : NoiseModel, optional
-        Of an estimator that finds one, in the outputs' units.
-    sensor_noise : shape (inputs + outputs,), optional
-        Standard deviations that an estimator took or found, in the channels' units.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  # shape (parameters, outputs): lag r to -d, input by input within
+    # shape (outputs, parameters, parameters): S: with white noise the covariance of an output's coefficients is its
+    # noise variance times (S'S)^-1
     root: FloatArray
-    noise_variance: FloatArray
-    rms_residual: FloatArray
-    equations: int
+    noise_variance: FloatArray  # shape (outputs,): of that noise; NaN where the theory gives no covariance
+    rms_residual: FloatArray  # shape (outputs,): of the one-step residual over the equations
+    equations: int  # how many the estimator used
     rank: int
     solver: str
-    constant: FloatArray | float = 0.0
-    rank_chosen: bool = False
-    noise_model: NoiseModel | None = None
+    constant: FloatArray | float = 0.0  # shape (outputs,): what the operator adds; 0 unless it was estimated
+    rank_chosen: bool = False  # the rank was chosen, so that less than full is no surprise
+    noise_model: NoiseModel | None = None  # of an estimator that finds one, in the outputs' units
+    # shape (inputs + outputs,): standard deviations that an estimator took or found, in the channels' units
     sensor_noise: FloatArray | None = None
 
 
@@ -229,10 +195,7 @@ def pose_problem(
 ) -> Problem:
     """Check everything that names don't tell and return what an estimator works on.
 
-    Raises
-    ------
-    InputError
-        Where channels are missing, constant, hold NaN, or the records are too short.
+    InputError where channels are missing, constant, hold NaN, or the records are too short.
     """
     flights = as_records(records)
     check_constant_kind(constant)

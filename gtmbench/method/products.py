@@ -16,13 +16,8 @@ def product(left: FloatArray, right: FloatArray) -> FloatArray:
 
     Threads wait for each other, on busy cores twenty times as long as the product takes; parts cost a tenth more.
 
-    Parameters
-    ----------
-    left : shape (m, k)
-    right : shape (k, n)
+    `left`, shape (m, k). `right`, shape (k, n).
 
-    Examples
-    --------
     >>> product(np.ones((1, 2)), np.array([[1.0, 2.0], [3.0, 4.0]]))
     array([[4., 6.]])
     """

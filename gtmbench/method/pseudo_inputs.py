@@ -24,7 +24,7 @@ from gtmbench.values.record import FloatArray, Record, check_record
 Values = float | FloatArray  # of one sample, or of a record
 
 _STEP = 1e-5  # of a derivative, in the formulas' units
-_M_S_PER_KT = 1852.0 / 3600.0
+_M_S_PER_KT = 1852.0 / 3600.0  # by definition of the nautical mile
 _BLOCK = 4096  # rows at a time: what is worked out of them stays in the cache
 
 
@@ -33,14 +33,7 @@ class Motion:
 
     Arrays, or the numbers of one sample.
 
-    Parameters
-    ----------
-    measured : container of str
-        Names of channels.
-    channel : callable
-        One of them by its name, in radians, m/s or g.
-    slope : callable
-        Its derivative.
+    `measured`: names of channels. `channel`: one of them by its name, in radians, m/s or g. `slope`: its derivative.
     """
 
     def __init__(
@@ -273,8 +266,6 @@ def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, 
 
     In the units of the table, by differences so small that they are exact where the formula is linear.
 
-    Examples
-    --------
     >>> record = Record(np.zeros((3, 2)), channels=["phi", "theta"], sample_period_s=0.1)
     >>> [values.round(6).tolist() for values in sensitivities(record, "phi_rate", "phi")]
     [[nan, 0.0, nan], [nan, 1.0, nan]]
@@ -306,12 +297,7 @@ def sensitivities(record: Record, name: str, channel: str) -> tuple[FloatArray, 
 def derived(record: Record, wanted: Sequence[str], among: Iterable[str] | None = None) -> list[FloatArray]:
     """Return channels and pseudo inputs as `derive` adds them, without copying a record.
 
-    Parameters
-    ----------
-    record : Record
-    wanted : sequence of str
-    among : iterable of str, optional
-        The record's channels that are looked at; all, unless told.
+    `among`: the record's channels that are looked at; all, unless told.
     """
     measured = set(record.channels) if among is None else set(record.channels).intersection(among)
     for name in wanted:

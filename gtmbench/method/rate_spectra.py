@@ -28,49 +28,26 @@ ComplexArray = NDArray[np.complex128]
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """How much of what a gyro reads in a band stands in the attitude's rate.
+    """How much of what a gyro reads in a band stands in the attitude's rate."""
 
-    Attributes
-    ----------
-    value : float
-        Of the regression of the rate on the gyro: 1 where all of it does, 0 where nothing.
-    deviation : float
-        Its standard error.
-    density : float
-        The gyro's power by frequency there, (deg/s)^2/Hz.
-    of_density : float
-        Its standard error, as a share of it.
-    """
-
-    value: float
-    deviation: float
-    density: float
-    of_density: float
+    value: float  # of the regression of the rate on the gyro: 1 where all of it does, 0 where nothing
+    deviation: float  # its standard error
+    density: float  # the gyro's power by frequency there, (deg/s)^2/Hz
+    of_density: float  # its standard error, as a share of it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RateSpectra:
-    """Spectra of a gyro and of the attitude's rate about its axis, window by window.
-
-    Attributes
-    ----------
-    frequency_hz : FloatArray
-    gyro, rate : ComplexArray
-        Shape (windows, frequencies).
-    scale : FloatArray
-        What the square of the gyro's elements has to be multiplied by to be its power by frequency, by frequency.
-    highest_hz : float
-        Up to which frequency attitude and gyro can tell.
-    quantum : float
-        The step of the gyro's readings, where they stand on a grid, else 0.
-    """
+    """Spectra of a gyro and of the attitude's rate about its axis, window by window."""
 
     frequency_hz: FloatArray
+    # gyro, rate: shape (windows, frequencies)
     gyro: ComplexArray
     rate: ComplexArray
+    # what the square of the gyro's elements has to be multiplied by to be its power by frequency, by frequency
     scale: FloatArray
-    highest_hz: float
-    quantum: float
+    highest_hz: float  # up to which frequency attitude and gyro can tell
+    quantum: float  # the step of the gyro's readings, where they stand on a grid, else 0
 
     @property
     def halves(self) -> tuple[BoolArray, BoolArray]:
@@ -129,8 +106,6 @@ def spectra_of(records: Sequence[Record]) -> Mapping[str, RateSpectra]:
     The attitude's rate is its step from sample to sample, the gyro the mean of both ends. That of phi tells p, with
     what q and r turn it taken off, that of theta q, that of psi r, so that noise of the heading spoils r alone.
 
-    Examples
-    --------
     >>> import gtmbench as gb
     >>> noise = np.random.default_rng(1).standard_normal((3000, 6))
     >>> spectra = spectra_of([gb.Record(noise, channels=["p", "q", "r", "phi", "theta", "psi"], sample_period_s=0.02)])

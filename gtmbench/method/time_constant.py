@@ -32,14 +32,9 @@ _SURE, _ALIKE = 0.3, 2.0  # the largest relative error, and by which factor roll
 
 @dataclass(frozen=True, kw_only=True)
 class TimeConstant:
-    """How long an estimator trusts its gyros.
+    """How long an estimator trusts its gyros."""
 
-    Attributes
-    ----------
-    time_constant_s, deviation_s : float
-        It, and its standard error.
-    """
-
+    # time_constant_s, deviation_s: it, and its standard error
     time_constant_s: float
     deviation_s: float
 
@@ -49,14 +44,9 @@ def time_constant_of(records: Sequence[Record]) -> TimeConstant | None:
 
     Roll and pitch both have to show it, each to 30 %, and may not differ by more than a factor of two.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Healthy; p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g. Those that lack a channel are passed over,
-        and so are blocks of 20 s in which a sample is missing.
+    `records`: healthy; p, q, r in deg/s, phi, theta, psi in deg, nx, ny, nz in g. Those that lack a channel are passed
+    over, and so are blocks of 20 s in which a sample is missing.
 
-    Examples
-    --------
     >>> import gtmbench as gb
     >>> truth = gb.fly(excitation="doublets", duration_s=90.0)
     >>> readings = gb.measure(truth, noise="t2")

@@ -23,20 +23,15 @@ FASTEST_S, USUAL_S, SLOWEST_S = 1.0, 5.0, 20.0  # time constants of an estimator
 OWN, DRIVEN = "own", "driven"  # an attitude that no gyro enters; one that the gyros drive
 
 _EVEN = 1e-9  # of a step
-_ROUNDS, _SAME_DEG = 60, 1e-11
-_RAD = math.pi / 180.0
+_ROUNDS, _SAME_DEG = 60, 1e-11  # of a fixed point, at most; up to rounding
+_RAD = math.pi / 180.0  # of a degree
 
 
 def to_earth(angles: FloatArray) -> FloatArray:
     """Return the matrices that turn body axes into the earth's, shape (3, 3, rows).
 
-    Parameters
-    ----------
-    angles : shape (3, rows)
-        phi, theta and psi, in rad.
+    `angles`, shape (3, rows): phi, theta and psi, in rad.
 
-    Examples
-    --------
     >>> to_earth(np.array([[0.0], [0.0], [0.5 * math.pi]]))[:, 0, 0].round(9) + 0.0  # flying east, forward is east
     array([0., 1., 0.])
     """
@@ -228,13 +223,8 @@ ESTIMATORS: Mapping[str, AttitudeEstimator] = {
 def estimator_of(attitude: object) -> AttitudeEstimator | None:
     """Return the estimator of a name of `ESTIMATORS`, or the one that is given; None of "own".
 
-    Raises
-    ------
-    InputError
-        If it is neither.
+    InputError if it is neither.
 
-    Examples
-    --------
     >>> estimator_of("filter 5 s").time_constant_s, estimator_of("own")
     (5.0, None)
     """

@@ -73,8 +73,8 @@ class Channel:
 
 UNIT_SUFFIX = {"deg/s": "deg_s", "deg": "deg", "g": "g", "kt": "kt", "ft": "ft", "%": "percent"}
 
-_DEG = math.degrees(1.0)
-_KT_PER_FPS = 3600.0 * M_PER_FT / 1852.0
+_DEG = math.degrees(1.0)  # of a radian
+_KT_PER_FPS = 3600.0 * M_PER_FT / 1852.0  # by definition of foot and nautical mile
 
 
 def _sensor(name: str, unit: str, noise: float, meaning: str, jsbsim: str, scale: float = 1.0) -> Channel:
@@ -181,10 +181,7 @@ def header_of(name: str) -> str:
 def channel_of(header: str) -> str:
     """Return the channel of a log column, the inverse of `header_of`.
 
-    Raises
-    ------
-    InputError
-        If the column looks like a known channel in another unit, or without one: units are never guessed.
+    InputError if the column looks like a known channel in another unit, or without one: units are never guessed.
     """
     if header in CHANNEL_OF_HEADER:
         return CHANNEL_OF_HEADER[header]

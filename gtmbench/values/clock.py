@@ -52,10 +52,7 @@ def even_times_s(start_s: float, sample_period_s: float, samples: range) -> Floa
 def even_period_s(time_s: FloatArray) -> float:
     """Return the sample period of evenly spaced stamps; a period whose rate is a whole number of Hz is exact.
 
-    Raises
-    ------
-    InputError
-        Naming the first stamp that is missing, late, early or doubled.
+    InputError naming the first stamp that is missing, late, early or doubled.
     """
     if len(time_s) < 2:
         raise InputError(f"{len(time_s)} time stamps give no sample period; give at least 2, or sample_period_s")
@@ -129,13 +126,7 @@ class ChunkClock:
 
 
 def advanced(clock: ChunkClock | None, chunk: ChunkClock) -> ChunkClock:
-    """Return the clock after a chunk.
-
-    Raises
-    ------
-    InputError
-        Where the chunk doesn't continue what was before.
-    """
+    """Return the clock after a chunk. InputError where the chunk doesn't continue what was before."""
     if clock is None or clock.count == 0:
         return chunk
     if chunk.source != clock.source:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from jinja2 import Template
 
-_MOST_ROWS = 40
+_MOST_ROWS = 40  # of a card: a screen
 _CARD = """\
 <div class="gtmbench">
 <style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>
@@ -48,16 +48,9 @@ def card(
 ) -> str:
     """Return a value as a piece of HTML, for its ``_repr_html_``; of a long table the first rows.
 
-    Parameters
-    ----------
-    title : str
-    facts : mapping, optional
-        Names and what stands behind them, a line each.
-    columns, rows
-        The table, as it is to be read; without rows there is none.
+    `facts`: names and what stands behind them, a line each. `columns`, `rows`: the table, as it is to be read; without
+    rows there is none.
 
-    Examples
-    --------
     >>> print(card("Record", {"length": "20 s"}, columns=["channel"], rows=[["<p>"]]))
     <div class="gtmbench">
     <style>.gtmbench :is(th, td) {padding: 0.1em 0.8em; text-align: left}</style>

@@ -15,7 +15,7 @@ from gtmbench.values.channels import LEAST_LIMIT, limit_of
 from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray, Record, Span
 
-_SECOND_S = 1.0
+_SECOND_S = 1.0  # about a reading, in which the others are counted
 _MOST = 0.01  # of a second's readings
 REASON = "readings beyond the range of any such sensor"
 

@@ -18,18 +18,8 @@ def filtered(
     y(k) = sum_i b_i u(k - i) - sum_{j >= 1} a_j y(k - j), all k; with T the banded lower triangle of ones and a_j, T y
     is the first sum.
 
-    Parameters
-    ----------
-    over, under : sequence of float
-        b and a; a begins with 1.
-    signal : shape (rows, ...)
-        Finite.
-    before : tuple of float
-        u and y of the row before the first; before that all is zero.
-
-    Returns
-    -------
-    The same shape.
+    `over`, `under`: b and a; a begins with 1. `signal`, shape (rows, ...): finite. `before`: u and y of the row before
+    the first; before that all is zero. Returns the same shape.
 
     >>> filtered([1.0], [1.0, -0.5], np.array([1.0, 0.0, 0.0]))
     array([1.  , 0.5 , 0.25])

@@ -24,7 +24,7 @@ class Outcome(IntEnum):
 
     HEALTHY = 0
     FAILED = 1
-    UNKNOWN = 3
+    UNKNOWN = 3  # the exit code
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

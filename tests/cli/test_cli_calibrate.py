@@ -88,7 +88,7 @@ def test_processes_side_by_side_fly_the_same():
 def test_it_says_what_thresholds_owe_to_luck(cli, logs):
     code, out, _ = cli("calibrate", *logs)
     assert code == 0
-    luck = Luck.told(gb.load_monitor("monitor.json").provenance)
+    luck = Luck.from_provenance(gb.load_monitor("monitor.json").provenance)
     assert f"others like them would move thresholds by a factor of {luck.median:.2g} (median)" in out
     assert f"{luck.within:.2g} (95 %)" in out
     assert f"{luck.within:.2g} (95 %)" in cli("list", "monitor.json")[1]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED, Accommodate, doubted, lesser
+from gtmbench.detectors.accommodate import GIVEN_BACK, REPLACED, SUSPECTED, Accommodate, doubted_gyros, lesser
 from gtmbench.detectors.stand_in import VirtualRates
 from gtmbench.values.channels import ATTITUDE, SENSORS
 from tests.helpers.monitors import monitor as made_up
@@ -251,7 +251,7 @@ class Handed:
 def of(*alarms, hidden=(), **more):
     stream = Saying(Scripted(hidden=hidden))
     stream.alarms = alarms
-    return doubted(stream, GYROS, **more)
+    return doubted_gyros(stream, GYROS, **more)
 
 
 def test_whose_axis_is_doubted():

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.bank import bank_of, bank_table, load_bank
 from gtmbench.detectors.bank.composed import composed_bank, unwatched
 from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, isolability
+from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.statistics.statistic import Statistic
 from gtmbench.files.shipped import shipped_banks
 from gtmbench.intake.contents import log_contents

@@ -32,7 +32,7 @@ from gtmbench.detectors.rivals.recursive import RecursiveLeastSquares
 from gtmbench.detectors.rivals.rival import JUDGES
 from gtmbench.detectors.rivals.rival_stream import named
 from gtmbench.detectors.rivals.signals import Scale, body_increments, with_turns
-from gtmbench.detectors.statistics.statistic import Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.testing.contract.subject import contract_case, standard_records
 from gtmbench.testing.contract.suite import CONTRACT, check_property
@@ -109,7 +109,7 @@ def test_the_model_stands_on_every_third_record_and_thresholds_on_the_others():
 )
 def test_a_level_is_the_mean_of_the_last_values_that_exist(values, rows):
     raw = np.array([np.nan if value is None else value for value in values])
-    (score,) = Level(windows_s=(rows * 0.1,)).scores(raw, White.steady(np.zeros(len(raw))), 0.1, Tolerance())
+    (score,) = Level(windows_s=(rows * 0.1,)).scores(raw, White.steady(np.zeros(len(raw))), 0.1, Allowance())
     for k, value in enumerate(score.values):
         last = raw[: k + 1][~np.isnan(raw[: k + 1])][-rows:]
         if np.isnan(raw[k]) or len(last) < rows:

@@ -76,16 +76,16 @@ def test_noise_is_no_motion(louder):
 def test_it_is_kept_in_a_monitors_file(tmp_path):
     monitor = monitors.monitor("C")
     gb.save_monitor(monitor, tmp_path / "monitor.json")
-    kept = Turning.told(gb.load_monitor(tmp_path / "monitor.json").provenance)
+    kept = Turning.from_provenance(gb.load_monitor(tmp_path / "monitor.json").provenance)
     assert kept.limits
-    assert kept == Turning.told(monitor.provenance)
+    assert kept == Turning.from_provenance(monitor.provenance)
     assert (
-        Turning.told(monitors.monitor("B").provenance)
-        == Turning.told({})
-        == Turning.told({"turning": "fast"})
+        Turning.from_provenance(monitors.monitor("B").provenance)
+        == Turning.from_provenance({})
+        == Turning.from_provenance({"turning": "fast"})
         == Turning()
     )
-    assert Turning.told({"turning": {"gyros_deg_s": 1.0}}).excursion(rolled()) is None
+    assert Turning.from_provenance({"turning": {"gyros_deg_s": 1.0}}).excursion(rolled()) is None
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2, 5, 7, 11, 12])

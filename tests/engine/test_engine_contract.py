@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import KINDS, explanations_of
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations import attitude, gravity, rest, roughness
 from gtmbench.engine.relations.registry import RELATIONS, relations_of
-from gtmbench.engine.sums import CELL, Signatures
+from gtmbench.engine.sums import CELL, SignatureSet
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import SENSORS, motion
@@ -202,7 +202,7 @@ def change_and_signature(fault, suspect, kind, size, *, relation, constants, rat
     """Return what a fault changes y - X theta of a relation by, and what the explanation says, shape (blocks, 2)."""
     healthy = flight_from(smooth(rate_hz), is_driven=bool(fades_s))
     flight = flight_from(broken(fault, rate_hz, fades_s), is_driven=bool(fades_s), healthy=smooth(rate_hz))
-    signatures = Signatures(flight, explanations_of(flight))
+    signatures = SignatureSet(flight, explanations_of(flight))
     own = next(
         each for each in signatures.explanations if (each.suspect, each.kind, each.fades_s) == (suspect, kind, fades_s)
     )

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtmbench.engine.doubts import doubted
-from gtmbench.engine.effect import Effect
+from gtmbench.engine.doubts import with_doubts
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import FROZEN, Finding, Side
 from gtmbench.engine.model import learnt
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.sums import Signatures
+from gtmbench.engine.sums import SignatureSet
 from tests.engine.engine_flights import flight_from
 from tests.helpers.turning import from_on, motion, with_error
 
@@ -21,7 +21,7 @@ DURATION_S = 200.0
 
 def model_of(record):
     flight = flight_from(record, noise=0.05)
-    return learnt(flight, relations_of(flight), Signatures(flight, explanations_of(flight)))
+    return learnt(flight, relations_of(flight), SignatureSet(flight, explanations_of(flight)))
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +80,12 @@ def frozen(gyro, onset_s, end_s):
 
 
 def alone(model, one):
-    (found,) = doubted(model, [one])
+    (found,) = with_doubts(model, [one])
     return found
 
 
 def names(model, *found):
-    return [each.named for each in doubted(model, found)]
+    return [each.named for each in with_doubts(model, found)]
 
 
 # what nothing speaks against ---------------------------------------------------------------------
@@ -99,7 +99,7 @@ def test_a_finding_that_stays_and_shows_in_its_own_axis_names_its_sensor(model, 
 
 
 def test_nothing_found_leaves_nothing_to_doubt(model):
-    assert doubted(model, []) == ()
+    assert with_doubts(model, []) == ()
 
 
 def test_a_finding_that_is_left_with_two_suspects_or_a_healthy_cause_names_nobody(model, finding):
@@ -120,7 +120,7 @@ def test_doubts_change_nothing_but_the_doubts(model, finding):
 
 def test_findings_of_one_suspect_that_follow_each_other_are_one_faults(model, finding):
     first, then = finding(end_s=100.0, evidence=40.0, own_axis=30.0, shown=35.0), finding("q drift", 120.0)
-    (found,) = doubted(model, [then, first])
+    (found,) = with_doubts(model, [then, first])
     assert (found.onset_s, found.end_s, found.first, found.last) == (60.0, DURATION_S, first.first, then.last)
     assert found.best.kind == "drift"  # the strongest says what it is
     assert found.onset_range_s == first.onset_range_s
@@ -140,7 +140,7 @@ def test_findings_of_two_suspects_that_follow_each_other_are_two_faults(model, f
 
 def test_three_findings_in_a_row_are_one_faults(model, finding):
     parts = [finding(onset_s=onset_s, end_s=onset_s + 30.0) for onset_s in (40.0, 90.0, 140.0)]
-    (found,) = doubted(model, parts)
+    (found,) = with_doubts(model, parts)
     assert (found.onset_s, found.end_s, found.evidence) == (40.0, 170.0, 300.0)
 
 
@@ -150,7 +150,7 @@ def test_three_findings_in_a_row_are_one_faults(model, finding):
 def test_all_gyros_at_once_are_the_attitudes_or_the_loggers(model, finding):
     three = [finding(f"{gyro} bias", 60.0 + late) for gyro, late in (("p", 0.0), ("q", 1.0), ("r", 2.0))]
     assert names(model, *three) == [None, None, None]
-    assert all("references" in each.others for each in doubted(model, three))
+    assert all("references" in each.others for each in with_doubts(model, three))
     assert names(model, *three[:2]) == ["p", "q"]
     three[2] = replace(three[2], onset_s=70.0)
     assert names(model, *three) == ["p", "q", "r"]
@@ -208,7 +208,7 @@ def test_what_passes_is_told_on_the_logs_own_clock(finding):
 
 def test_a_healthy_cause_as_strong_on_the_same_axis_cancels(model, finding):
     leans = finding("references lean of pitch", 70.0, evidence=60.0)
-    found = {each.best.suspect: each for each in doubted(model, [finding("q bias"), leans])}
+    found = {each.best.suspect: each for each in with_doubts(model, [finding("q bias"), leans])}
     assert found["q"].others == ("references",)
     assert found["q"].named is None
     assert found["references"].doubt == ""
@@ -224,7 +224,7 @@ def test_a_healthy_cause_as_strong_on_the_same_axis_cancels(model, finding):
     ],
 )
 def test_a_healthy_cause_of_another_axis_or_time_or_a_weaker_one_does_not_cancel(model, finding, other):
-    found = doubted(model, [finding("q bias"), finding(other.pop("name"), **other)])
+    found = with_doubts(model, [finding("q bias"), finding(other.pop("name"), **other)])
     assert next(each for each in found if each.best.kind == "bias").named == "q"
 
 
@@ -309,7 +309,7 @@ def test_a_finding_in_which_nothing_is_known_names_nobody(finding):
 def test_no_other_axis_is_judged_while_a_gyro_bends_the_attitude_far(model, finding):
     """A bias of 6 deg/s through an estimator of 7 s ends up 42 deg off."""
     bends = finding("p bias (7 s)", 40.0, size=6.0)
-    found = {each.best.suspect: each for each in doubted(model, [bends, finding("q bias", 80.0)])}
+    found = {each.best.suspect: each for each in with_doubts(model, [bends, finding("q bias", 80.0)])}
     assert found["p"].named == "p"
     assert found["q"].named is None
     assert "bends the attitude by 4" in found["q"].doubt
@@ -325,14 +325,14 @@ def test_no_other_axis_is_judged_while_a_gyro_bends_the_attitude_far(model, find
 )
 def test_another_axis_is_judged_beside_a_gyro_that_bends_the_attitude_a_bit_or_earlier(model, finding, bends, other):
     name, rest = bends
-    found = {each.best.suspect: each for each in doubted(model, [finding(name, 40.0, **rest), finding(*other)])}
+    found = {each.best.suspect: each for each in with_doubts(model, [finding(name, 40.0, **rest), finding(*other)])}
     assert found["q"].named == "q"
 
 
 def test_the_same_axis_is_judged_though_its_gyro_bends_the_attitude(model, finding):
     bends = finding("r bias (7 s)", 40.0, size=6.0)
     own = replace(model, flight=replace(model.flight, is_driven=False))
-    found = {each.best.suspect: each for each in doubted(own, [bends, finding("psi drift", 80.0)])}
+    found = {each.best.suspect: each for each in with_doubts(own, [bends, finding("psi drift", 80.0)])}
     assert found["psi"].named == "psi"
     assert alone(model, bends).named == "r"
 
@@ -400,7 +400,7 @@ def test_beside_an_angle_that_may_follow_the_gyros_nobody_is_named(model, findin
 def test_of_two_gyros_behind_one_estimator_neither_is_named_that_the_other_bends(model, finding):
     """A slow drift that seems to stand alone, and the scale of another gyro behind an estimator of 16 s, later."""
     drifts, scaled = finding("p drift", 50.0, size=0.3), finding("r scale (16 s)", 120.0, size=1.5)
-    found = {each.best.suspect: each for each in doubted(model, [drifts, scaled])}
+    found = {each.best.suspect: each for each in with_doubts(model, [drifts, scaled])}
     assert found["r"].doubt.startswith("p bends the attitude by ")
     assert alone(model, scaled).named == "r"
 
@@ -414,5 +414,5 @@ def test_what_shows_only_over_far_longer_than_is_known_before_it_names_nobody(
 ):
     """Of five seconds that are known, twenty times as much may pass until it shows."""
     told = finding("q bias", onset_s=5.0, shows_s=shows_s, side=side)
-    (said,) = doubted(model, [told])
+    (said,) = with_doubts(model, [told])
     assert ("are known before it" in said.doubt) == is_doubted

@@ -170,7 +170,7 @@ def test_where_another_gyro_parts_unexplained_nobody_is_named_behind_an_estimato
     of_q = tuple(each for each in whole.found if each.best.suspect == "q")
     assert of_q  # as if nothing had explained p
     monkeypatch.setattr(subject, "findings_of", lambda _: replace(whole, found=of_q))
-    monkeypatch.setattr(subject, "doubted", lambda _, found: found)
+    monkeypatch.setattr(subject, "with_doubts", lambda _, found: found)
     (finding,) = judged(flight).found
     assert (finding.named == "q") is not is_driven
     if is_driven:

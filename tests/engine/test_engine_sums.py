@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.equation import learn
 from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import explanations_of
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.engine.relations.registry import relations_of
-from gtmbench.engine.sums import CELL, Signatures, Sums, products_of
+from gtmbench.engine.sums import CELL, SignatureSet, WindowSums, products_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.engine.engine_flights import flight_from
 from tests.helpers.turning import motion
@@ -40,7 +40,7 @@ def flight():
 
 @pytest.fixture(scope="module")
 def signatures(flight):
-    return Signatures(flight, explanations_of(flight))
+    return SignatureSet(flight, explanations_of(flight))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def lengths(brute, known):
 def test_a_window_has_the_sums_of_brute_force(products, columns, name, onset, wander):
     own, every = products(*name), columns(*name, onset)
     first, last = np.array([(a, own.cells if b is None else b) for a, b in WINDOWS[onset]]).T
-    window = Sums(own, wander).window(np.full_like(first, onset), first, last)
+    window = WindowSums(own, wander).window(np.full_like(first, onset), first, last)
     wandering = own.equation.wander if wander is None else wander
     known = 1 + own.regressors
     assert window.cross.shape == window.power.shape == (len(first), len(own.columns.own))
@@ -153,7 +153,7 @@ def test_every_kind_of_signature_is_among_those_that_are_compared(signatures, pr
 @pytest.mark.parametrize("name", EQUATIONS, ids="{0[0]} {0[1]}".format)
 def test_what_is_known_without_an_explanation_is_the_same_as_in_a_window(products, name):
     own = products(*name)
-    sums = Sums(own)
+    sums = WindowSums(own)
     first, last = np.array([(0, 1), (5, 23), (9, 10), (0, own.cells), (40, 60), (80, own.cells)]).T
     window, known = sums.window(first, first, last), sums.known(first, last)
     assert known.shape == (6, 1 + own.regressors, 1 + own.regressors)
@@ -163,7 +163,7 @@ def test_what_is_known_without_an_explanation_is_the_same_as_in_a_window(product
 
 
 def test_an_empty_window_has_no_sums(products):
-    sums, at = Sums(products("attitude", 0)), np.array([0, 7, 8])
+    sums, at = WindowSums(products("attitude", 0)), np.array([0, 7, 8])
     window = sums.window(np.zeros(3, dtype=np.int64), at, at)
     assert np.abs(window.errors).max() < EXACT
     assert np.abs(window.power).max() < EXACT
@@ -173,7 +173,7 @@ def test_an_empty_window_has_no_sums(products):
 @pytest.mark.parametrize("name", EQUATIONS, ids="{0[0]} {0[1]}".format)
 def test_sums_with_the_chunks_mean_are_those_of_columns(products, columns, name):
     own, onset = products(*name), 11
-    sums, edges, every = Sums(own), np.array([12, 16, 20, 21, 24]), columns(*name, onset)
+    sums, edges, every = WindowSums(own), np.array([12, 16, 20, 21, 24]), columns(*name, onset)
     mean, known = own.equation.mean, 1 + own.regressors
     pieces = [blocks_in(first, last, len(every)) for first, last in pairwise(edges)]
     means, powers = sums.chunk_means(edges[:-1], edges[1:])

@@ -14,26 +14,18 @@ from gtmbench.files.shipped import read_shipped, shipped_banks
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, raw_needs, reproduces
 from gtmbench.values.channels import ATTITUDE, GYROS
 
-_MOST_RESIDUALS = 50
+_MOST_RESIDUALS = 50  # a bank's file with more is a mistake: an aircraft has some ten sensors
+# what is left of a gyro's fault is slow beside the references' noise: it takes longer filters
 _DRIVEN_WHITENING_S = 1.5
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualSpec:
-    """One residual of a bank: a sensor, and what predicts it; or a pseudo output, and sensors that predict it.
+    """One residual of a bank: a sensor, and what predicts it; or a pseudo output, and sensors that predict it."""
 
-    Attributes
-    ----------
-    output : str
-        The sensor, or a pseudo input that reproduces one (`is_early`).
-    inputs : tuple of str
-        Channels and pseudo inputs.
-    look_back_s, look_ahead_s : float
-        r Ts and d Ts; a bank is written in seconds, so that it fits any sample rate.
-    """
-
-    output: str
-    inputs: tuple[str, ...]
+    output: str  # the sensor, or a pseudo input that reproduces one (`is_early`)
+    inputs: tuple[str, ...]  # channels and pseudo inputs
+    # look_back_s, look_ahead_s: r Ts and d Ts; a bank is written in seconds, so that it fits any sample rate
     look_back_s: float
     look_ahead_s: float
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from gtmbench.detectors.bank.bank import Bank
 from gtmbench.detectors.statistics.learnt_noise import second_order
-from gtmbench.detectors.statistics.statistic import Spread, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Spread
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import Whitener
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, derived
@@ -20,29 +20,17 @@ Thresholds = Mapping[str, Mapping[str, float]]  # of a residual (by output), of 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibratedBank:
-    """Everything that watching needs: load it in any process, on any machine, and it judges alike.
-
-    Attributes
-    ----------
-    bank : Bank
-    operators : mapping of output to Transmissibility
-    whiteners : mapping of output to Whitener
-    tolerances : mapping of output to Tolerance
-    thresholds : mapping of output to mapping of label to float
-    sample_period_s : float
-    provenance : mapping
-        Where it comes from: records, hours, the false-alarm rate asked for and the bound shown.
-    uncertainties : mapping of output to ParameterUncertainty
-        Of operators that stand on little flight; none of those that stand on much.
-    """
+    """Everything that watching needs: load it in any process, on any machine, and it judges alike."""
 
     bank: Bank
-    operators: Mapping[str, Transmissibility]
-    whiteners: Mapping[str, Whitener]
-    tolerances: Mapping[str, Tolerance]
-    thresholds: Thresholds
+    operators: Mapping[str, Transmissibility]  # by output
+    whiteners: Mapping[str, Whitener]  # by output
+    tolerances: Mapping[str, Allowance]  # by output
+    thresholds: Thresholds  # by output
     sample_period_s: float
+    # where it comes from: records, hours, the false-alarm rate asked for and the bound shown
     provenance: Mapping[str, object]
+    # by output: of operators that stand on little flight; none of those that stand on much
     uncertainties: Mapping[str, ParameterUncertainty] = field(default_factory=dict)
 
     @property
@@ -72,31 +60,19 @@ class CalibratedBank:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BankResiduals:
-    """The residuals of a bank on a record, row for row beside it; in the outputs' units.
+    """The residuals of a bank on a record, row for row beside it; in the outputs' units."""
 
-    Attributes
-    ----------
-    raw, predicted : mapping of output to array of shape (samples,)
-        e(k), and the prediction: the virtual sensor.
-    spread : mapping of output to Spread
-        By which residuals are divided before they are judged; those without aren't.
-    """
-
+    # raw, predicted, by output, shape (samples,): e(k), and the prediction: the virtual sensor
     raw: Mapping[str, FloatArray] = field(repr=False)
     predicted: Mapping[str, FloatArray] = field(repr=False)
+    # by output: by which residuals are divided before they are judged; those without aren't
     spread: Mapping[str, Spread] = field(default_factory=dict, repr=False)
 
 
 def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:
     """Return the residuals of a bank, each by its own operator.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    record : Record
-        With the bank's channels.
-    outputs : iterable of str, optional
-        Only these.
+    `record`: with the bank's channels. `outputs`: only these.
     """
     residuals = without_spread(monitor, record, outputs)
     spread = {

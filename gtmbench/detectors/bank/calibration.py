@@ -18,7 +18,7 @@ from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, residuals_of
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.detectors.statistics.learnt_noise import followed
-from gtmbench.detectors.statistics.statistic import Spread, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Residual, healthy_maxima, rate_bound
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
@@ -33,15 +33,15 @@ from gtmbench.values.record import FloatArray, Record, frozen
 
 _LITTLE_S = 300.0  # of healthy flight: with less, every sample counts
 _MOST = 20.0  # deviations that one sample may count for
-_FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])
+_FACTORS = np.concatenate([[1.0], np.geomspace(1.2, 300.0, 40)])  # on an operator's error, tried in steps of 15 %
 _KNOWN = 0.01  # the sum of the parameters' variances: what they let pass of an input's noise
 _LEAST_THERE = 0.5  # of the residual
 _FIRST = 0.4  # of one record: identifies
 _SHORTEST = 20  # samples
 _FOLDS = 5  # stretches of one or two records; of more, each record is one
-_MOST_FOLDS = 10
+_MOST_FOLDS = 10  # each identifies a bank anew: time grows with them
 _BASELINES = 5.0  # in the shortest record
-_SHORTEST_S = 5.0
+_SHORTEST_S = 5.0  # of a healthy record: less is refused
 _LOOKS = 20.0  # so many times what an operator looks back and ahead, at least
 _A_COEFFICIENT = 50  # samples that one of a whitening filter stands on
 
@@ -187,14 +187,8 @@ def _weighed(learnt: _Learnt, noise: float, half: int) -> _Learnt:
     than the estimator takes them to be: so two factors on the covariance are found, of the residual as it is and
     whitened, and how much stronger the noise is where identification hadn't seen it.
 
-    Parameters
-    ----------
-    learnt : _Learnt
-        With |F' phi(k)|^2 as spread, of a covariance F F'.
-    noise : float
-        The residual's mean square on the records that were identified on.
-    half : int
-        Of the uncertainty.
+    `learnt`: with |F' phi(k)|^2 as spread, of a covariance F F'. `noise`: the residual's mean square on the records
+    that were identified on. `half`: of the uncertainty.
     """
     operator, whitener = learnt.operator, learnt.whitener
     judged = [(raw, white, alone) for raw, white, alone in learnt.judged if alone is not None]
@@ -219,7 +213,7 @@ def _weighed(learnt: _Learnt, noise: float, half: int) -> _Learnt:
     )
 
 
-def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> Tolerance:
+def _tolerance(plan: Plan, judged: Sequence[Residual], sample_period_s: float) -> Allowance:
     whites = [white.values if spread is None else white.values / spread.white for _, white, spread in judged]
     return tolerance_of(whites, plan.bank.statistic, sample_period_s)
 
@@ -254,27 +248,14 @@ def _factor(values: FloatArray, share: FloatArray, least: float) -> tuple[float,
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """Which healthy stretches identify, which are judged, and what is allowed for beyond them.
+    """Which healthy stretches identify, which are judged, and what is allowed for beyond them."""
 
-    Attributes
-    ----------
-    bank : Bank
-        With the statistic that its thresholds are set for.
-    learn : sequence of Record
-        That the monitor's operators and whitening filters stand on.
-    judged : sequence of Record
-        That its thresholds stand on.
-    folds : sequence of Fold
-        Which operators judge which rows; those of `learn` itself are the monitor's own.
-    order : int
-        Of the whitening filters.
-    """
-
-    bank: Bank
-    learn: Sequence[Record] = field(repr=False)
-    judged: Sequence[Record] = field(repr=False)
+    bank: Bank  # with the statistic that its thresholds are set for
+    learn: Sequence[Record] = field(repr=False)  # that the monitor's operators and whitening filters stand on
+    judged: Sequence[Record] = field(repr=False)  # that its thresholds stand on
+    # which operators judge which rows; those of `learn` itself are the monitor's own
     folds: Sequence[Fold] = field(repr=False)
-    order: int
+    order: int  # of the whitening filters
 
 
 def _divided(records: Sequence[Record], bank: Bank) -> Plan:
@@ -312,10 +293,7 @@ def _left_out(records: Sequence[Record], bank: Bank) -> Plan:
 
     Too little energy doesn't alarm, and means are compared with those of the last fifth of a record.
 
-    Raises
-    ------
-    InputError
-        Where the records are too short.
+    InputError where the records are too short.
     """
     period_s, samples = records[0].sample_period_s, sum(map(len, records))
     shortest_s = check_long(records)

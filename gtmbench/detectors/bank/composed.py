@@ -22,20 +22,10 @@ def composed_bank(channels: Iterable[str], *, attitude_from_gyros: bool = False)
     It is judged as bank C is; with a relation that is more than kinematics (bank B's of r, which gusts spoil) over
     bank B's longer windows.
 
-    Parameters
-    ----------
-    channels : iterable of str
-        The measured channels that are there.
-    attitude_from_gyros : bool
-        Whether the attitude comes from a filter that the gyros drive (`Bank.attitude_from_gyros`).
+    `channels`: the measured channels that are there. `attitude_from_gyros`: whether the attitude comes from a filter
+    that the gyros drive (`Bank.attitude_from_gyros`). InputError where no gyro has a relation: what is there, and what
+    would be needed.
 
-    Raises
-    ------
-    InputError
-        Where no gyro has a relation: what is there, and what would be needed.
-
-    Examples
-    --------
     >>> composed_bank(["phi", "theta", "psi", "p", "q"]).title
     'p and q from phi, psi and theta, as bank C'
     >>> composed_bank(["phi", "theta", "p", "q", "r"]).suspects
@@ -67,8 +57,6 @@ def bank_of_gyros() -> Bank:
 
     No kinematics predict a gyro from others: only what an aircraft does alike again and again is predicted.
 
-    Examples
-    --------
     >>> [(spec.output, spec.inputs) for spec in bank_of_gyros().residuals][0]
     ('p', ('q', 'r'))
     """

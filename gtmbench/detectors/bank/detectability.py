@@ -14,7 +14,7 @@ import numpy as np
 from gtmbench.checks import listed
 from gtmbench.detectors.bank.bank import Bank, ResidualSpec
 from gtmbench.detectors.bank.calibrated import CalibratedBank, without_spread
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.detectors.virtual import integrable
 from gtmbench.errors import InputError
@@ -281,7 +281,7 @@ def _ignores_offsets(test: Statistic) -> bool:
     longest = max(test.rows(period_s))
     noise = np.random.default_rng(1).standard_normal(300 + min(2 * longest, 20_000))
     as_is, shifted = (
-        test.scores(values, White.steady(values), period_s, Tolerance()) for values in (noise, noise + 3.0)
+        test.scores(values, White.steady(values), period_s, Allowance()) for values in (noise, noise + 3.0)
     )
     return all(
         np.allclose(score.values, other.values, rtol=1e-6, atol=1e-6, equal_nan=True)

@@ -25,20 +25,9 @@ def identified(
 ) -> tuple[Transmissibility, Scale | None]:
     """Identify the operator of one residual, and return it with the RMS values that a prior stands on.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Healthy, with the channels that the residual needs.
-    spec : ResidualSpec
-    estimator : Estimator
-        `Bayesian` bridges gaps; others refuse them.
-    scale : shape (inputs + 1,), optional
-        Of the flight that the records are a part of: in a part, a channel may be at rest.
-
-    Raises
-    ------
-    InputError
-        Where no complete window of samples is there, or a channel is constant.
+    `records`: healthy, with the channels that the residual needs. `estimator`: `Bayesian` bridges gaps; others refuse
+    them. `scale`, shape (inputs + 1,): of the flight that the records are a part of: in a part, a channel may be at
+    rest. InputError where no complete window of samples is there, or a channel is constant.
     """
     period_s = records[0].sample_period_s
     causal, noncausal = round(spec.look_back_s / period_s), round(spec.look_ahead_s / period_s)

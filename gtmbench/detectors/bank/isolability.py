@@ -13,18 +13,11 @@ BY_SHAPE, NOT_TOLD = "by shape", "no"
 
 @dataclass(frozen=True, kw_only=True)
 class Isolability:
-    """What a bank's residuals tell of its suspects.
+    """What a bank's residuals tell of its suspects."""
 
-    Attributes
-    ----------
-    enters : mapping of suspect to tuple of str
-        The residuals that its fault enters.
-    predicted : frozenset of str
-        The suspects of which something says what they should have read: a residual of their own, or, of an angle, the
-        gyros. Others are never named: an alarm that one of them may explain stays undecided.
-    """
-
-    enters: Mapping[str, tuple[str, ...]]
+    enters: Mapping[str, tuple[str, ...]]  # by suspect: the residuals that its fault enters
+    # the suspects of which something says what they should have read: a residual of their own, or, of an angle, the
+    # gyros. Others are never named: an alarm that one of them may explain stays undecided
     predicted: frozenset[str]
 
     @property
@@ -54,8 +47,6 @@ class Isolability:
 def isolability(bank: Bank) -> Isolability:
     """Work out what a bank tells apart.
 
-    Examples
-    --------
     >>> from gtmbench.detectors.bank.bank import load_bank
     >>> table = isolability(load_bank("C"))
     >>> table.told("p", "q"), table.told("phi", "p"), table.told("p", "phi")

@@ -12,7 +12,7 @@ from gtmbench.checks import naming, number, shown, text
 from gtmbench.detectors.bank.bank import ResidualSpec, bank_of, bank_table
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.statistics.sight import check_sight
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.uncertainty import HALF, ParameterUncertainty
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from gtmbench.detectors.tables import (
@@ -32,7 +32,7 @@ from gtmbench.method.transmissibility import Transmissibility
 NEVER = "inf"  # a threshold that nothing passes: JSON has no infinity
 _KEYS = ("sample_period_s", "name", "bank", "residuals")
 _PARTS = ("operator", "whitener", "tolerance", "thresholds", "uncertainty")
-_LONGEST_WHITENER = 100_000
+_LONGEST_WHITENER = 100_000  # coefficients: more is a broken file
 _LEAST_THRESHOLD = 1e-9  # nats or deviations; the thresholds of calibrations are 1 to 100
 
 
@@ -61,7 +61,7 @@ def _residual_table(monitor: CalibratedBank, output: str) -> dict[str, Any]:
     }
 
 
-def judging_table(whitener: Whitener, tolerance: Tolerance, thresholds: Mapping[str, float]) -> dict[str, Any]:
+def judging_table(whitener: Whitener, tolerance: Allowance, thresholds: Mapping[str, float]) -> dict[str, Any]:
     """Return what a residual is judged by as plain JSON values."""
     return {
         "whitener": {key: exact(getattr(whitener, key)) for key in ("coefficients", "mean", "deviation")},
@@ -73,10 +73,7 @@ def judging_table(whitener: Whitener, tolerance: Tolerance, thresholds: Mapping[
 def calibrated_of(figures: Any, provenance: Mapping[str, Any]) -> CalibratedBank:
     """Return the calibrated bank of some figures, every key checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     # from the whole to its parts, each by what was read before: a threshold means nothing without its test
     document = keys("figures", figures, _KEYS)
@@ -150,10 +147,10 @@ def whitener_from(where: str, table: Any) -> Whitener:
     )
 
 
-def tolerance_from(where: str, table: Any) -> Tolerance:
+def tolerance_from(where: str, table: Any) -> Allowance:
     """Return the tolerance of a table, every key checked."""
     table = keys(where, table, ("mean", "low", "high"))
-    return Tolerance(
+    return Allowance(
         mean=number(f"{where}.mean", table["mean"], 0.0, GREATEST),
         low=number(f"{where}.low", table["low"], 1.0 / GREATEST, 1.0),
         high=number(f"{where}.high", table["high"], 1.0, GREATEST),
@@ -161,14 +158,14 @@ def tolerance_from(where: str, table: Any) -> Tolerance:
 
 
 def thresholds_from(
-    where: str, table: Any, statistic: Statistic, tolerance: Tolerance, period_s: float, *, deviation: float = 1.0
+    where: str, table: Any, statistic: Statistic, tolerance: Allowance, period_s: float, *, deviation: float = 1.0
 ) -> dict[str, float]:
     """Return the thresholds of a table, one a test of the statistic, that let it see.
 
     `deviation` is that of the healthy residual, in its unit.
     """
     nothing = np.zeros(0)
-    labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, Tolerance())]
+    labels = [score.label for score in statistic.scores(nothing, White.steady(nothing), period_s, Allowance())]
     table = keys(where, table, tuple(dict.fromkeys(labels)))
     thresholds = {
         label: math.inf if value == NEVER else threshold_of(f"{where}, '{label}'", value)

@@ -30,17 +30,8 @@ class Bend:
     With B(k) how the gyro enters the angles' rates and A(k) what an error of the angles adds to them, d' = A d + B u
     through the estimator's response; A d is passed on three times, which is exact to third order in the turn.
 
-    Parameters
-    ----------
-    estimator : AttitudeEstimator
-    record : Record
-        About what it is linear.
-    start : int
-        The record's row from which on there are changes.
-    channel : str
-        p, q or r.
-    sharpness : float
-        How the gyros' samples are to be sharpened before they are integrated, as `sharpness_of` finds it.
+    `record`: about what it is linear. `start`: the record's row from which on there are changes. `channel`: p, q or r.
+    `sharpness`: how the gyros' samples are to be sharpened before they are integrated, as `sharpness_of` finds it.
     """
 
     def __init__(
@@ -82,10 +73,7 @@ class Bend:
     def straightened(self, change: FloatArray) -> Bend:
         """Return it about the record without a change of the gyro, shape (rows of the record,): by the whole equations.
 
-        Raises
-        ------
-        InputError
-            Where Euler angles end.
+        InputError where Euler angles end.
         """
         record, healthy = self.record, self.record[self._channel] - change
         read = record

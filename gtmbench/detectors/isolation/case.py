@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, residuals_of
 from gtmbench.detectors.isolation.bend import undriven
 from gtmbench.detectors.isolation.health import energy, greatest
-from gtmbench.detectors.isolation.lazily import Lazily
 from gtmbench.detectors.isolation.readings import Habit, steps
 from gtmbench.detectors.isolation.referee import VANES, Referee
 from gtmbench.detectors.virtual import ANGLES, integrable, integrated_angle
@@ -20,58 +20,72 @@ from gtmbench.values.attitude import AttitudeEstimator
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import FloatArray, Record
 
+Value = TypeVar("Value")
+
+
+class LazyMapping(Mapping[str, Value], Generic[Value]):
+    """A mapping whose values are each worked out once, when first asked for.
+
+    `work_out`: gives a name's value.
+
+    >>> squares = LazyMapping(["2", "3", "4"], lambda name: int(name) ** 2)
+    >>> squares["3"], "5" in squares, sum(squares.values())
+    (9, False, 29)
+    """
+
+    def __init__(self, names: Iterable[str], work_out: Callable[[str], Value]) -> None:
+        self._names, self._work_out = dict.fromkeys(names), work_out
+        self._known: dict[str, Value] = {}
+
+    def __getitem__(self, name: str) -> Value:
+        if name not in self._known:
+            if name not in self._names:
+                raise KeyError(name)
+            self._known[name] = self._work_out(name)
+        return self._known[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
 ACCELEROMETERS = ("nx", "ny", "nz")
 WITNESSES = (*ACCELEROMETERS, *VANES)  # what a diagnosis may read beside the bank's channels, where a record has them
 _LEAST = 10  # rows judged
 _TELLING_S = 2.0  # of rows judged
 _AS_BEFORE = 0.3  # of their steps, by which other sensors still move
 _REMEMBERED_S = 0.3  # that matters, by the longer filters of driven attitudes
-_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3
+_SMOOTH_S, _SMOOTH_ORDER = 0.2, 3  # a cubic over so long follows what an aircraft does, and no noise
 _REFERRED_S = 1.0  # over which what references say of a gyro is smooth: they are noisier than it is
-_FREQUENCIES = 64
+_FREQUENCIES = 64  # from 0 to half the sample rate
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """Rows of a record that an alarm is judged on.
-
-    Attributes
-    ----------
-    record : Record
-        From before the onset to the end of the horizon: the bank's channels, and the witnesses that are there.
-    source : str
-        The residual whose alarm is judged.
-    others : frozenset of str
-        Residuals with an alarm of their own that began at another time.
-    together : frozenset of str
-        Those whose alarm began when this one did, its own among them.
-    onset, sure : int
-        Rows of it: where the fault may have begun as far as the test tells, and from where on it is surely there.
-    start : int
-        The suspect isn't believed from here on: the onset and a margin.
-    shift : dict
-        Means of the residuals before the fault (biases), in the outputs' units.
-    suspects : tuple of str
-        Whose own readings are weighed: of a sensor that has been ruled out they say the same of every hypothesis.
-    habits : dict
-        How the bank's suspects read before the fault.
-    referees : dict
-        Of gyros, where there are air data beside them.
-    """
+    """Rows of a record that an alarm is judged on."""
 
     monitor: CalibratedBank
+    # from before the onset to the end of the horizon: the bank's channels, and the witnesses that are there
     record: Record
     residuals: BankResiduals = field(repr=False)
-    start: int
+    start: int  # the suspect isn't believed from here on: the onset and a margin
+    # onset, sure: rows of it: where the fault may have begun as far as the test tells, and from where on it is surely
+    # there
     onset: int
     sure: int
-    shift: Mapping[str, float]
+    shift: Mapping[str, float]  # means of the residuals before the fault (biases), in the outputs' units
+    # whose own readings are weighed: of a sensor that has been ruled out they say the same of every hypothesis
     suspects: tuple[str, ...]
-    habits: Mapping[str, Habit]
-    referees: Mapping[str, Referee] = field(default_factory=dict)
-    source: str = ""
-    others: frozenset[str] = frozenset()
-    together: frozenset[str] = frozenset()
+    habits: Mapping[str, Habit]  # how the bank's suspects read before the fault
+    referees: Mapping[str, Referee] = field(default_factory=dict)  # of gyros, where there are air data beside them
+    source: str = ""  # the residual whose alarm is judged
+    others: frozenset[str] = frozenset()  # residuals with an alarm of their own that began at another time
+    together: frozenset[str] = frozenset()  # those whose alarm began when this one did, its own among them
 
     def with_record(self, record: Record) -> Case:
         """Return the case had another record been read."""
@@ -123,7 +137,7 @@ class Case:
     @cached_property
     def white(self) -> Mapping[str, FloatArray]:
         """Residuals, whitened about their means before the fault, and sensors' own innovations; row for row."""
-        return Lazily((*self.residuals.raw, *self._innovations), self._whitened)
+        return LazyMapping((*self.residuals.raw, *self._innovations), self._whitened)
 
     def _whitened(self, name: str) -> FloatArray:
         if name in self._innovations:
@@ -135,7 +149,7 @@ class Case:
     def _innovations(self) -> Mapping[str, FloatArray]:
         """Sensors' own, however they move."""
         channels = {own(channel): channel for channel in self.habits}
-        return Lazily(channels, lambda name: self.habits[channels[name]].innovations(self.record[channels[name]]))
+        return LazyMapping(channels, lambda name: self.habits[channels[name]].innovations(self.record[channels[name]]))
 
     @cached_property
     def energies(self) -> dict[str, float]:
@@ -222,14 +236,14 @@ class Case:
     @cached_property
     def _motion(self) -> Mapping[str, FloatArray]:
         channels = {own(channel): channel for channel in self.expected}
-        return Lazily(channels, lambda name: self.habits[channels[name]].motion(self.expected[channels[name]]))
+        return LazyMapping(channels, lambda name: self.habits[channels[name]].motion(self.expected[channels[name]]))
 
     @cached_property
     def virtual(self) -> Mapping[str, FloatArray]:
         """What each suspect should have read, over the whole case; those that nothing predicts aren't there."""
         bank, predicted = self.monitor.bank, self.residuals.predicted
         names = [name for name in bank.suspects if name in predicted or integrable(name, bank.channels)]
-        return Lazily(names, self._predicted)
+        return LazyMapping(names, self._predicted)
 
     def _predicted(self, name: str) -> FloatArray:
         if name in self.residuals.predicted:
@@ -242,7 +256,7 @@ class Case:
 
         What they read, where it isn't known what they should have.
         """
-        return Lazily((name for name in self.virtual if name in self.habits), self._expected)
+        return LazyMapping((name for name in self.virtual if name in self.habits), self._expected)
 
     def _expected(self, name: str) -> FloatArray:
         virtual, window = self.virtual[name], self._window

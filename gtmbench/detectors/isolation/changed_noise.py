@@ -30,14 +30,7 @@ _LEAST = 1e-6  # of the power: silence has none
 def changed_noise(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement, decisive: float) -> Judgement:
     """Return what is told of an alarm, or that the noise changed, where no fault explains it decisively better.
 
-    Parameters
-    ----------
-    case : Case
-    ranking : sequence of FittedHypothesis
-        The best first.
-    told : Judgement
-    decisive : float
-        Of BIC.
+    `ranking`: the best first. `decisive`: of BIC.
     """
     if not told.candidates or not ranking or _is_rounded(case, told):
         return told
@@ -122,7 +115,7 @@ def _wandering(case: Case, output: str, white: FloatArray) -> float:
     Student's, nu = 2 / sigma^2: of L samples with the sum of squares s it is L + (nu + L) log((nu + s) / (nu + L)),
     which is s where noise is steady (sigma^2 = 0).
     """
-    squares = np.square(_told(white))
+    squares = np.square(_clipped(white))
     if not len(squares):
         return 0.0
     rows = max(round(BLOCK_S / case.period_s), 1)
@@ -133,10 +126,10 @@ def _wandering(case: Case, output: str, white: FloatArray) -> float:
 
 
 def _judged(case: Case, output: str) -> FloatArray:
-    return _told(case.white[output][case.judged])
+    return _clipped(case.white[output][case.judged])
 
 
-def _told(values: FloatArray) -> FloatArray:
+def _clipped(values: FloatArray) -> FloatArray:
     return np.clip(values[np.isfinite(values)], -MOST, MOST)
 
 
@@ -151,7 +144,7 @@ def _grown(case: Case, channel: str) -> float | None:
     habit = case.habits.get(channel)
     if habit is None:
         return None
-    values = _told(habit.innovations(case.record[channel])[case.judged])
+    values = _clipped(habit.innovations(case.record[channel])[case.judged])
     return max(float(np.mean(np.square(values))), _LEAST) if len(values) else None
 
 

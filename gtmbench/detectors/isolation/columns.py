@@ -12,18 +12,14 @@ from gtmbench.method.products import gram, product
 from gtmbench.values.record import BoolArray, FloatArray
 
 _BLOCK = 65_536  # numbers at a time: fresh memory costs more than what is worked out in it
-_OUTLIERS = 0.3
+_OUTLIERS = 0.3  # of the rows: fewer that are clipped are left out once more, more are no outliers
 _RIDGE = 1e-9  # of the shapes' size: two may be the same on a short case
 
 
 class Columns:
     """Shapes that a fault of a suspect may be made of, and least squares of its residuals in any few of them.
 
-    Parameters
-    ----------
-    suspect : Suspect
-    shapes : mapping of name to array of shape (rows,)
-        What is added to the readings, per unit.
+    `shapes`, by name, shape (rows,): what is added to the readings, per unit.
     """
 
     def __init__(self, suspect: Suspect, shapes: Mapping[str, FloatArray]) -> None:

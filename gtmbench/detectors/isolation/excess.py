@@ -23,30 +23,22 @@ from gtmbench.detectors.isolation.case import Case
 from gtmbench.values.channels import GYROS, axis_of
 from gtmbench.values.record import BoolArray, FloatArray
 
-_SEGMENT_S = 2.56
+_SEGMENT_S = 2.56  # 256 samples at 100 Hz: a power of two
 _FEWEST = 6  # segments, which overlap by half
 _BEYOND = 4.0  # times the healthy residual's power: a fault is there
 _WITH, _WITHOUT = 0.5, 0.3  # shares of e: the least of whose it is, the most of the other
 _STRONGER, _LEANING = 2.5, 1.5  # times the other's power where e is: to be clear, to be likely
 _AS_BEFORE, _STEADY = 2.0, 1.5  # times by which the other's power there differs from the gyro's before the fault
-_BEYOND_AUTOPILOTS_HZ = 3.0
+_BEYOND_AUTOPILOTS_HZ = 3.0  # above it no loop moves the aircraft
 _LEAKED = 1e-3  # of the strongest frequency: a window leaks as much into others
-_NOTHING = 1e-300
+_NOTHING = 1e-300  # a logarithm's guard
 
 
 class Excess(NamedTuple):
-    """Whose the difference of two readings is.
+    """Whose the difference of two readings is."""
 
-    Attributes
-    ----------
-    holder : str
-        The sensor that is likelier to hold it.
-    is_clear : bool
-        Whether it must be that one.
-    """
-
-    holder: str
-    is_clear: bool
+    holder: str  # the sensor that is likelier to hold it
+    is_clear: bool  # whether it must be that one
 
 
 def whose_excess(case: Case, channel: str) -> Excess | None:
@@ -69,19 +61,10 @@ def held_by(
 ) -> tuple[int, bool] | None:
     """Return which of two readings holds what they differ by, 0 or 1, and whether that is clear; None where it is open.
 
-    Parameters
-    ----------
-    readings, predicted : shape (rows,)
-        p and d.
-    before : shape (any,)
-        What was read before the fault, in the same unit.
-    healthy : shape (span // 2 - 1,)
-        The spectrum of p - d without a fault, at the frequencies of a segment of `span` rows but the two lowest.
-    fast : shape (span // 2 - 1,)
-        Which of these are beyond autopilots.
+    `readings`, `predicted`, shape (rows,): p and d. `before`, shape (any,): what was read before the fault, in the same
+    unit. `healthy`, shape (span // 2 - 1,): the spectrum of p - d without a fault, at the frequencies of a segment of
+    `span` rows but the two lowest. `fast`, shape (span // 2 - 1,): which of these are beyond autopilots.
 
-    Examples
-    --------
     >>> rng = np.random.default_rng(1)
     >>> motion, added = rng.standard_normal((2, 2000))
     >>> healthy, fast = np.full(127, 0.01), np.arange(127) > 5

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.isolation.case import ACCELEROMETERS, own
+from gtmbench.detectors.isolation.case import ACCELEROMETERS, LazyMapping, own
 from gtmbench.detectors.isolation.columns import Columns
-from gtmbench.detectors.isolation.lazily import Lazily
-from gtmbench.detectors.isolation.noise import Noise, NoiseFit
+from gtmbench.detectors.isolation.noise import FittedNoise, NoiseFit
 from gtmbench.detectors.isolation.parabola import vertex
 from gtmbench.detectors.isolation.readings import ALIKE, is_straighter, straight_rows
 from gtmbench.detectors.isolation.suspect import Left, Suspect
@@ -67,37 +66,17 @@ _SIMPLE: tuple[tuple[str, ...], ...] = (("1",), ("1", "t"), ("x",), ("1", "x"), 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """A hypothesis fitted to a suspect.
+    """A hypothesis fitted to a suspect."""
 
-    Attributes
-    ----------
-    kind : str
-        `UNKNOWN` where it has none.
-    family : str
-    left : Left
-    parameters : dict
-        Of the kind.
-    free : int
-        How many numbers were fitted.
-    partner : str or None
-        The other sensor of a fault that mixes two.
-    errors : callable
-        Gives the parameters' standard errors.
-    lasts : bool
-        Whether the fault is there to the end; one that comes and goes may have gone.
-    misfit : float
-        Of noise, how far its spectrum is from what it leaves; up to 1 that is such noise.
-    """
-
-    kind: str
+    kind: str  # `UNKNOWN` where it has none
     family: str
     left: Left = field(repr=False)
-    parameters: Parameters
-    free: int
-    partner: str | None = None
-    errors: Callable[[], Parameters] = field(default=dict, repr=False)
-    lasts: bool = True
-    misfit: float = 0.0
+    parameters: Parameters  # of the kind
+    free: int  # how many numbers were fitted
+    partner: str | None = None  # the other sensor of a fault that mixes two
+    errors: Callable[[], Parameters] = field(default=dict, repr=False)  # gives the parameters' standard errors
+    lasts: bool = True  # whether the fault is there to the end; one that comes and goes may have gone
+    misfit: float = 0.0  # of noise, how far its spectrum is from what it leaves; up to 1 that is such noise
 
     @property
     def is_absorbing(self) -> bool:
@@ -121,14 +100,7 @@ class Fit:
 
 
 class Fitter:
-    """Fits of one suspect: shapes are computed once, filtered together.
-
-    Parameters
-    ----------
-    suspect : Suspect
-    without : iterable of str
-        Families that aren't tried.
-    """
+    """Fits of one suspect: shapes are computed once, filtered together. `without`: families that aren't tried."""
 
     def __init__(self, suspect: Suspect, without: Iterable[str] = ()) -> None:
         self.suspect, self.without = suspect, frozenset(without)
@@ -156,7 +128,7 @@ class Fitter:
         names += [f"of {name}" for name in (*self.peers, *self.felt)]
         for kind, cls in self.given.items():
             names += [f"own {kind}", f"late {kind}"] if grows(cls) else [f"own {kind}"]
-        return Lazily(names, self._shape)
+        return LazyMapping(names, self._shape)
 
     @cached_property
     def given(self) -> dict[str, type[Fault]]:
@@ -244,8 +216,8 @@ class Fitter:
         return dict(zip(sets, self._plains(sets), strict=True))
 
     @cached_property
-    def _noise(self) -> Noise:
-        return Noise(self.suspect)
+    def _noise(self) -> FittedNoise:
+        return FittedNoise(self.suspect)
 
     def weights(self, *names: str) -> FloatArray:
         """Return how much of some shapes there is, per unit."""

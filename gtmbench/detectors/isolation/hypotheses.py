@@ -14,8 +14,8 @@ from functools import partial
 import numpy as np
 
 from gtmbench.detectors.isolation.fitter import UNKNOWN, WALKING, WORTH, Fit, Fitter, Parameters
-from gtmbench.detectors.isolation.noise import spikes_of
-from gtmbench.detectors.isolation.search import Search
+from gtmbench.detectors.isolation.noise import NoiseFit, spikes_of
+from gtmbench.detectors.isolation.search import ParameterSearch
 from gtmbench.detectors.isolation.standing import quantum_of
 from gtmbench.detectors.isolation.suspect import Left, Suspect
 from gtmbench.faults.fault import Fault
@@ -24,7 +24,7 @@ from gtmbench.faults.registry import FAULTS, loaded_faults
 from gtmbench.faults.shape import CONSTANT, SHOWN, How, Shape
 
 _REPLACED = 0.1  # of the signal, may be left of it
-_SOON_S = 0.1
+_SOON_S = 0.1  # behind the sure onset, for what may not begin before it
 _FLIPPED = 0.1  # a gain that near -1 is a wrong sign: what was expected is no better known
 _LEAST_GAIN = 0.1  # less is replaced
 _TURNED = 0.1  # a sensor that is turned keeps its gain, but for as much
@@ -93,16 +93,7 @@ def _tone(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
             errors = partial(_errors, fitter, shape.parameter, "sin", "cos")
             yield fitter.shaped(cls.kind, family, names, found, errors, more=1)
     band = fitter.band
-    amplitude = float(np.sqrt(2.0 * band.variance))
-    yield Fit(
-        kind=cls.kind,
-        family=shape.family,
-        left=band.left,
-        parameters={shape.parameter: amplitude, "frequency_hz": fitter.frequency_hz},
-        free=3,
-        errors=partial(_scaled, shape.parameter, amplitude, 0.5 * band.spread),
-        misfit=band.misfit,
-    )
+    yield _noisy(cls, shape, band, float(np.sqrt(2.0 * band.variance)), 3, frequency_hz=fitter.frequency_hz)
 
 
 def _gain(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
@@ -128,7 +119,7 @@ def _fixed(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 
 def _searched(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
-    yield from Search.of(fitter, cls, shape).fits(fitter)
+    yield from ParameterSearch.of(fitter, cls, shape).fits(fitter)
 
 
 def _constant(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
@@ -175,30 +166,12 @@ def _rounded(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
 
 def _white(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     noise = fitter.noises([()])[0][0]
-    deviation = float(np.sqrt(noise.variance))
-    yield Fit(
-        kind=cls.kind,
-        family=shape.family,
-        left=noise.left,
-        parameters={shape.parameter: deviation},
-        free=1,
-        errors=partial(_scaled, shape.parameter, deviation, 0.5 * noise.spread),
-        misfit=noise.misfit,
-    )
+    yield _noisy(cls, shape, noise, float(np.sqrt(noise.variance)), 1)
 
 
 def _walk(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
     for names, (_, walk) in zip(WALKING, fitter.noises(WALKING), strict=True):
-        gain = float(np.sqrt(walk.variance / fitter.period_s))
-        yield Fit(
-            kind=cls.kind,
-            family=shape.family,
-            left=walk.left,
-            parameters={shape.parameter: gain},
-            free=1 + len(names),
-            errors=partial(_scaled, shape.parameter, gain, 0.5 * walk.spread),
-            misfit=walk.misfit,
-        )
+        yield _noisy(cls, shape, walk, float(np.sqrt(walk.variance / fitter.period_s)), 1 + len(names))
 
 
 def _spikes(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
@@ -226,6 +199,19 @@ def _turned(fitter: Fitter, cls: type[Fault], shape: Shape) -> Iterator[Fit]:
         found = {shape.parameter: float(np.rad2deg(np.arctan2(across, along)))}
         errors = partial(_angle_error, fitter, shape.parameter, names)
         yield fitter.shaped(cls.kind, shape.family, names, found, errors, partner=name)
+
+
+def _noisy(cls: type[Fault], shape: Shape, noise: NoiseFit, size: float, free: int, **beside: float) -> Fit:
+    """Return the fit of noise of a size, a root of its variance, whose logarithm it tells half as wide."""
+    return Fit(
+        kind=cls.kind,
+        family=shape.family,
+        left=noise.left,
+        parameters={shape.parameter: size, **beside},
+        free=free,
+        errors=partial(_scaled, shape.parameter, size, 0.5 * noise.spread),
+        misfit=noise.misfit,
+    )
 
 
 def _errors(fitter: Fitter, name: str, *shapes: str) -> Parameters:

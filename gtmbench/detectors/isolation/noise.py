@@ -21,7 +21,7 @@ _BINS = 72  # of a periodogram
 _FINE = 24  # of them that hold one frequency
 _LEAST = 0.5  # of its own noise, that a sensor's new noise is at least: gusts make as much
 _CHANCE, _KNOWN = 1.0, 0.02  # of a bin, by chance half; of a spectrum
-_TURNS = 4
+_TURNS = 4  # of the search, each between the best one's neighbours
 _BAND, _BAND_HZ = 0.1, 0.2  # a band's half width: of its frequency, and beside that
 _SPIKE = 20.0  # of -2 log likelihood, that a spike explains
 
@@ -30,22 +30,12 @@ Indices = np.ndarray[Any, np.dtype[np.int_]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoiseFit:
-    """Noise fitted to what is left of a suspect's residuals.
-
-    Attributes
-    ----------
-    left : Left
-    variance : float
-        Of the noise, of a walk's steps.
-    spread : float
-        The standard error of its logarithm; NaN where the record doesn't tell.
-    misfit : float
-        How far the periodogram is from its spectrum, over what chance makes: up to 1 it is noise of that kind.
-    """
+    """Noise fitted to what is left of a suspect's residuals."""
 
     left: Left = field(repr=False)
-    variance: float
-    spread: float
+    variance: float  # of the noise, of a walk's steps
+    spread: float  # the standard error of its logarithm; NaN where the record doesn't tell
+    # how far the periodogram is from its spectrum, over what chance makes: up to 1 it is noise of that kind
     misfit: float
 
     def denser(self, volume: float) -> NoiseFit:
@@ -66,20 +56,11 @@ class SpikesFit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Spectra:
-    """What residuals' spectra S are with noise of all variances that are tried: of no residual, so worked out once.
+    """What residuals' spectra S are with noise of all variances that are tried: of no residual, so worked out once."""
 
-    Attributes
-    ----------
-    variances : shape (variances,)
-    logs : shape (variances,)
-        Sums of log S.
-    inverse : shape (variances, outputs * bins)
-        1/S.
-    """
-
-    variances: FloatArray
-    logs: FloatArray
-    inverse: FloatArray
+    variances: FloatArray  # shape (variances,)
+    logs: FloatArray  # shape (variances,): sums of log S
+    inverse: FloatArray  # shape (variances, outputs * bins): 1/S
 
     @classmethod
     def of(cls, power: FloatArray, counts: FloatArray, least: float = 0.0) -> _Spectra:
@@ -109,7 +90,7 @@ class _Spectra:
         return np.asarray(distance / (_CHANCE * float(len(lines)) + _KNOWN * float(lines.sum())))
 
 
-class Noise:
+class FittedNoise:
     """Whittle's likelihood of a suspect's residuals: the sum over frequencies of log S + I/S.
 
     I is the periodogram, S = 1 + variance power(frequency) what healthy noise and the fault's have together, power what
@@ -148,7 +129,7 @@ class Noise:
     def _best(self, lefts: Sequence[Left], binned: FloatArray, spectra: _Spectra) -> Iterator[NoiseFit]:
         logs, totals = np.log(spectra.variances), spectra.deviances(binned)
         places = totals.argmin(axis=1)
-        misfits = spectra.misfits(binned, self._told, places).tolist()
+        misfits = spectra.misfits(binned, self._residual_counts, places).tolist()
         for left, total, place, misfit in zip(lefts, totals, places.tolist(), misfits, strict=True):
             at, spread = _bottom(logs, total, place)
             noisy = Left(deviance=float(total[place]), outputs=left.outputs, work_out=left.work_out)
@@ -174,7 +155,7 @@ class Noise:
         return np.asarray(np.add.reduceat(weights, edges) * self._there.mean(axis=1, keepdims=True))
 
     @cached_property
-    def _told(self) -> FloatArray:
+    def _residual_counts(self) -> FloatArray:
         """The same of residuals alone: a sensor's own innovations aren't white where it is healthy."""
         suspect = self._suspect
         residuals = [[output != own(suspect.channel)] for output in suspect.outputs]

@@ -65,17 +65,12 @@ class Onset(NamedTuple):
 def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) -> Judgement:
     """Return a judgement with the onset of each fault that it names, in its parameters and intervals.
 
-    Parameters
-    ----------
-    begin : callable
-        Gives the case from `EARLIER_S` before the one that was judged to `LATER_S` after its alarm.
-    judged : Judgement
-    last : Judgement or None
-        The one before: what it told closely of the same sensor and kind stands.
+    `begin`: gives the case from `EARLIER_S` before the one that was judged to `LATER_S` after its alarm. `last`: the
+    one before: what it told closely of the same sensor and kind stands.
     """
     if judged.together:
         return replace(judged, together=tuple(dated(begin, each, None) for each in judged.together))
-    onset = _told(judged, last) or (None if judged.sensor is None else onset_of(begin(), judged))
+    onset = _known_closely(judged, last) or (None if judged.sensor is None else onset_of(begin(), judged))
     if onset is None:
         return judged
     return replace(
@@ -85,7 +80,7 @@ def dated(begin: Callable[[], Case], judged: Judgement, last: Judgement | None) 
     )
 
 
-def _told(judged: Judgement, last: Judgement | None) -> Onset | None:
+def _known_closely(judged: Judgement, last: Judgement | None) -> Onset | None:
     """Return the onset that a judgement before told closely, of the same sensor and kind; None where none did."""
     if last is None or (last.sensor, last.kind) != (judged.sensor, judged.kind) or "onset_s" not in last.intervals:
         return None

@@ -28,7 +28,7 @@ from gtmbench.values.channels import axis_of
 from gtmbench.values.record import FloatArray
 
 NAMES = 0.99  # the least probability with which a sensor is named
-_SOON_S = 0.1
+_SOON_S = 0.1  # from which on time counts as its logarithm
 _FAR = 1e4  # of BIC: further apart says no more
 
 
@@ -58,26 +58,18 @@ KIND = Odds(-0.71, 0.37, 1.0)
 KIND_HELD = Odds(-0.01, 0.75, 0.08)
 
 
-class Evidence(NamedTuple):
-    """What a judgement's probabilities are made of.
+class JudgementEvidence(NamedTuple):
+    """What a judgement's probabilities are made of."""
 
-    Attributes
-    ----------
-    judged_s : float
-        How long the fault was surely there, and judged.
-    margin, kind_margin : float
-        By how much BIC the best explanation by another sensor is worse, and by another kind of the likeliest sensor.
-    together : bool
-        Whether several sensors are named at once.
-    """
-
-    judged_s: float
+    judged_s: float  # how long the fault was surely there, and judged
+    # margin, kind_margin: by how much BIC the best explanation by another sensor is worse, and by another kind of the
+    # likeliest sensor
     margin: float
     kind_margin: float
-    together: bool
+    together: bool  # whether several sensors are named at once
 
     @classmethod
-    def of(cls, case: Case, ranking: Sequence[FittedHypothesis], judged: Judgement) -> Evidence:
+    def of(cls, case: Case, ranking: Sequence[FittedHypothesis], judged: Judgement) -> JudgementEvidence:
         """Return the evidence of a judgement of a case."""
         return cls(
             judged_s=(case.judged.stop - case.judged.start) * case.period_s,
@@ -98,10 +90,10 @@ def with_probability(case: Case, ranking: Sequence[FittedHypothesis], judged: Ju
     """
     if judged.doubt or not judged.candidates:
         return judged
-    evidence = Evidence.of(case, ranking, judged)
+    evidence = JudgementEvidence.of(case, ranking, judged)
     if judged.sensor is not None and evidence.by(NAMED, evidence.margin) < NAMES:
         judged = replace(judged, sensor=None, partner=None, candidates=_near(ranking, judged), reason=EARLY)
-        evidence = Evidence.of(case, ranking, judged)
+        evidence = JudgementEvidence.of(case, ranking, judged)
     odds = TOGETHER if judged.together else NAMED if judged.sensor is not None else SUSPECTED
     of_kind = KIND_HELD if how_of(judged.kind) in CONSTANT else KIND  # others look constant until they have moved
     is_known = judged.kind is not None and judged.kind != UNKNOWN

@@ -20,15 +20,15 @@ from gtmbench.values.record import BoolArray, FloatArray, runs
 _DIFFERENCE = np.array([1.0, -4.0, 6.0, -4.0, 1.0])  # the fourth: 2 Hz in 100 are a thousandth of what noise is
 ALIKE = 2.0  # its samples aren't independent: about half of them count
 _ROWS = 3000  # learnt from, at most
-_LEAST = 200
-_BLOCK = 100
+_LEAST = 200  # rows that tell a habit: two blocks
+_BLOCK = 100  # rows, of which a mean square is known to a seventh
 _UNSTEADY = 1.7  # times the variance: blocks of a steady noise stay below
 _STRAIGHT = 1e-9  # of the readings' size
 _STRAIGHTER = 0.005  # of the rows, more than before
 _AROUND = 25  # rows
 _DISCOUNT = 16.0  # of what should have been sudden: a model of motion is good to a quarter
 _STEADY = 1.5  # a sensor's noise may change by that factor and tell nothing
-_QUIETEST = 1e-3
+_QUIETEST = 1e-3  # of the usual power: less is as good as stuck
 _DISTINCT = 0.9  # of the readings, where they are no counts
 _OFTEN, _FEW = 4.0, 5  # times the straight rows of before, and so many, are no surprise of counts
 _LONGER = 2  # times the most in a row of before: a run of counts that is no surprise
@@ -37,45 +37,24 @@ _SELDOM, _EVER = 0.15, 0.3  # of the rows, and of any hundred, that counts run s
 _COARSE = 0.8  # of the rows run straight
 _EVERY_DAY = 0.01  # added to the share of straight rows before: what is that rare is no surprise
 
-ROWS_BEFORE = _ROWS + 4
+ROWS_BEFORE = _ROWS + 4  # with those that the fourth difference takes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Habit:
-    """How a healthy sensor reads.
+    """How a healthy sensor reads."""
 
-    Attributes
-    ----------
-    taps : shape (5,)
-        Of the filter from its readings to its noise, over more than the deviation of that, so that two samples count
-        for one.
-    quietest : float
-        The least mean square of that over a block, of its own; 0 where being quiet tells nothing.
-    straight : float
-        Share of rows whose second difference is zero: it repeats itself, or runs dead straight.
-    reach : float
-        Its greatest magnitude.
-    before : shape (rows,)
-        What it read.
-    is_steady : bool
-        Whether its noise is as loud at all times, so that a little more or less of it tells.
-    is_counted : bool
-        Whether its readings are counts of a converter, which may repeat where nothing moves.
-    is_fine : bool
-        Whether its noise is above a count.
-    longest : int
-        How many rows in a row ran dead straight at most.
-    """
-
+    # shape (5,): of the filter from its readings to its noise, over more than the deviation of that, so that two
+    # samples count for one
     taps: FloatArray = field(repr=False)
-    quietest: float
-    straight: float
-    reach: float
-    before: FloatArray = field(repr=False)
-    is_steady: bool = True
-    is_counted: bool = False
-    is_fine: bool = True
-    longest: int = 0
+    quietest: float  # the least mean square of that over a block, of its own; 0 where being quiet tells nothing
+    straight: float  # share of rows whose second difference is zero: it repeats itself, or runs dead straight
+    reach: float  # its greatest magnitude
+    before: FloatArray = field(repr=False)  # shape (rows,): what it read
+    is_steady: bool = True  # whether its noise is as loud at all times, so that a little more or less of it tells
+    is_counted: bool = False  # whether its readings are counts of a converter, which may repeat where nothing moves
+    is_fine: bool = True  # whether its noise is above a count
+    longest: int = 0  # how many rows in a row ran dead straight at most
 
     @property
     def variance(self) -> float:

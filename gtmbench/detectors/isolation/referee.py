@@ -37,16 +37,10 @@ _CHANCE = 3.0  # deviations that two healthy ones may be apart
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Referee:
-    """What air data say of a gyro and the angle that it turns.
-
-    Attributes
-    ----------
-    gyro : str
-    usual : mapping of suspect to Whitener
-        Of the rate's difference from air data, with the suspect's virtual sensor in its place.
-    """
+    """What air data say of a gyro and the angle that it turns."""
 
     gyro: str
+    # by suspect: of the rate's difference from air data, with the suspect's virtual sensor in its place
     usual: Mapping[str, Whitener] = field(repr=False)
 
     def objections(self, record: Record, virtual: Mapping[str, FloatArray], rows: slice) -> dict[str, float]:
@@ -54,13 +48,8 @@ class Referee:
 
         Nothing where air data agree with neither, or no more than chance tells them apart.
 
-        Parameters
-        ----------
-        record : Record
-        virtual : mapping of suspect to array of shape (rows of the record,)
-            What they should have read.
-        rows : slice
-            That are judged, the first 20 s of them at most.
+        `virtual`, by suspect, shape (rows of the record,): what they should have read. `rows`: that are judged, the
+        first 20 s of them at most.
         """
         size = _size(record)
         before = min(_ORDER, rows.start // size)
@@ -85,13 +74,7 @@ def referees_of(bank: Bank, record: Record, predicted: Mapping[str, FloatArray])
 
     Air data that the bank stands on itself tell nothing new.
 
-    Parameters
-    ----------
-    bank : Bank
-    record : Record
-        With air data, or without.
-    predicted : mapping of output to array of shape (rows,)
-        The gyros' virtual sensors.
+    `record`: with air data, or without. `predicted`, by output, shape (rows,): the gyros' virtual sensors.
     """
     referees = {}
     for gyro in () if set(VANES) & set(bank.channels) else _AIR:

@@ -17,20 +17,20 @@ from gtmbench.faults.shape import Shape
 from gtmbench.values.record import FloatArray
 
 _GRID, _COARSE = 12, 6  # values at first; of what grows, whose every value takes twice the work
-_TURNS = 5
-_FINER = 4
+_TURNS = 5  # of the search, at most
+_FINER = 4  # values between neighbours, in every turn
 _BETWEEN = np.arange(1, _FINER + 1) / (_FINER + 1)
-_AT_LIMIT = 1.0 - 1e-6
+_AT_LIMIT = 1.0 - 1e-6  # of a bound: up to rounding
 _SHOWN = 1e-6  # of a parameter that readings show, its error
 _BELOW, _ABOVE = 0.7, 1.4  # times the usual step of readings that run straight: their slew rate
-_NOTHING = 1e-12
+_NOTHING = 1e-12  # a division's guard
 _LATER_S = 0.1  # over which what is later is told
 _MOST_LATE_S = 5.0  # than the test's estimate of an onset
 _SETTLED = 0.5  # of -2 log likelihood, between neighbours: no finer search is worth it
 
 
 @dataclass(frozen=True, kw_only=True)
-class Search:
+class ParameterSearch:
     """A kind with one parameter, searched between two values; not where the readings show it (0 where they don't)."""
 
     cls: type[Fault]
@@ -41,7 +41,7 @@ class Search:
     is_dated: bool = False  # whether the onset is found beside, where the test's doesn't explain as much
 
     @classmethod
-    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> Search:
+    def of(cls, fitter: Fitter, fault: type[Fault], shape: Shape) -> ParameterSearch:
         """Return the search of a kind for a suspect."""
         virtual = fitter.virtual[fitter.suspect.sure :]
         step = fitter.straight_step / fitter.period_s

@@ -50,15 +50,8 @@ class _Part(NamedTuple):
 def judge_all(case: Case, ranking: list[FittedHypothesis], first: Judgement, without: Iterable[str] = ()) -> Judgement:
     """Return what is said of a case: of one sensor, or of each axis that is hit.
 
-    Parameters
-    ----------
-    case : Case
-    ranking : list of FittedHypothesis
-        Of one sensor each, the best first.
-    first : Judgement
-        What the signature says.
-    without : iterable of str
-        Families of hypotheses that aren't tried.
+    `ranking`: of one sensor each, the best first. `first`: what the signature says. `without`: families of hypotheses
+    that aren't tried.
     """
     together = standing_still(case) or rounded(case)
     if together:

@@ -68,7 +68,7 @@ def rounded(case: Case) -> list[Judgement]:
         readings = case.record[name][since]
         quantum = None if habit.is_counted else quantum_of(readings)
         if quantum is not None:
-            found.append(_said(case, name, Quantisation.kind, {"quantum": quantum}))
+            found.append(_judgement(case, name, Quantisation.kind, {"quantum": quantum}))
     return found if len(found) >= _SEVERAL else []
 
 
@@ -108,12 +108,12 @@ def _stands(case: Case, channel: str, repeated: BoolArray) -> Judgement:
     longest = float((ends - starts).max())
     if longest > 0.5 * float(repeated.sum()):
         value = float(case.record[channel][case.sure + int(starts[np.argmax(ends - starts)])])
-        return _said(case, channel, Jam.kind, {"value": value})
+        return _judgement(case, channel, Jam.kind, {"value": value})
     hold_s = case.period_s * len(repeated) / max(float(np.count_nonzero(~repeated)), 1.0)
-    return _said(case, channel, Stale.kind, {"hold_s": hold_s})
+    return _judgement(case, channel, Stale.kind, {"hold_s": hold_s})
 
 
-def _said(case: Case, channel: str, kind: str, parameters: dict[str, float]) -> Judgement:
+def _judgement(case: Case, channel: str, kind: str, parameters: dict[str, float]) -> Judgement:
     return Judgement(time_s=case.end_s, sensor=channel, candidates=(channel,), kind=kind, parameters=parameters)
 
 

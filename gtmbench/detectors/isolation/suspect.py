@@ -23,32 +23,22 @@ from gtmbench.values.record import BoolArray, FloatArray
 _BLOCK = 32_768  # numbers at a time: they stay in the cache
 _ANOTHER = 200.0  # of -2 log likelihood, that a second fault costs
 _LIKELIEST = 8.9  # of -2 log likelihood a row: its noise has gone (3.5), its gain nearly (4.6), any gain will do (0.8)
-_FAR_DEG = 5.0
+_FAR_DEG = 5.0  # an angle's change that is larger isn't linear: it is taken out first
 _LEAST_GAIN = 0.05  # of a whitening filter for what is slow
-_LINEAR_DEG = (
-    1.0  # of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
-)
+# of an attitude that bends, beside noise that is a hundred times as small as an attitude's of its own
+_LINEAR_DEG = 1.0
 _MISTAKEN = 0.01  # of what bent angles and motion make of a rate
-_MOTION_S = 1.0
+_MOTION_S = 1.0  # over which what bent angles and motion make is averaged
 _EARLIEST_S = 60.0  # before the fault is sure: no earlier onset is tried
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Left:
-    """What a hypothesis leaves.
+    """What a hypothesis leaves."""
 
-    Attributes
-    ----------
-    deviance : float
-        -2 log likelihood of the residuals that the suspect enters.
-    outputs : tuple of str
-        Whose these are.
-    work_out : callable
-        Gives `white`: of most hypotheses nobody asks for it, and memory is dear.
-    """
-
-    deviance: float
-    outputs: tuple[str, ...]
+    deviance: float  # -2 log likelihood of the residuals that the suspect enters
+    outputs: tuple[str, ...]  # whose these are
+    # gives `white`: of most hypotheses nobody asks for it, and memory is dear
     work_out: Callable[[], FloatArray] = field(repr=False)
 
     @cached_property
@@ -67,34 +57,20 @@ class Left:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspect:
-    """A suspect of a case.
-
-    Attributes
-    ----------
-    case : Case
-    channel : str
-    measured, virtual : shape (rows,)
-        What it read and what it should have read, from the case's `start` on.
-    time_s : shape (rows,)
-    find_paths : callable
-        Gives its ways into the residuals, over the whole case: of a suspect that is left out nobody asks for them.
-    bend : Bend or None
-        Of a gyro that drives the attitude.
-    away : shape (rows,) or None
-        What has been taken out of its readings, attitude and all, so that only the rest has to be small.
-    near : Case or None
-        The case without that.
-    """
+    """A suspect of a case."""
 
     case: Case
     channel: str
+    # measured, virtual, shape (rows,): what it read and what it should have read, from the case's `start` on
     measured: FloatArray = field(repr=False)
     virtual: FloatArray = field(repr=False)
-    time_s: FloatArray = field(repr=False)
+    time_s: FloatArray = field(repr=False)  # shape (rows,)
+    # gives its ways into the residuals, over the whole case: of a suspect that is left out nobody asks for them
     find_paths: Callable[[], Sequence[Path]] = field(repr=False)
-    bend: Bend | None = field(default=None, repr=False)
+    bend: Bend | None = field(default=None, repr=False)  # of a gyro that drives the attitude
+    # shape (rows,): what has been taken out of its readings, attitude and all, so that only the rest has to be small
     away: FloatArray | None = field(default=None, repr=False)
-    near: Case | None = field(default=None, repr=False)
+    near: Case | None = field(default=None, repr=False)  # the case without that
 
     @classmethod
     def of(cls, case: Case, channel: str) -> Suspect | None:

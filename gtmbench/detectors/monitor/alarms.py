@@ -48,8 +48,8 @@ from gtmbench.detectors.monitor.excursions import Excursions
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.missing import NEVER, MissingSamples
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, leader_of, rows_of, trusted, unspoilt
-from gtmbench.detectors.monitor.review import Closing, Outcome, review
-from gtmbench.detectors.monitor.scores import Crossing, Track
+from gtmbench.detectors.monitor.review import FaultClosing, Reviewed, review
+from gtmbench.detectors.monitor.scores import Crossing, ScoreTrack
 from gtmbench.detectors.turning import Turning
 from gtmbench.errors import InputError
 from gtmbench.values.record import Record
@@ -65,30 +65,16 @@ _ROWS = 8192  # looked through at a time
 class AlarmLogic:
     """A bank's alarms on rows as they come; see the module's text.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    memory : Memory
-        Holds the rows that came in last, `span_rows` at least.
-    tracks : mapping of output to Track
-    keeps_changes : bool
-        Whether it is remembered when each residual was armed.
-    without : iterable of str
-        Families of hypotheses that diagnoses don't try.
-    excursions : Excursions, optional
-        What else is told.
-
-    Raises
-    ------
-    InputError
-        Where there is no such family.
+    `memory`: holds the rows that came in last, `span_rows` at least. `tracks`, by output. `keeps_changes`: whether it
+    is remembered when each residual was armed. `without`: families of hypotheses that diagnoses don't try.
+    `excursions`: what else is told. InputError where there is no such family.
     """
 
     def __init__(
         self,
         monitor: CalibratedBank,
         memory: Memory,
-        tracks: Mapping[str, Track],
+        tracks: Mapping[str, ScoreTrack],
         *,
         keeps_changes: bool = False,
         without: Iterable[str] = (),
@@ -113,7 +99,7 @@ class AlarmLogic:
             for output, track in sorted(tracks.items())
         ]
         self._margin = rows_of(_MARGIN_S, monitor)
-        self._turning = Turning.told(monitor.provenance)
+        self._turning = Turning.from_provenance(monitor.provenance)
         self._outputs = tuple(spec.output for spec in self._bank.diagnostic)
         self._history = max(rows_of(monitor.history_of(output), monitor) for output in tracks) + self._margin + 2
         self.missing = MissingSamples(self._bank.channels, monitor.sample_period_s)  # is given the rows to go to
@@ -312,7 +298,7 @@ class AlarmLogic:
             return
         others = self._open.values()
         leader = leader_of(fault, others)
-        outcome = Outcome()
+        outcome = Reviewed()
         if leader is None and (fault.is_undecided or fault.may_end):
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
             outcome = review(fault, self._case(fault), others, self.row, self._without)
@@ -321,7 +307,7 @@ class AlarmLogic:
                 outcome = replace(outcome, judgement=judged)
         self._apply(outcome, fault, fault if leader is None else leader)
 
-    def _apply(self, outcome: Outcome, fault: OpenFault, leader: OpenFault) -> None:
+    def _apply(self, outcome: Reviewed, fault: OpenFault, leader: OpenFault) -> None:
         """Let happen what comes of a look at a fault that counts to a leader, maybe itself."""
         alarm, judged = fault.alarm, outcome.judgement
         if leader.number != alarm.fault:
@@ -383,7 +369,7 @@ class AlarmLogic:
             together=frozenset(each.output for each in self._raised if fault.began_with(each)),
         )
 
-    def _close(self, fault: OpenFault, closing: Closing) -> None:
+    def _close(self, fault: OpenFault, closing: FaultClosing) -> None:
         """End a fault, with all that counted to it: take its rows out and watch anew.
 
         By noise that is learnt anew from now on, where it has changed: that of all residuals, for one shows it first.

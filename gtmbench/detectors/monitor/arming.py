@@ -6,34 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.monitor.scores import IntArray, Track
+from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.values.record import FloatArray
 
 
 @dataclass(kw_only=True)
 class Arming:
-    """Whether a residual can raise an alarm.
-
-    Attributes
-    ----------
-    source : str
-        Whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about.
-    came_down : bool
-        Whether it has been known at or below 1 since watching it began, or what was before is known to be healthy.
-    low : bool
-        Whether it was when last known, or since it was disarmed: a rise is news.
-    disarmed_row : int or None
-        Since when it is disarmed.
-    changes : list of (row, bool)
-        From which row on an alarm was possible, or wasn't; kept where somebody will ask.
-    """
+    """Whether a residual can raise an alarm."""
 
     output: str
+    # whose residual its alarms are put down to: its own, or, of an early one, that of the sensor it is about
     source: str
-    track: Track
+    track: ScoreTrack
+    # whether it has been known at or below 1 since watching it began, or what was before is known to be healthy
     came_down: bool = False
-    low: bool = False
-    disarmed_row: int | None = None
+    low: bool = False  # whether it was when last known, or since it was disarmed: a rise is news
+    disarmed_row: int | None = None  # since when it is disarmed
+    # from which row on an alarm was possible, or wasn't; kept where somebody will ask
     changes: list[tuple[int, bool]] | None = None
 
     @property

@@ -1,58 +1,66 @@
-"""Banks on samples as they come in: chunk for chunk what `watch` says of the whole record.
+"""Banks on samples as they come in; `watch` hands a whole record to the same stream, in pieces.
 
 Between chunks a stream remembers, per residual, the samples that its statistics look back at and a minute more
 (with the shipped banks 60 + 20.5 + 60 s), and for diagnoses the rows of the bank's channels and of witnesses, residuals
 and predictions of the last two minutes and a bit (`alarms.span_rows`, kept in a table of twice that length). So it
 takes the same memory after an hour as after five minutes; only the alarms add up.
 
-Chunks go through the functions that `watch` uses, with the rows before that these look back at. Single samples have a
-path of their own that is cheaper (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
+Chunks go through functions that work on arrays, with the rows before that these look back at. Matrix products round
+otherwise where rows begin elsewhere, so residuals in other chunks differ by some 1e-14. Single samples have a path of
+their own that costs a thirteenth (`sample_scores.RowByRow`): it tells scores, and where one could be an alarm, the same
 functions decide.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.bank.calibrated import BankResiduals, bank_residuals
 from gtmbench.detectors.gate import taken_inside
-from gtmbench.detectors.monitor.alarm_engine import Engine
-from gtmbench.detectors.monitor.alarms import span_rows
+from gtmbench.detectors.monitor.alarms import AlarmLogic, span_rows
+from gtmbench.detectors.monitor.excursions import blotted
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.sample_scores import RowByRow
-from gtmbench.detectors.monitor.scores import reach_of
+from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
 from gtmbench.errors import InputError
 from gtmbench.values.clock import lateness_s
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from gtmbench.detectors.bank.calibrated import CalibratedBank
+    from gtmbench.detectors.monitor.arming import Arming
+    from gtmbench.detectors.monitor.residuals import RecordResiduals
+    from gtmbench.jobs.progress import Progress
 
+_NONE: Mapping[str, FloatArray] = MappingProxyType({})
 _FEW = 20  # rows of a chunk, up to which they are taken one by one: from some 30 on, arrays cost less
 
 
 class BankStream:
     """A bank's monitor at work on samples as they come in; see the module's text.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
+    `rows`: that come at most. `before`, by output: healthy residuals on which the noise was learnt; of the others it is
+    learnt on what comes. `about`: what else `AlarmLogic` has.
     """
 
-    def __init__(self, monitor: CalibratedBank) -> None:
+    def __init__(
+        self, monitor: CalibratedBank, *, rows: float = math.inf, before: Mapping[str, FloatArray] = _NONE, **about: Any
+    ) -> None:
         self._monitor = monitor
         self._period_s = monitor.sample_period_s
         self._reach = reach_of(monitor)
-        self._memory = Memory(monitor, 0.0, 2 * max(span_rows(monitor), self._reach))
-        self._engine = Engine(monitor, self._memory)
-        self._tracks, self._logic = self._engine.tracks, self._engine.logic
+        self._memory = Memory(monitor, 0.0, int(min(2 * max(span_rows(monitor), self._reach), rows)))
+        self._tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
+        self._logic = AlarmLogic(monitor, self._memory, self._tracks, **about)
+        self._left_out: list[tuple[str, range]] = []  # rows of residuals
         self._rows = RowByRow(monitor, self._memory, self._tracks) if RowByRow.can(monitor) else None
         self._known: tuple[tuple[str, ...], list[int]] | None = None  # channels of the chunk before, and where ours are
 
@@ -69,11 +77,8 @@ class BankStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise or tell more of: the same alarm, by its number, again.
 
-        Raises
-        ------
-        InputError
-            Where the chunk doesn't continue the one before, lacks a channel or has another sample period; it changes
-            nothing.
+        InputError where the chunk doesn't continue the one before, lacks a channel or has another sample period; it
+        changes nothing.
         """
         chunk = taken_inside(chunk)
         columns = self._checked(chunk)
@@ -123,24 +128,36 @@ class BankStream:
         """Take samples by the functions that work on arrays."""
         begin = self._memory.stop
         self._memory.take(values)
-        stop = self._memory.stop
+        rows = range(begin, self._memory.stop)
         first = max(begin - self._reach, 0)
-        residuals = bank_residuals(self._monitor, self._memory.record(range(first, stop)))
-        self._engine.take(self._judged_of(residuals, first, range(begin, stop)), first, range(begin, stop), there)
+        self._logic.missing.take(there)
+        judged = self._judged_of(self._residuals_of(range(first, rows.stop)), first, rows)
+        for output, row, raw, spread in extend(self._tracks, judged, first, rows):
+            self._memory.put(output, row, raw, spread)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
 
-    def _judged_of(self, residuals: BankResiduals, _first: int, _rows: range) -> BankResiduals:
-        """Return what is judged of residuals, of rows from the first on, that some rows make known: all of it."""
-        return residuals
+    def _residuals_of(self, rows: range) -> BankResiduals:
+        """Return the residuals as some rows give them."""
+        return bank_residuals(self._monitor, self._memory.record(rows))
+
+    def _judged_of(self, residuals: BankResiduals, first: int, _rows: range) -> BankResiduals:
+        """Return what is judged of residuals, of rows from the first on, that some rows make known."""
+        out = ((output, range(max(of.start - first, 0), of.stop - first)) for output, of in self._left_out)
+        return replace(residuals, raw=blotted(residuals.raw, [each for each in out if each[1].stop > 0]))
 
     def _went_on(self) -> tuple[Alarm, ...]:
-        told = self._engine.run(self._memory.stop)
-        self._engine.forget()
+        told = self._logic.run(self._memory.stop)
+        self._forget()
         if told and self._rows is not None:
             self._rows.is_stale = True  # rows may have been taken out
         return told
+
+    def _forget(self) -> None:
+        """Let go of scores that nobody looks back at."""
+        for track in self._tracks.values():
+            track.forget()
 
     def _checked(self, chunk: Record) -> list[int]:
         """Refuse a chunk that isn't the next; return where what is taken stands in it, -1 where it doesn't."""
@@ -161,3 +178,45 @@ class BankStream:
                 )
         self._known = known
         return known[1]
+
+
+class RecordStream(BankStream):
+    """A stream that takes a whole record in pieces, so that a day costs the memory of twenty minutes.
+
+    What it takes is worked out for a stream's chunks and for a record alike; of a record it keeps every score, and
+    residuals are there already. `left_out`: rows of residuals that aren't judged. `about`: as `BankStream` has it.
+    """
+
+    def __init__(self, residuals: RecordResiduals, left_out: Sequence[tuple[str, range]], **about: Any) -> None:
+        record = residuals.record
+        super().__init__(residuals.monitor, rows=len(record), keeps_changes=True, **about)
+        self._of, self._left_out = residuals, list(left_out)
+        self._memory.start_s = record.start_s
+        self._memory.leave_out(left_out)
+        self.scores = {output: np.full(len(record), np.nan) for output in self._tracks}
+
+    @property
+    def armings(self) -> Sequence[Arming]:
+        """Since when each residual could raise an alarm."""
+        return self._logic.arming
+
+    @property
+    def noise_levels(self) -> dict[str, float]:
+        """The noise's deviation over that of the calibration, by output, where it was learnt."""
+        return {output: track.level for output, track in self._tracks.items() if track.level > 0.0}
+
+    def take_all(self, progress: Progress) -> None:
+        """Take the record."""
+        record = self._of.record
+        columns = self._checked(record)
+        for piece in self._of.pieces():
+            progress("watch", piece.start, len(record))
+            self._take_many(record.part(range(piece.start, piece.stop)), columns)
+
+    def _residuals_of(self, rows: range) -> BankResiduals:
+        return self._of.part(rows)
+
+    def _forget(self) -> None:
+        for output, track in self._tracks.items():
+            self.scores[output][track.first : track.stop] = track.values
+        super()._forget()

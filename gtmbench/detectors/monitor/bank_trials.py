@@ -37,13 +37,7 @@ class BankTrials:
     with an alarm before the onset, or not armed by then; missing samples; several channels that change at once; an
     uncertain operator.
 
-    Parameters
-    ----------
-    bank : CalibratedBank
-    monitor : Monitor
-        The same, as what watches.
-    record : Record
-        Healthy.
+    `monitor`: the same, as what watches. `record`: healthy.
     """
 
     def __init__(self, bank: CalibratedBank, monitor: Monitor, record: Record) -> None:

@@ -64,15 +64,7 @@ def rises_of(scores: Mapping[str, ResidualScore]) -> list[Rise]:
 class Excursions:
     """The alarms of excursions, by the row with which each is known.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    start_s : float
-        Of row 0.
-    excursions : sequence of Excursion
-    rises : sequence of Rise
-    known_s : float
-        Up to when it is known whether one goes on.
+    `start_s`: of row 0. `known_s`: up to when it is known whether one goes on.
     """
 
     def __init__(

@@ -33,19 +33,11 @@ class _Way:
     of_slope: FloatArray | None = field(repr=False)
 
 
-class Following:
+class Followed:
     """A gyro's own residual in the rows about a fault's onset, with an attitude that follows the fault.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    record : Record
-        Healthy, with the bank's channels.
-    sensor : str
-        The gyro.
-    rows : range
-        Of the record: from the onset up to the last that a fault is asked about.
-    estimator : AttitudeEstimator
+    `record`: healthy, with the bank's channels. `sensor`: the gyro. `rows`: of the record: from the onset up to the
+    last that a fault is asked about.
     """
 
     def __init__(
@@ -67,11 +59,8 @@ class Following:
     def change(self, fault: FloatArray) -> FloatArray:
         """Return what the residual changes by, from row `begin` on.
 
-        Parameters
-        ----------
-        fault : shape (rows,)
-            What the fault adds to the gyro; missing where the gyro is. The last `ahead` rows of what is returned know
-            the future not yet, as those of the residual.
+        `fault`, shape (rows,): what the fault adds to the gyro; missing where the gyro is. The last `ahead` rows of
+        what is returned know the future not yet, as those of the residual.
         """
         known = held(fault[:, np.newaxis])[:, 0]
         bends = self._bend.of(known[np.newaxis])

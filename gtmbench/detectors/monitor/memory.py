@@ -6,8 +6,7 @@ for fits and decisions turn on the last bit now and then.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cached_property
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -21,20 +20,9 @@ from gtmbench.values.record import FloatArray, Record
 class Memory:
     """Rows of the bank's channels and of witnesses, with residuals and spread beside them.
 
-    Attributes
-    ----------
-    channels : tuple of str
-        The bank's.
-    taken : tuple of str
-        The channels, then the other `WITNESSES`: the columns of what is taken, NaN where a record has none.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    start_s : float
-        Time of row 0.
-    capacity : int
-        How many rows there is room for; the oldest half goes when it is used up.
+    `channels`: the bank's. `taken`: the channels, then the other `WITNESSES`: the columns of what is taken, NaN where a
+    record has none. `start_s`: time of row 0. `capacity`: how many rows there is room for; the oldest half goes when it
+    is used up.
     """
 
     def __init__(self, monitor: CalibratedBank, start_s: float, capacity: int) -> None:
@@ -48,38 +36,10 @@ class Memory:
         beside = [("raw", output) for output in self.outputs]
         beside += [(kind, output) for output in self._uncertain for kind in ("spread", "white")]
         self._columns = {name: len(self.taken) + i for i, name in enumerate(beside)}
-        self._capacity = capacity
-        self._whole: dict[int, FloatArray] | None = None  # columns of a record that is there as a whole
+        self._table = np.full((max(capacity, 1), len(self.taken) + len(self._columns)), np.nan)  # taken, then beside it
         self._blots: list[tuple[str, range]] = []
         self._left_out: list[tuple[str, range]] = []
         self.first, self.stop = 0, 0  # rows that are there
-
-    @classmethod
-    def of(cls, monitor: CalibratedBank, record: Record, spread: Mapping[str, Spread]) -> Memory:
-        """Return one that holds a whole record, and how far its residuals may be off: no more is copied than asked."""
-        memory = cls(monitor, record.start_s, len(record))
-        memory.stop = len(record)
-        memory._whole = {i: record[name] for i, name in enumerate(memory.taken) if name in record.channels}
-        for output, off in spread.items():
-            memory._whole[memory._columns["spread", output]] = off.raw
-            memory._whole[memory._columns["white", output]] = off.white
-        return memory
-
-    @cached_property
-    def _table(self) -> FloatArray:
-        """What is taken, then what stands beside it; a record that is there as a whole has none."""
-        return np.full((self._capacity, len(self.taken) + len(self._columns)), np.nan)
-
-    def _read(self, rows: range, columns: slice) -> FloatArray:
-        """Return some columns at some rows, shape (rows, columns)."""
-        if self._whole is None:
-            return self._table[rows.start - self.first : rows.stop - self.first, columns]
-        wanted = range(*columns.indices(len(self.taken) + len(self._columns)))
-        table = np.full((len(rows), len(wanted)), np.nan)
-        for place, column in enumerate(wanted):
-            if column in self._whole:
-                table[:, place] = self._whole[column][rows.start : rows.stop]
-        return table
 
     def take(self, values: FloatArray) -> None:
         """Take the next rows, shape (rows, taken)."""
@@ -89,9 +49,7 @@ class Memory:
         self.stop += len(values)
 
     def put(self, output: str, row: int, raw: FloatArray, spread: Spread | None = None) -> None:
-        """Put a residual beside rows that were taken, from `row` on; of a whole record they stand there already."""
-        if self._whole is not None:
-            return
+        """Put a residual beside rows that were taken, from `row` on."""
         begin = max(row - self.first, 0)
         for name, values in _beside(output, raw, spread).items():
             late = values[begin - (row - self.first) :]
@@ -146,7 +104,7 @@ class Memory:
 
     def back_to(self, stop: int) -> FloatArray:
         """Forget the rows from one on, and return what was taken of them."""
-        values = np.array(self._read(range(stop, self.stop), slice(len(self.taken))))
+        values = self._table[stop - self.first : self.stop - self.first, : len(self.taken)].copy()
         self._blots = [blot for blot in self._blots if blot[1].start < stop]
         self.stop = stop
         return values
@@ -179,12 +137,12 @@ class Memory:
     def _there(self, rows: range) -> tuple[str, ...]:
         """Return the channels, and the witnesses that read anything in some rows."""
         first = len(self.channels)
-        values = self._read(rows, slice(first, len(self.taken)))
+        values = self._table[rows.start - self.first : rows.stop - self.first, first : len(self.taken)]
         beside = zip(self.taken[first:], values.T, strict=True)
         return self.channels + tuple(name for name, readings in beside if np.isfinite(readings).any())
 
     def _record(self, rows: range, names: tuple[str, ...]) -> Record:
-        values = self._read(rows, slice(len(self.taken)))
+        values = self._table[rows.start - self.first : rows.stop - self.first, : len(self.taken)]
         if names != self.taken[: len(names)]:
             values = values[:, [self.taken.index(name) for name in names]]
         return Record(
@@ -199,8 +157,7 @@ class Memory:
         return float(even_times_s(self.start_s, self.period_s, range(row, row + 1))[0])
 
     def _column(self, name: tuple[str, str], rows: range) -> FloatArray:
-        place = self._columns[name]
-        return self._read(rows, slice(place, place + 1))[:, 0]
+        return self._table[rows.start - self.first : rows.stop - self.first, self._columns[name]]
 
     def _make_room(self, rows: int) -> None:
         held, capacity = self.stop - self.first, len(self._table)

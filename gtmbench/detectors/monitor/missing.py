@@ -30,7 +30,7 @@ from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.values.record import BoolArray
 
 NEVER = np.iinfo(np.int64).max
-_TOLERATED_S, _TOLERATED_ROWS = 0.5, 5
+_TOLERATED_S, _TOLERATED_ROWS = 0.5, 5  # see the module's text
 _WINDOW = 4  # times what is tolerated: what is looked at
 _BACK = 5  # part of it: what may be missing of a channel that is back
 
@@ -40,11 +40,7 @@ _Change = tuple[int, str, int]  # known with which row, whose, since which row: 
 class MissingSamples:
     """Which channels drop out, and when they are back, in rows as they come: the same in whatever chunks.
 
-    Parameters
-    ----------
-    channels : tuple of str
-        The bank's, as the columns of what is taken.
-    period_s : float
+    `channels`: the bank's, as the columns of what is taken.
     """
 
     def __init__(self, channels: tuple[str, ...], period_s: float) -> None:

@@ -17,7 +17,6 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals
 from gtmbench.detectors.monitor.bank_stream import BankStream
-from gtmbench.detectors.monitor.excursions import blotted
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.monitor.surroundings import Surroundings
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined
@@ -27,13 +26,7 @@ _LOOKED_S = 0.25  # after so long, at the latest, motion is looked at where samp
 
 
 class MotionStream(BankStream):
-    """A bank's monitor that knows its regime, at work on samples as they come in; see the module's text.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    regime : Regime
-    """
+    """A bank's monitor that knows its regime, at work on samples as they come in; see the module's text."""
 
     def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
         super().__init__(monitor)
@@ -43,7 +36,6 @@ class MotionStream(BankStream):
         self._every = min(round(_EVERY_S / self._period_s), self._most_back)
         self._kept: list[_State] = []
         self._there: list[tuple[int, BoolArray]] = []  # which of the last samples are there, by the first row of each
-        self._left_out: list[tuple[str, range]] = []  # rows of residuals
         self._waiting: list[Record] = []  # rows that were taken one by one, whose motion hasn't been looked at
 
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
@@ -83,8 +75,7 @@ class MotionStream(BankStream):
     def _judged_of(self, residuals: BankResiduals, first: int, rows: range) -> BankResiduals:
         """Return residuals without what stands on excursions."""
         self._hear(residuals, first, rows)
-        out = ((output, range(max(of.start - first, 0), of.stop - first)) for output, of in self._left_out)
-        return replace(residuals, raw=blotted(residuals.raw, [each for each in out if each[1].stop > 0]))
+        return super()._judged_of(residuals, first, rows)
 
     def _hear(self, residuals: BankResiduals, first: int, rows: range) -> None:
         self._around.hear(residuals, first, rows)

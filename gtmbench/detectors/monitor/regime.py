@@ -17,22 +17,20 @@ import numpy as np
 
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
+from gtmbench.detectors.turning import APART_S, BEYOND, COVERED
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined, runs
 
-_COVERED = 0.999  # of the identified rows
-_BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
 _BEFORE_S, _AFTER_S = 0.3, 1.0  # of such a row, that count with it
 _TURNING = (("gyros_deg_s", "attitude_deg_s"), ("gyros_deg_s2", "attitude_deg_s2"))  # of each pair, both must say so
 _KEYS = (*_TURNING[0], *_TURNING[1], "force_g")
 _MIDDLES = tuple(f"{name}_middle_deg_s" for name in GYROS)  # what gyros read of no motion
 _FROM_ATTITUDE = ("p_att", "q_att", "r_att")
 _MOTION = (*GYROS, *ATTITUDE, *ACCELEROMETERS)
-_APART_S = 0.15  # an attitude may be late
-LATE_S = _APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
+LATE_S = APART_S + _BEFORE_S  # after a row, until it is known whether it is beyond
 
 IMPACT = "impact or touchdown"
 TOUCHDOWN, RESET, FAILURE = "touchdown", "an estimator's reset", "a failure that the autopilot reports"
@@ -50,23 +48,17 @@ _ABOUT = {
 
 @dataclass(frozen=True, kw_only=True)
 class Regime:
-    """How hard the motion was that a monitor was identified on.
+    """How hard the motion was that a monitor was identified on."""
 
-    Attributes
-    ----------
-    limits : mapping of str to float
-        ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
-        ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
-        the rows don't exceed. Those that the records don't tell aren't there.
-    middles : tuple of float
-        What the gyros read in the middle, in deg/s, which isn't counted as motion.
-    """
-
+    # ``gyros_deg_s`` and ``attitude_deg_s``, how fast it turned as either tells, ``gyros_deg_s2`` and
+    # ``attitude_deg_s2``, how fast that changed; ``force_g``, the specific force's distance from 1 g; what 99.9 % of
+    # the rows don't exceed. Those that the records don't tell aren't there
     limits: Mapping[str, float]
+    # what the gyros read in the middle, in deg/s, which isn't counted as motion
     middles: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Regime:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Regime:
         """Return what a monitor's provenance tells; no limits where it doesn't."""
         told = provenance.get("regime")
         table = told if isinstance(told, Mapping) else {}
@@ -85,7 +77,7 @@ class Regime:
             values = np.concatenate([size[key] for size in sizes if key in size] or [np.zeros(0)])
             values = values[np.isfinite(values)]
             if len(values):
-                limits[key] = float(np.quantile(values, _COVERED))
+                limits[key] = float(np.quantile(values, COVERED))
         return cls(limits=limits, middles=middles)
 
     @property
@@ -112,24 +104,18 @@ class Regime:
         if not self.limits:
             return never, never
         sizes = _sizes(record, self.middles)
-        beyond = {key: sizes[key] > _BEYOND * limit for key, limit in self.limits.items() if key in sizes}
-        near = {key: _widened(rows, record.sample_period_s, _APART_S, _APART_S) for key, rows in beyond.items()}
+        beyond = {key: sizes[key] > BEYOND * limit for key, limit in self.limits.items() if key in sizes}
+        near = {key: _widened(rows, record.sample_period_s, APART_S, APART_S) for key, rows in beyond.items()}
         turning = np.logical_or.reduce([near.get(gyros, never) & near.get(angles, never) for gyros, angles in _TURNING])
         return turning, beyond.get("force_g", never)
 
 
 class RegimeStream:
-    """A regime held against rows as they come in: after any of them, the stretches are those of the rows so far.
-
-    Parameters
-    ----------
-    regime : Regime
-    period_s : float
-    """
+    """A regime held against rows as they come in: after any of them, the stretches are those of the rows so far."""
 
     def __init__(self, regime: Regime, period_s: float) -> None:
         self._regime, self._period_s = regime, period_s
-        self._lead = round(_APART_S / period_s) + 2  # rows beside one that it depends on, a slope's slope among it
+        self._lead = round(APART_S / period_s) + 2  # rows beside one that it depends on, a slope's slope among it
         self._before, self._after = round(_BEFORE_S / period_s), round(_AFTER_S / period_s)
         self._rows: Record | None = None  # the last ones
         self._flags = np.zeros((0, 2), dtype=bool)  # turning and force, of the rows from `_first` on

@@ -21,14 +21,9 @@ from gtmbench.values.record import FloatArray, Record, check_record, sealed
 class RecordResiduals:
     """A bank's residuals on a record.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    record : Record
-        With the bank's channels.
-    at_once : bool
-        Whether they are wanted as a whole, however long the record is: of operators that are uncertain, for what that
-        makes of them is kept; and with excursions, each of which is judged beside all of the record.
+    `record`: with the bank's channels. `at_once`: whether they are wanted as a whole, however long the record is: of
+    operators that are uncertain, for what that makes of them is kept; and with excursions, each of which is judged
+    beside all of the record.
     """
 
     def __init__(self, monitor: CalibratedBank, record: Record, *, at_once: bool) -> None:
@@ -51,7 +46,7 @@ class RecordResiduals:
         return bank_residuals(self.monitor, self.record.part(rows))
 
     @property
-    def as_told(self) -> BankResiduals:
+    def whole(self) -> BankResiduals:
         """All of them, by output; of a long record each is worked out when it is asked for."""
         return BankResiduals(raw=self.raw, predicted=self.predicted, spread=self.spread)
 
@@ -63,14 +58,14 @@ class RecordResiduals:
     @property
     def raw(self) -> Mapping[str, FloatArray]:
         """e(k), by output."""
-        return _Columns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
+        return _LazyColumns(self, tuple(self.monitor.operators)) if self._whole is None else self._whole.raw
 
     @property
     def predicted(self) -> Mapping[str, FloatArray]:
         """The virtual sensors, by the sensors that are watched with one."""
         outputs = tuple(spec.output for spec in self.monitor.bank.diagnostic)
         if self._whole is None:
-            return _Columns(self, outputs, predicted=True)
+            return _LazyColumns(self, outputs, predicted=True)
         return MappingProxyType({output: self._whole.predicted[output] for output in outputs})
 
     def column(self, output: str, *, predicted: bool) -> FloatArray:
@@ -85,7 +80,7 @@ class RecordResiduals:
         return sealed(column)
 
 
-class _Columns(Mapping[str, FloatArray]):
+class _LazyColumns(Mapping[str, FloatArray]):
     """Residuals or predictions by output, none of them kept."""
 
     def __init__(self, of: RecordResiduals, outputs: tuple[str, ...], *, predicted: bool = False) -> None:

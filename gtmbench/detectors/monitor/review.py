@@ -1,6 +1,6 @@
 """A review of an open fault: what its case says at a horizon, and what comes of that.
 
-Nothing happens here: a review gives an `Outcome`, which `alarms.AlarmLogic` lets happen.
+Nothing happens here: a review gives an `Reviewed`, which `alarms.AlarmLogic` lets happen.
 """
 
 from __future__ import annotations
@@ -34,26 +34,16 @@ _CALM_S = 4.0  # of healthy residuals, until an alarm that can't be told has pas
 
 
 @dataclass(frozen=True, kw_only=True)
-class Closing:
-    """How a fault is closed.
+class FaultClosing:
+    """How a fault is closed."""
 
-    Attributes
-    ----------
-    end : End or None
-        When it had gone; None where there is nothing to tell of it.
-    known_s : float or None
-        When that was known.
-    anew : bool
-        Whether the noise has changed, so that from now on it is learnt anew.
-    """
-
-    end: End | None = None
-    known_s: float | None = None
-    anew: bool = False
+    end: End | None = None  # when it had gone; None where there is nothing to tell of it
+    known_s: float | None = None  # when that was known
+    anew: bool = False  # whether the noise has changed, so that from now on it is learnt anew
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Reviewed:
     """What comes of a look at an open fault; nothing, unless it says so.
 
     Attributes
@@ -64,7 +54,7 @@ class Outcome:
         Whom that clears of suspicion for good.
     held : FittedHypothesis or None
         What is decisive, and says when the fault would have ended.
-    closing : Closing or None
+    closing : FaultClosing or None
     is_decided : bool
         Whether no later look is expected to say anything else: what is left to find is the fault's end.
     """
@@ -72,44 +62,38 @@ class Outcome:
     judgement: Judgement | None = None
     ruled_out: frozenset[str] = frozenset()
     held: FittedHypothesis | None = None
-    closing: Closing | None = None
+    closing: FaultClosing | None = None
     is_decided: bool = False
 
 
-def review(fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()) -> Outcome:
+def review(
+    fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()
+) -> Reviewed:
     """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
 
     So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
 
-    Parameters
-    ----------
-    fault : OpenFault
-    case : Case
-    others : iterable of OpenFault
-        All that are open.
-    row : int
-    without : iterable of str
-        Families of hypotheses that aren't tried.
+    `others`: all that are open. `without`: families of hypotheses that aren't tried.
     """
     if not case.is_ripe:
-        return Outcome()
+        return Reviewed()
     if fault.is_late or fault.is_decided:
         end = _end(fault, case, ())
         if end is None or fault.is_late:
-            return Outcome(closing=end)
+            return Reviewed(closing=end)
     ranking = ranked_hypotheses(case, case.suspects, without)
     end = _end(fault, case, ranking)
     if end is not None:
-        return Outcome(closing=end)
+        return Reviewed(closing=end)
     first = by_signature(fault.monitor, trusted(fault, others), fault.crossing.output, fault.alarm.time_s)
     judged = _beside_others(fault, judge_all(case, ranking, first, without), others)
-    judged = _unless_named_otherwise(judged, fault.alarm)
+    judged = _consistent_with_earlier(judged, fault.alarm)
     if _is_worse(case, judged, fault.alarm.last):
-        return Outcome()
+        return Reviewed()
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
     if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
-        return Outcome()
-    return Outcome(
+        return Reviewed()
+    return Reviewed(
         judgement=judged,
         ruled_out=frozenset(hopeless(case, ranking, case.suspects) - set(judged.candidates)),
         held=_decisive(ranking, judged),
@@ -135,7 +119,7 @@ def _beside_others(fault: OpenFault, judged: Judgement, others: Iterable[OpenFau
     return judged
 
 
-def _unless_named_otherwise(judged: Judgement, alarm: Alarm) -> Judgement:
+def _consistent_with_earlier(judged: Judgement, alarm: Alarm) -> Judgement:
     """Return a judgement without its name, where an earlier look named another sensor: one of both was wrong.
 
     What explains a minute by a walk, or by two sensors at once, may be a model that errs as slowly.
@@ -165,7 +149,7 @@ def _is_decided(fault: OpenFault, ranking: Sequence[FittedHypothesis], judged: J
     return since >= rows_of(least_s, fault.monitor) and margin < float("inf")
 
 
-def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> Closing | None:
+def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> FaultClosing | None:
     """Return how a fault is closed that has ended: by what was decisive of it, or once it is quiet; None if neither."""
     if fault.held is not None:
         lasting = min((fit.bic for fit in ranking if fit.lasts), default=float("inf"))
@@ -174,7 +158,7 @@ def _end(fault: OpenFault, case: Case, ranking: Sequence[FittedHypothesis]) -> C
         last = fault.alarm.last
         quiet = [quiet_since(case, name) for name in (() if last is None else last.failed)]
         end = max((each for each in quiet if each is not None), default=None) if None not in quiet else None
-    return None if end is None else Closing(end=end, known_s=case.end_s)
+    return None if end is None else FaultClosing(end=end, known_s=case.end_s)
 
 
 def _is_worse(case: Case, judged: Judgement, last: Judgement | None) -> bool:
@@ -223,16 +207,16 @@ def _decisive(ranking: Sequence[FittedHypothesis], judged: Judgement) -> FittedH
     return None if named is None or fault_of(named) is None else named
 
 
-def _closing(case: Case, judged: Judgement, since: int) -> Closing | None:
+def _closing(case: Case, judged: Judgement, since: int) -> FaultClosing | None:
     """Return how an alarm is closed, `since` rows ago, that leaves nothing to explain or can't be told any better."""
     if judged.doubt == NOISE_CHANGED:
-        return Closing(anew=True) if since >= rows_of(_SURE_S, case.monitor) else None
+        return FaultClosing(anew=True) if since >= rows_of(_SURE_S, case.monitor) else None
     if not judged.candidates:
-        return Closing()
+        return FaultClosing()
     if judged.doubt and _has_calmed(case):
-        return Closing(end=End(case.end_s, None), known_s=case.end_s)
+        return FaultClosing(end=End(case.end_s, None), known_s=case.end_s)
     is_given_up = judged.doubt and since >= rows_of(HORIZONS_S[-1], case.monitor)
-    return Closing() if is_given_up else None  # should it calm later, watching goes on
+    return FaultClosing() if is_given_up else None  # should it calm later, watching goes on
 
 
 def _has_calmed(case: Case) -> bool:

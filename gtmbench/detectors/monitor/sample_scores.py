@@ -10,7 +10,7 @@ import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
-from gtmbench.detectors.monitor.scores import IntArray, Track
+from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.detectors.statistics.learnt_noise import lasting, lasting_rows, second_order
 from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Steadiness, glr, ordinary_powers
 from gtmbench.detectors.statistics.whitening import LOUD
@@ -21,19 +21,14 @@ from gtmbench.values.record import FloatArray
 class RowByRow:
     """Everything from a sample to the scores that it makes known, for banks with likelihood ratios.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    memory : Memory
-        What is read and worked out is put there.
-    tracks : mapping of output to Track
-        They get the whitened residuals, and stay able to go on.
+    `memory`: what is read and worked out is put there. `tracks`, by output: they get the whitened residuals, and stay
+    able to go on.
     """
 
-    def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, Track]) -> None:
+    def __init__(self, monitor: CalibratedBank, memory: Memory, tracks: Mapping[str, ScoreTrack]) -> None:
         self._memory, self._names = memory, sorted(tracks)
         self._channels = {name: i for i, name in enumerate(monitor.bank.channels)}
-        self._lines = [_Line(monitor, memory, tracks[output], output, i) for i, output in enumerate(self._names)]
+        self._lines = [_Residual(monitor, memory, tracks[output], output, i) for i, output in enumerate(self._names)]
         self._ratios = _Ratios(monitor, self._names)
         names = {name for line in self._lines for name in (line.output, *line.inputs)}
         self._pseudo = tuple(name for name in names if name in PSEUDO_INPUTS)
@@ -122,10 +117,10 @@ class RowByRow:
         self.is_stale = False
 
 
-class _Line:
+class _Residual:
     """One residual's way from its inputs to white noise."""
 
-    def __init__(self, monitor: CalibratedBank, memory: Memory, track: Track, output: str, place: int) -> None:
+    def __init__(self, monitor: CalibratedBank, memory: Memory, track: ScoreTrack, output: str, place: int) -> None:
         operator = monitor.operators[output]
         self.output, self.track, self.inputs, self.place = output, track, operator.inputs, place
         self.is_early = output in PSEUDO_INPUTS

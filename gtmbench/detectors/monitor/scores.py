@@ -25,27 +25,13 @@ _BLOCK = 8192  # samples at a time: what is worked out of them stays in the cach
 
 @dataclass(frozen=True, kw_only=True)
 class Crossing:
-    """A residual's score that rises above 1.
+    """A residual's score that rises above 1."""
 
-    Attributes
-    ----------
-    output : str
-        Whose residual.
-    row : int
-        Of the record; the residual of this row is known at `time_s`.
-    time_s : float
-        When the alarm could be raised: look-ahead counted.
-    onset_row : int
-        Where the change began, as far as the test tells.
-    test : str
-        Which test crossed, the one furthest above its threshold.
-    """
-
-    output: str
-    row: int
-    time_s: float
-    onset_row: int
-    test: str
+    output: str  # whose residual
+    row: int  # of the record; the residual of this row is known at `time_s`
+    time_s: float  # when the alarm could be raised: look-ahead counted
+    onset_row: int  # where the change began, as far as the test tells
+    test: str  # which test crossed, the one furthest above its threshold
 
 
 class Origins:
@@ -81,35 +67,23 @@ class Origins:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ResidualScore:
-    """A residual's greatest statistic over its threshold, row for row; an alarm above 1.
+    """A residual's greatest statistic over its threshold, row for row; an alarm above 1."""
 
-    Attributes
-    ----------
-    values : shape (samples,)
-        NaN where no statistic exists, or it isn't known by the end.
-    known_s : shape (samples,)
-        When each value is known, in seconds.
-    origins : Origins
-    """
-
+    # shape (samples,): NaN where no statistic exists, or it isn't known by the end
     values: FloatArray = field(repr=False)
-    known_s: FloatArray = field(repr=False)
+    known_s: FloatArray = field(repr=False)  # shape (samples,): when each value is known, in seconds
     origins: Origins = field(repr=False)
 
 
-class Track:
+class ScoreTrack:
     """The score of one residual, as its rows come in; the same row for row, in whatever chunks.
 
     It remembers the last samples that exist: what its statistics look back at and a minute more, so that the rows of a
     fault that has ended can be taken out (`blot`) and those before it take their place. Of a fault that lasted longer,
     what was before is forgotten, and the residual is judged anew from then on.
 
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    output : str
-    before : shape (rows,), optional
-        Of the same sensors' healthy residual, on which their noise is learnt before watching begins.
+    `before`, shape (rows,): of the same sensors' healthy residual, on which their noise is learnt before watching
+    begins.
     """
 
     def __init__(self, monitor: CalibratedBank, output: str, before: FloatArray | None = None) -> None:
@@ -364,18 +338,12 @@ def reach_of(monitor: CalibratedBank) -> int:
 
 
 def extend(
-    tracks: Mapping[str, Track], residuals: BankResiduals, first: int, rows: range
+    tracks: Mapping[str, ScoreTrack], residuals: BankResiduals, first: int, rows: range
 ) -> Iterator[tuple[str, int, FloatArray, Spread | None]]:
     """Let tracks take what some rows of the record make known; give what each took, and from which row on.
 
-    Parameters
-    ----------
-    tracks : mapping of output to Track
-    residuals : BankResiduals
-        Of rows from `first` on, `reach_of` before these, up to their last.
-    first : int
-    rows : range
-        They follow those that were taken.
+    `tracks`, by output. `residuals`: of rows from `first` on, `reach_of` before these, up to their last. `rows`: they
+    follow those that were taken.
     """
     for output, track in tracks.items():
         own = slice(max(rows.start - track.ahead, 0) - first, max(rows.stop - track.ahead, 0) - first)
@@ -388,17 +356,17 @@ def extend(
 def residual_scores(
     monitor: CalibratedBank, record: Record, residuals: BankResiduals, before: Mapping[str, FloatArray] | None = None
 ) -> dict[str, ResidualScore]:
-    """Return every residual's score on a record; `before` as `Track` has it."""
+    """Return every residual's score on a record; `before` as `ScoreTrack` has it."""
     scores = {}
     for output, raw in residuals.raw.items():
-        track = Track(monitor, output, (before or {}).get(output))
+        track = ScoreTrack(monitor, output, (before or {}).get(output))
         track.extend(raw, residuals.spread.get(output))
         track.known(0, len(record) + track.ahead)
         scores[output] = score_of(track, record)
     return scores
 
 
-def score_of(track: Track, record: Record) -> ResidualScore:
+def score_of(track: ScoreTrack, record: Record) -> ResidualScore:
     """Return what a track says of a whole record; nothing of rows that are known after its end."""
     values, known_s = track.values.copy(), record.time_s
     values[max(len(record) - track.ahead, 0) :] = np.nan

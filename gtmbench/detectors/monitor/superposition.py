@@ -1,7 +1,7 @@
 """What a fault put on a record would do to a residual, without watching the record again.
 
 A sensor doesn't enter its own prediction, so what a fault changes in its readings is what it changes in its residual;
-but for a gyro that drives the attitude, which bends the prediction, too (`Following`).
+but for a gyro that drives the attitude, which bends the prediction, too (`Followed`).
 Whitening passes that on from the onset, by the noise as it was learnt until then, and the scores after it follow from
 the monitor's own statistic.
 """
@@ -15,10 +15,10 @@ from functools import cached_property
 import numpy as np
 
 from gtmbench.detectors.bank.calibrated import CalibratedBank
-from gtmbench.detectors.monitor.following import Following
+from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import IntArray
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, follower
-from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance, over
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic, over
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.faults.fault import Fault
 from gtmbench.values.attitude import AttitudeEstimator
@@ -29,24 +29,13 @@ _REMEMBERED_S = 60.0  # every so often what follows the noise is kept, for trial
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChangedResidual:
-    """A residual of a record that may be changed from some row on.
-
-    Attributes
-    ----------
-    monitor : CalibratedBank
-    output : str
-    raw : shape (samples,)
-        As it is.
-    spread : Spread or None
-        By which the residual is divided before it is judged.
-    before : shape (rows,) or None
-        On which the noise was learnt before the record began.
-    """
+    """A residual of a record that may be changed from some row on."""
 
     monitor: CalibratedBank
     output: str
-    raw: FloatArray = field(repr=False)
-    spread: Spread | None = field(repr=False)
+    raw: FloatArray = field(repr=False)  # shape (samples,): as it is
+    spread: Spread | None = field(repr=False)  # by which the residual is divided before it is judged
+    # shape (rows,): on which the noise was learnt before the record began
     before: FloatArray | None = field(default=None, repr=False)
 
     def changed_from(self, begin: int) -> ChangingResidual:
@@ -121,7 +110,7 @@ class ChangedResidual:
         return self.monitor.bank.statistic
 
     @property
-    def _tolerance(self) -> Tolerance:
+    def _tolerance(self) -> Allowance:
         return self.monitor.tolerances[self.output]
 
     @property
@@ -138,12 +127,7 @@ class ChangingResidual:
 
     It is whitened by the noise as it is known before that row, then as it is learnt.
 
-    Parameters
-    ----------
-    residual : ChangedResidual
-        As it is without.
-    begin : int
-        The first row that is another.
+    `residual`: as it is without. `begin`: the first row that is another.
     """
 
     def __init__(self, residual: ChangedResidual, begin: int) -> None:
@@ -177,39 +161,22 @@ class ChangingResidual:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Superposition:
-    """A sensor's own residual on a record that was watched.
+    """A sensor's own residual on a record that was watched."""
 
-    Attributes
-    ----------
-    sensor : str
-        One with a residual of its own.
-    record : Record
-    residual : ChangedResidual
-        Its own.
-    armed : shape (samples,)
-        Where its score, once known, could have raised an alarm.
-    estimator : AttitudeEstimator or None
-        What makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't.
-    """
-
-    sensor: str
+    sensor: str  # one with a residual of its own
     record: Record = field(repr=False)
-    residual: ChangedResidual = field(repr=False)
-    armed: BoolArray = field(repr=False)
+    residual: ChangedResidual = field(repr=False)  # its own
+    armed: BoolArray = field(repr=False)  # shape (samples,): where its score, once known, could have raised an alarm
+    # what makes the attitude of the sensor, a gyro, so that the attitude follows its faults; None where it doesn't
     estimator: AttitudeEstimator | None = None
-    _followings: dict[range, Following] = field(default_factory=dict, init=False, repr=False)
+    _followings: dict[range, Followed] = field(default_factory=dict, init=False, repr=False)
 
     def alarm_row(self, fault: Fault, within_s: float) -> int | None:
         """Return a row whose score raises an alarm within some seconds of a fault's onset; None where none does.
 
         None, too, where the residual wasn't armed at the onset.
 
-        Parameters
-        ----------
-        fault : Fault
-            Of the sensor.
-        within_s : float
-            From the onset until the alarm could be raised: look-ahead counts.
+        `fault`: of the sensor. `within_s`: from the onset until the alarm could be raised: look-ahead counts.
         """
         row = fault.onset_row(self.record)
         stop = self._stop(row, within_s)
@@ -243,11 +210,11 @@ class Superposition:
         change = following.change(reads - was)[: stop - following.begin]
         return following.begin, self.residual.raw[following.begin : stop] + change
 
-    def _following(self, row: int, stop: int) -> Following | None:
+    def _following(self, row: int, stop: int) -> Followed | None:
         """Return how the attitude follows what is changed from one row up to another; None where it doesn't."""
         if self.estimator is None:
             return None
         rows = range(row, min(stop + self.residual.ahead, len(self.record)))
         if rows not in self._followings:
-            self._followings[rows] = Following(self.residual.monitor, self.record, self.sensor, rows, self.estimator)
+            self._followings[rows] = Followed(self.residual.monitor, self.record, self.sensor, rows, self.estimator)
         return self._followings[rows]

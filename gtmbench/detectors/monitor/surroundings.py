@@ -12,7 +12,7 @@ from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about
 from gtmbench.detectors.monitor.excursions import Excursions, Rise
 from gtmbench.detectors.monitor.regime import LATE_S, Regime, RegimeStream
-from gtmbench.detectors.monitor.scores import Track, extend
+from gtmbench.detectors.monitor.scores import ScoreTrack, extend
 from gtmbench.method.windowed_alarms import rising
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import Record
@@ -21,21 +21,13 @@ from gtmbench.values.record import Record
 class Surroundings:
     """The excursions of a stream, and which scores would have risen in them.
 
-    Attributes
-    ----------
-    horizon : int
-        How many rows back a row that comes in may change what is left out.
-
-    Parameters
-    ----------
-    monitor : CalibratedBank
-    regime : Regime
+    `horizon`: how many rows back a row that comes in may change what is left out.
     """
 
     def __init__(self, monitor: CalibratedBank, regime: Regime) -> None:
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._motion = RegimeStream(regime, self._period_s)
-        self._tracks = {output: Track(monitor, output) for output in monitor.operators}  # with nothing left out
+        self._tracks = {output: ScoreTrack(monitor, output) for output in monitor.operators}  # with nothing left out
         self._last = dict.fromkeys(self._tracks, np.inf)  # scores that were known: none rises that hasn't come down
         self._rises: list[Rise] = []
         self._reach = {output: round(monitor.history_of(output) / self._period_s) for output in monitor.operators}

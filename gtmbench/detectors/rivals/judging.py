@@ -14,7 +14,7 @@ from gtmbench.detectors.alarm import TIMES_LOUDER
 from gtmbench.detectors.bank.parsing import judging_table, thresholds_from, tolerance_from, whitener_from
 from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
-from gtmbench.detectors.statistics.statistic import Carried, Given, Statistic, Tolerance, over, tolerance_of
+from gtmbench.detectors.statistics.statistic import Allowance, Carried, Given, Statistic, over, tolerance_of
 from gtmbench.detectors.statistics.thresholds import Luck, healthy_maxima
 from gtmbench.detectors.statistics.whitening import White, Whitener, fit_whitener
 from gtmbench.detectors.tables import keys
@@ -37,12 +37,12 @@ class Judging:
     ----------
     whitener : Whitener
         One that changes nothing, for a level.
-    tolerance : Tolerance
+    tolerance : Allowance
     thresholds : mapping of label to float
     """
 
     whitener: Whitener = field(repr=False)
-    tolerance: Tolerance
+    tolerance: Allowance
     thresholds: Mapping[str, float]
 
     def table(self) -> dict[str, object]:
@@ -92,7 +92,7 @@ def judgings(
         for name, parts in judged.items()
     }
     tolerances = {
-        name: Tolerance()
+        name: Allowance()
         if is_level
         else tolerance_of([white.values for _, white, _ in parts], statistic, sample_period_s)
         for name, parts in healthy.items()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.detectors.statistics.statistic import Carried, Given, RawScore, Spread, Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Carried, Given, RawScore, Spread, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
 from gtmbench.values.record import FloatArray
@@ -25,7 +25,7 @@ class Level(Statistic):
     --------
     >>> from gtmbench.detectors.statistics.whitening import White
     >>> nothing = White.steady(np.zeros(4))
-    >>> score, = Level(windows_s=(0.2,)).scores(np.array([1.0, 3.0, np.nan, 5.0]), nothing, 0.1, Tolerance())
+    >>> score, = Level(windows_s=(0.2,)).scores(np.array([1.0, 3.0, np.nan, 5.0]), nothing, 0.1, Allowance())
     >>> score.label, score.values
     ('mean 0.2 s', array([nan,  2., nan,  4.]))
     """
@@ -44,7 +44,7 @@ class Level(Statistic):
         self,
         given: Given,
         sample_period_s: float,
-        tolerance: Tolerance,
+        tolerance: Allowance,
         *,
         at: range | None = None,
         carried: Carried | None = None,

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
-from gtmbench.detectors.chunk import ChunkStream, Said, taken
+from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.rivals.judging import IntArray, Judge
 from gtmbench.detectors.rivals.signals import Generator
 from gtmbench.method.windowed_alarms import came_down, rising
@@ -84,13 +84,13 @@ class RivalStream(ChunkStream):
         """Whether each score has been known at or below its threshold."""
         return MappingProxyType(self._armed)
 
-    def taken(self, chunk: Record) -> Said:
+    def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
         monitor = self._monitor
         clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
         if not len(new):
             nothing = {name: np.zeros(0) for name in self._judges}
-            return Said(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
+            return ChunkResult(np.zeros(0), nothing, {name: np.zeros(0, dtype=bool) for name in nothing}, ())
         rows = range(clock.count - len(new), clock.count)
         scores, looks_back = self._scores(new.values, rows.start)
         armed = {name: self._came_down(name, values) for name, values in scores.items()}
@@ -99,7 +99,7 @@ class RivalStream(ChunkStream):
         self._alarm(scores, armed, looks_back, known_s, rows)
         self._clock = clock
         told = self._news(before)
-        return Said(known_s, scores, armed, told)
+        return ChunkResult(known_s, scores, armed, told)
 
     def _scores(self, values: FloatArray, first: int) -> tuple[dict[str, FloatArray], dict[str, IntArray]]:
         residuals = self._generator.push(values)

@@ -49,7 +49,7 @@ from gtmbench.detectors.statistics.noise_model import (
     SUM,
     Ends,
     LearntBlocks,
-    NoiseModel,
+    LearntNoiseModel,
 )
 from gtmbench.detectors.statistics.statistic import Steadiness, glr, ordinary_powers
 from gtmbench.detectors.statistics.whitening import LOUD, White, Whitener, loud_in
@@ -76,25 +76,16 @@ _LASTING_S, _OF_LASTING = 0.5, 1.5  # what is as loud for longer is no outlier: 
 
 # suspicions: a window that departs by so many nats stops the learning; white noise does so once in exp(12) looks
 _SUSPECTED = 12.0  # of the shortest window; longer ones look at new noise more rarely
-_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)
+_SUSPECTED_S = (0.08, 0.32, 1.28, 5.12)  # each four times the one before: a change is seen within four times its length
 _CALM, _LONGEST = 4, 240  # blocks: healthy ones that end a suspicion; after as many what is there is the noise
 
 
 class NoiseFollower:
     """A residual's noise as its rows come in: the same in whatever chunks, with a memory that doesn't grow.
 
-    Parameters
-    ----------
-    whitener : Whitener
-        Of the calibration.
-    sample_period_s : float
-    row : int
-        The first that it will be given.
-    before : shape (rows,), optional
-        Of the residual, rows just before that one.
+    `whitener`: of the calibration. `row`: the first that it will be given. `before`, shape (rows,): of the residual,
+    rows just before that one.
 
-    Examples
-    --------
     >>> calibrated = Whitener(coefficients=np.ones(1), mean=0.0, deviation=1.0)
     >>> follower = NoiseFollower(calibrated, 0.01)
     >>> quiet = 0.3 * np.random.default_rng(1).standard_normal(4000)
@@ -117,7 +108,7 @@ class NoiseFollower:
         self._windows = suspicion_rows(sample_period_s)
         self._typical = 0.0
         self._ring = np.zeros((0, LAGS.start + self._order + 1))  # blocks that were learnt, the newest last
-        self._held: NoiseModel | None = None
+        self._held: LearntNoiseModel | None = None
         self._calm = self._held_for = 0
         self.first_level: float = math.nan  # as `level`, when it was first learnt
         self._given = np.full((self.order, 2), np.nan)  # raw and spread: rows before the open block, and its own
@@ -132,7 +123,7 @@ class NoiseFollower:
         self._white = np.zeros(self._windows[-1])  # the last before the open block
         self._open: LearntBlocks | None = None  # of the open block
         self._past: list[
-            tuple[int, NoiseModel, float]
+            tuple[int, LearntNoiseModel, float]
         ] = []  # of the blocks before: first rows, and the mean that was known
 
     @property
@@ -178,7 +169,7 @@ class NoiseFollower:
         self.first_rows = [rows for rows in self.first_rows if rows.stop > row]
         self._past = [part for part in self._past if part[0] + len(part[1].clip) * self._block > row]
 
-    def _as_one(self, model: NoiseModel, block: int, mean: float) -> Whitener:
+    def _as_one(self, model: LearntNoiseModel, block: int, mean: float) -> Whitener:
         """Return the two filters as one, from the raw residual to what is white."""
         calibrated, taps, scale = self._calibrated, model.taps[block], float(model.scale[block])
         return Whitener(
@@ -209,12 +200,8 @@ class NoiseFollower:
 
         The last of them is the last row pushed, or there are none; `row` says which row is next.
 
-        Parameters
-        ----------
-        raw : shape (rows,)
-            The residual; NaN where it is missing.
-        spread : shape (rows,), optional
-            How far it may be off for its operator's error: what is learnt is learnt from the residual over it.
+        `raw`, shape (rows,): the residual; NaN where it is missing. `spread`, shape (rows,): how far it may be off for
+        its operator's error: what is learnt is learnt from the residual over it.
         """
         off = np.ones(len(raw)) if spread is None else spread
         self._given = np.concatenate([self._given, np.column_stack([raw, off])])
@@ -262,7 +249,7 @@ class NoiseFollower:
         self.first_rows.append(range(self.row - self._told, self.row - self._told + stop))
         return True
 
-    def _current(self) -> NoiseModel:
+    def _current(self) -> LearntNoiseModel:
         """Return what the open block is whitened by."""
         if self._held is not None:
             return self._held
@@ -453,7 +440,7 @@ class NoiseFollower:
         there = table[:, COUNT] >= _LEAST_THERE * self._block
         self._ring = np.concatenate([self._ring, table[there]])[-_KEPT:]
 
-    def _suspected(self, joined: FloatArray, model: NoiseModel) -> IntArray:
+    def _suspected(self, joined: FloatArray, model: LearntNoiseModel) -> IntArray:
         """Return of each block the rows of the longest window that departs from what was learnt; 0 where none does.
 
         Rows before the blocks come first.
@@ -532,12 +519,7 @@ def _within(values: FloatArray, most: float | FloatArray) -> FloatArray:
 def follower(whitener: Whitener, sample_period_s: float, before: FloatArray | None = None) -> NoiseFollower:
     """Return one for a record from its row 0 on, which has learnt on what was before, where that is long enough.
 
-    Parameters
-    ----------
-    whitener : Whitener
-    sample_period_s : float
-    before : shape (rows,), optional
-        Of the same sensors' healthy residual.
+    `before`, shape (rows,): of the same sensors' healthy residual.
     """
     if before is not None:
         noise = NoiseFollower(whitener, sample_period_s, row=-len(before))

@@ -31,7 +31,7 @@ _KURTOSIS, _PER_KURTOSIS = 3.2, 1.2  # from which on, and by how much, the clip 
 
 # steadiness, sigma^2: before anything is known, and after how many blocks a quarter of that is left
 _UNSTEADY, _WORTH = 0.2, 20.0
-_STEADIEST = 1e-3
+_STEADIEST = 1e-3  # no noise is known better than to 3 %
 _HEAVIEST, _TAILS = 3.0, 20.0  # excess kurtosis of short sums, at most, and how much of it makes sigma^2 = 1
 
 # slowness: before anything is known, of a block's variance; what chance makes of the means' excess
@@ -41,13 +41,13 @@ _WANDERING = 4.0  # of sigma^2, by how much chance grows where power wanders
 
 # columns of a table of measured blocks
 COUNT, SIZE, SUM, FOURTH, SLOW, FAST, LOW, SQUARES, FOURTHS = range(9)
-CLIPPED = slice(9, 9 + len(CLIPS))
+CLIPPED = slice(9, 9 + len(CLIPS))  # behind the nine above
 SQUARED_MEANS = slice(CLIPPED.stop, CLIPPED.stop + len(MEANS))
 LAGS = slice(SQUARED_MEANS.stop, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class NoiseModel:
+class LearntNoiseModel:
     """What a block is whitened by, one row a block."""
 
     local: FloatArray  # deviation behind the calibrated filter, shape (blocks,)
@@ -58,13 +58,13 @@ class NoiseModel:
     slow: FloatArray
     base: FloatArray  # mean of what is white
 
-    def first(self, blocks: int) -> NoiseModel:
+    def first(self, blocks: int) -> LearntNoiseModel:
         """Return the first so many of them."""
-        return NoiseModel(**{name: values[:blocks] for name, values in vars(self).items()})
+        return LearntNoiseModel(**{name: values[:blocks] for name, values in vars(self).items()})
 
-    def repeated(self, blocks: int) -> NoiseModel:
+    def repeated(self, blocks: int) -> LearntNoiseModel:
         """Return the last of them for so many blocks."""
-        return NoiseModel(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
+        return LearntNoiseModel(**{name: np.repeat(values[-1:], blocks, axis=0) for name, values in vars(self).items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,15 +85,8 @@ class Ends:
 class LearntBlocks:
     """What some blocks are whitened by, from the blocks before each: a step at a time, as they are measured.
 
-    Parameters
-    ----------
-    ring : shape (blocks before, columns)
-    blocks : int
-        They are measured into `new`, shape (blocks, columns).
-    end : shape (blocks,)
-        How many blocks each may stand on.
-    rows : int
-        Of a block.
+    `ring`, shape (blocks before, columns). `blocks`: they are measured into `new`, shape (blocks, columns). `end`,
+    shape (blocks,): how many blocks each may stand on. `rows`: of a block.
     """
 
     def __init__(self, ring: FloatArray, blocks: int, end: IntArray, rows: int) -> None:
@@ -150,10 +143,10 @@ class LearntBlocks:
         return clip, 1.0 / np.sqrt(floored), np.maximum(power / floored, 1e-6)
 
     @cached_property
-    def model(self) -> NoiseModel:
+    def model(self) -> LearntNoiseModel:
         """All of it."""
         clip, scale, quiet = self.tail
-        return NoiseModel(
+        return LearntNoiseModel(
             local=self.local,
             taps=self.taps,
             clip=clip,

@@ -11,14 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.values.record import FloatArray
 
 _STEP = 20.0  # deviations, beyond what is tolerated
 _NOISE = 10.0  # times the noise, beyond what is tolerated
-_LASTS_S = 5.0
+_LASTS_S = 5.0  # as long a step has to be seen by a monitor that isn't broken
 _FAR = 1e6  # deviations
 _MOST_SAMPLES = 5_000_000  # of a baseline and a window: more is no monitor, but a broken file
 
@@ -27,36 +27,21 @@ def check_sight(
     where: str,
     thresholds: Mapping[str, float],
     statistic: Statistic,
-    tolerance: Tolerance,
+    tolerance: Allowance,
     sample_period_s: float,
     *,
     deviation: float = 1.0,
 ) -> None:
     """Refuse thresholds that nothing passes, or everything does.
 
-    Parameters
-    ----------
-    where : str
-        Whose thresholds they are, for the error.
-    thresholds : mapping of label to float
-        Infinity stands for a test that doesn't judge, for the records were shorter than its window.
-    statistic : Statistic
-    tolerance : Tolerance
-    sample_period_s : float
-    deviation : float
-        Of the healthy residual, in its unit, for the one statistic that isn't whitened.
+    `where`: whose thresholds they are, for the error. `thresholds`, by label: infinity stands for a test that doesn't
+    judge, for the records were shorter than its window. `deviation`: of the healthy residual, in its unit, for the one
+    statistic that isn't whitened. InputError where a test's threshold is below all that it can be, or above; where no
+    test sees a step of the mean of 20 deviations that lasts 5 s, or ten times the noise for as long.
 
-    Raises
-    ------
-    InputError
-        Where a test's threshold is below all that it can be, or above; where no test sees a step of the mean of 20
-        deviations that lasts 5 s, or ten times the noise for as long.
-
-    Examples
-    --------
     >>> test = Statistic(windows_s=(1.0,))
-    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 24.0}, test, Tolerance(), 0.01)
-    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 1e308}, test, Tolerance(), 0.01)
+    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 24.0}, test, Allowance(), 0.01)
+    >>> check_sight("p", {"mean 1 s": 21.0, "energy 1 s": 1e308}, test, Allowance(), 0.01)
     Traceback (most recent call last):
     ...
     gtmbench.errors.InputError: p, 'energy 1 s' is 1e+308; nothing passes that: the grossest fault reaches 5.03e+05
@@ -85,7 +70,7 @@ def check_sight(
 
 @lru_cache(maxsize=64)
 def _extremes(
-    statistic: Statistic, tolerance: Tolerance, sample_period_s: float
+    statistic: Statistic, tolerance: Allowance, sample_period_s: float
 ) -> tuple[dict[str, tuple[float, float]], dict[str, dict[str, float]]]:
     """Return what each test is on healthy noise, least and greatest, and the greatest under faults that must be seen.
 
@@ -107,7 +92,7 @@ def _extremes(
 
 
 @lru_cache(maxsize=64)
-def _grossest(statistic: Statistic, tolerance: Tolerance, sample_period_s: float) -> dict[str, float]:
+def _grossest(statistic: Statistic, tolerance: Allowance, sample_period_s: float) -> dict[str, float]:
     """Return the greatest that each test can be: under far steps, far noise and silence as long as its window."""
     noise, quiet = _noise(statistic, sample_period_s)
     after = np.arange(len(noise)) >= quiet
@@ -132,7 +117,7 @@ def _lasting(statistic: Statistic, sample_period_s: float) -> int:
 
 
 def _greatest(
-    statistic: Statistic, tolerance: Tolerance, sample_period_s: float, values: FloatArray
+    statistic: Statistic, tolerance: Allowance, sample_period_s: float, values: FloatArray
 ) -> dict[str, float]:
     scores = statistic.scores(values, White.steady(values), sample_period_s, tolerance)
     return {score.label: float(np.nanmax(score.values)) for score in scores}

@@ -20,8 +20,8 @@ from gtmbench.detectors.statistics.statistic import RawScore
 from gtmbench.values.record import BoolArray, FloatArray
 
 THRESHOLD = 18.0  # nats: by chance once in exp(18) looks, of which normal noise has some twenty an hour
-_WINDOWS_S, _APART_S = (10.0, 40.0), 0.1
-_PRIOR, _PRIOR_S = 0.5, 10.0
+_WINDOWS_S, _APART_S = (10.0, 40.0), 0.1  # see the module's text
+_PRIOR, _PRIOR_S = 0.5, 10.0  # see the module's text
 _LEAST_S = 30.0  # of T: until then nobody knows how many there usually are
 _FEWEST = 4  # of them: fewer pass for chance
 
@@ -29,15 +29,8 @@ _FEWEST = 4  # of them: fewer pass for chance
 def spike_scores(loud: FloatArray, sample_period_s: float, looks_back: int, at: range) -> Iterator[RawScore]:
     """Give the scores of some samples, by those before: one of each window.
 
-    Parameters
-    ----------
-    loud : shape (samples,)
-        Of those that exist, 1 where one is beyond four deviations, otherwise 0.
-    sample_period_s : float
-    looks_back : int
-        At how many samples before one.
-    at : range
-        Of which samples.
+    `loud`, shape (samples,): of those that exist, 1 where one is beyond four deviations, otherwise 0. `looks_back`: at
+    how many samples before one. `at`: of which samples.
     """
     apart = max(round(_APART_S / sample_period_s), 1)
     spikes = np.flatnonzero(_firsts(loud[: at.stop] > 0.5, apart))

@@ -16,7 +16,7 @@ from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.residual import moving_sum
 from gtmbench.values.record import FloatArray
 
-_LONG_S = 20.0
+_LONG_S = 20.0  # windows over which it is looked at what healthy noise does
 _FAR = 4.0  # deviations that an operator's error may have: one for all samples, it isn't averaged
 _LOUDEST = 9.0  # times the power that was learnt: noise that wanders so far is a fault
 _STEADY, _WIDENED = 0.03, 2.5  # sigma that is as good as none; how much more of it widens what a mean may be
@@ -29,37 +29,26 @@ Carried = dict[str, tuple[float, int]]  # by label: a cumulative sum, and how ma
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tolerance:
-    """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so.
+class Allowance:
+    """What a healthy whitened residual may do beyond noise: manoeuvres, gusts and imperfect sensors make it so."""
 
-    Attributes
-    ----------
-    mean : float
-        Change of its mean, in deviations: tests of the mean judge what exceeds it.
-    low, high : float
-        Mean square over a long window, 1 at the time of identification: tests of the energy judge what lies outside.
-    """
-
-    mean: float = 0.0
+    mean: float = 0.0  # change of its mean, in deviations: tests of the mean judge what exceeds it
+    # low, high: mean square over a long window, 1 at the time of identification: tests of the energy judge what lies
+    # outside
     low: float = 1.0
     high: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Spread:
-    """How far a residual may be off where its operator is uncertain.
+    """How far a residual may be off where its operator is uncertain."""
 
-    Attributes
-    ----------
-    raw, white : shape (samples,)
-        By which the residual, as it is and whitened, is divided before its energy is judged; 1 where all is known.
-    means : mapping of int to array of shape (samples,)
-        Of windows of so many samples: the variance of their mean about that of the baseline before, in whitened
-        samples, from the operator's error alone. That is one error, at all samples: windows don't average it out.
-    """
-
+    # raw, white, shape (samples,): by which the residual, as it is and whitened, is divided before its energy is
+    # judged; 1 where all is known
     raw: FloatArray = field(repr=False)
     white: FloatArray = field(repr=False)
+    # shape (samples,): of windows of so many samples: the variance of their mean about that of the baseline before, in
+    # whitened samples, from the operator's error alone. That is one error, at all samples: windows don't average it out
     means: Mapping[int, FloatArray] = field(default_factory=dict, repr=False)
 
     def between(self, rows: slice) -> Spread:
@@ -94,39 +83,27 @@ class Given:
     loud: FloatArray
 
     @cached_property
-    def sums(self) -> _Sums:
+    def sums(self) -> _PrefixSums:
         """Of `values`."""
-        return _Sums.of(self.values)
+        return _PrefixSums.of(self.values)
 
     @cached_property
-    def plain_sums(self) -> _Sums:
+    def plain_sums(self) -> _PrefixSums:
         """Of `plain`."""
-        return self.sums if self.plain is self.values else _Sums.of(self.plain)
+        return self.sums if self.plain is self.values else _PrefixSums.of(self.plain)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RawScore:
-    """A statistic over time, to be held against a threshold of its own.
+    """A statistic over time, to be held against a threshold of its own."""
 
-    Attributes
-    ----------
-    label : str
-        Which test, of what, over which window.
-    values : shape (samples,)
-        NaN where it doesn't exist (yet).
-    reach : int or shape (samples,)
-        How many rows back the change that it tells of began.
-    looks_per_row : float
-        Of a log-likelihood ratio in nats: how often it looks at new noise. 0 for other statistics.
-    most : float
-        Which no fault passes.
-    """
-
-    label: str
-    values: FloatArray = field(repr=False)
+    label: str  # which test, of what, over which window
+    values: FloatArray = field(repr=False)  # shape (samples,): NaN where it doesn't exist (yet)
+    # shape (samples,): how many rows back the change that it tells of began
     reach: int | np.ndarray[tuple[int], np.dtype[np.int_]] = field(repr=False)
+    # of a log-likelihood ratio in nats: how often it looks at new noise. 0 for other statistics
     looks_per_row: float = 0.0
-    most: float = np.inf
+    most: float = np.inf  # which no fault passes
 
     def least_threshold(self, crossings_per_row: float) -> float:
         """Return the threshold that white Gaussian noise asks for, P(ratio > z) = exp(-z) a look; -inf without theory.
@@ -138,36 +115,25 @@ class RawScore:
 
 @dataclass(frozen=True, kw_only=True)
 class Statistic:
-    """A kind of test and its parameters; windows in seconds, shifts and ratios in deviations and variances.
+    """A kind of test and its parameters; windows in seconds, shifts and ratios in deviations and variances."""
 
-    Attributes
-    ----------
-    name : str
-        A key of `STATISTICS`: ``glr``, ``cusum``, ``whitened_energy`` or ``energy``.
-    windows_s : tuple of float
-        Lengths of the windows; ``cusum`` has none.
-    baseline_s : float
-        The mean before a window, over so many seconds, is what its mean is compared with: a bias since turn-on, or
-        one that wanders slowly, is no change. At least a ninth of it must be there.
-    shift, ratio : float
-        Change of mean (deviations of the whitened residual) and of variance that ``cusum`` is tuned to.
-    two_sided : bool
-        Whether too little energy alarms as well (a jam removes the sensor's noise).
-    """
-
-    name: str = "glr"
+    name: str = "glr"  # a key of `STATISTICS`: ``glr``, ``cusum``, ``whitened_energy`` or ``energy``
+    # lengths of the windows; ``cusum`` has none
     windows_s: tuple[float, ...] = (0.08, 0.16, 0.32, 0.64, 1.28, 2.56, 5.12, 10.24, 20.48)
+    # the mean before a window, over so many seconds, is what its mean is compared with: a bias since turn-on, or one
+    # that wanders slowly, is no change. At least a ninth of it must be there
     baseline_s: float = 60.0
+    # shift, ratio: change of mean (deviations of the whitened residual) and of variance that ``cusum`` is tuned to
     shift: float = 0.25
     ratio: float = 2.0
-    two_sided: bool = True
+    two_sided: bool = True  # whether too little energy alarms as well (a jam removes the sensor's noise)
 
     def scores(
         self,
         raw: FloatArray,
         white: White,
         sample_period_s: float,
-        tolerance: Tolerance,
+        tolerance: Allowance,
         spread: Spread | None = None,
     ) -> list[RawScore]:
         """Return the scores of one residual, raw (in the output's unit) and whitened, row for row beside it."""
@@ -212,7 +178,7 @@ class Statistic:
         self,
         given: Given,
         sample_period_s: float,
-        tolerance: Tolerance,
+        tolerance: Allowance,
         *,
         at: range | None = None,
         carried: Carried | None = None,
@@ -221,15 +187,8 @@ class Statistic:
 
         Values are there until the next test is asked for: its own may take their place.
 
-        Parameters
-        ----------
-        given : Given
-        sample_period_s : float
-        tolerance : Tolerance
-        at : range, optional
-            Only of these; those before are looked back at. `looks_back` of them are enough.
-        carried : dict, optional
-            Where ``cusum`` stood with the sample before these; told anew.
+        `at`: only of these; those before are looked back at. `looks_back` of them are enough. `carried`: where
+        ``cusum`` stood with the sample before these; told anew.
         """
         some = range(len(given.values)) if at is None else at
         return STATISTICS[self.name](self, given, sample_period_s, tolerance, some, {} if carried is None else carried)
@@ -244,7 +203,7 @@ class Statistic:
 
 
 def _energy(
-    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, _: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """E(k) of (4.12): sqrt of the sum of squares of the raw residual over w + 1 samples."""
     squares = np.square(given.values[: at.stop])
@@ -253,7 +212,7 @@ def _energy(
 
 
 def _whitened_energy(
-    test: Statistic, given: Given, sample_period_s: float, _: Tolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, _: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """RMS of the whitened residual over a window; healthy: about 1."""
     squares = np.square(given.values[: at.stop])
@@ -262,7 +221,7 @@ def _whitened_energy(
 
 
 def _cusum(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, at: range, carried: Carried
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Allowance, at: range, carried: Carried
 ) -> Iterator[RawScore]:
     """Page's cumulative sums of log-likelihood ratios: mean +-shift, variance times and over ratio."""
     base, _ = _baseline(given.sums.plain, test, sample_period_s, gap=1, at=at)  # a sample isn't compared with itself
@@ -289,7 +248,7 @@ def _cusum(
 
 
 def _glr(
-    test: Statistic, given: Given, sample_period_s: float, tolerance: Tolerance, at: range, __: Carried
+    test: Statistic, given: Given, sample_period_s: float, tolerance: Allowance, at: range, __: Carried
 ) -> Iterator[RawScore]:
     """Generalised likelihood ratios over windows of L samples, in nats.
 
@@ -322,19 +281,12 @@ class Steadiness:
     """How steady noise is, as `glr` weighs it: shaped like the windows' rows, or one for all.
 
     With sigma^2 the noise's unsteadiness, its power is as well known as from nu = 2 / sigma^2 samples.
-
-    Attributes
-    ----------
-    worth : float or array
-        nu.
-    widened : float or array
-        Times a mean's variance: the noise's colour wanders with its power.
-    quieter, louder : float or array
-        Of what was learnt, what power may be: exp(-2 sigma) and exp(2 sigma), but never more than `_LOUDEST`.
     """
 
-    worth: FloatArray
-    widened: FloatArray
+    worth: FloatArray  # nu
+    widened: FloatArray  # times a mean's variance: the noise's colour wanders with its power
+    # quieter, louder: of what was learnt, what power may be: exp(-2 sigma) and exp(2 sigma), but never more than
+    # `_LOUDEST`
     quieter: FloatArray
     louder: FloatArray
 
@@ -405,7 +357,7 @@ def over(values: FloatArray, threshold: float) -> FloatArray:
         return np.asarray(threshold / values if threshold < 0.0 else values / threshold)
 
 
-STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, range, Carried], Iterator[RawScore]]] = {
+STATISTICS: dict[str, Callable[[Statistic, Given, float, Allowance, range, Carried], Iterator[RawScore]]] = {
     "glr": _glr,
     "cusum": _cusum,
     "whitened_energy": _whitened_energy,
@@ -414,19 +366,19 @@ STATISTICS: dict[str, Callable[[Statistic, Given, float, Tolerance, range, Carri
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Sums:
+class _PrefixSums:
     """Sums of samples and of their squares, up to each."""
 
     plain: FloatArray
     squares: FloatArray
 
     @classmethod
-    def of(cls, w: FloatArray) -> _Sums:
+    def of(cls, w: FloatArray) -> _PrefixSums:
         return cls(plain=_sums(w), squares=_sums(w * w))
 
 
 def _windows(
-    w: _Sums, rows: int, test: Statistic, sample_period_s: float, at: range
+    w: _PrefixSums, rows: int, test: Statistic, sample_period_s: float, at: range
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return, at some samples, `rows` samples' mean and mean square about the mean before, and its length."""
     base, length = _baseline(w.plain, test, sample_period_s, gap=rows, at=at)
@@ -494,7 +446,7 @@ def _baseline(
     return total, length
 
 
-def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> Tolerance:
+def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s: float) -> Allowance:
     """Return what healthy whitened residuals do beyond noise, three times the greatest over long windows.
 
     The windows hold 20 s (a fortieth of all samples, where there are few). Of the means' changes, what noise explains
@@ -504,13 +456,13 @@ def tolerance_of(whites: Sequence[FloatArray], test: Statistic, sample_period_s:
     rows = max(min(round(_LONG_S / sample_period_s), sum(map(len, given)) // 40), 4)
     shifts, powers = [0.0], [1.0]
     for w in given:
-        shift, power, length = _windows(_Sums.of(w), rows, test, sample_period_s, range(len(w)))
+        shift, power, length = _windows(_PrefixSums.of(w), rows, test, sample_period_s, range(len(w)))
         some = np.arange(rows - 1, len(w), max(rows // 2, 1))
         some = some[np.isfinite(power[some])]
         shifts += (np.abs(shift[some]) - 4.0 * np.sqrt(1.0 / rows + 1.0 / length[some])).tolist()
         chance = 4.0 * np.sqrt(2.0 / rows)
         powers += (power[some] - np.clip(power[some] - 1.0, -chance, chance)).tolist()
-    return Tolerance(
+    return Allowance(
         mean=3.0 * max(shifts),
         low=1.0 / (1.0 + 3.0 * (1.0 / max(min(powers), 1e-3) - 1.0)),
         high=1.0 + 3.0 * (max(powers) - 1.0),

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.errors import InputError
 from gtmbench.files.plain import finite_or_none
 from gtmbench.values.record import FloatArray
 
-_BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
+BLOCK_S = 60.0  # longer than any correlation; shorter where there is little data
 _BLOCKS = 40  # wanted for a tail
 _TAIL = 0.25  # share of the blocks' maxima that the tail is fitted to
 _FEWEST = 5.0  # of the tail's values, independent ones: with fewer a window isn't judged, for it has hardly been seen
@@ -34,7 +34,7 @@ _FAR_SHAPE = 0.5  # of a test by itself: one that is bounded doesn't outvote the
 _OF_THEORY = 500.0  # tail values that the exponential shape counts for, as if 500 had been seen to have it
 _OF_OTHERS = 20.0  # tail values that the other tests' scale counts for, as if tests' scales differed by 22 %
 _MANY_RECORDS = 5  # to draw from; of fewer, blocks are drawn
-_REDRAWS = 10
+_REDRAWS = 10  # calibrations that luck is told by: 45 pairs
 _MOST_LUCK = 3.0  # times, in the median, that thresholds of two calibrations may differ
 
 Residual = tuple[FloatArray, White, Spread | None]  # raw and whitened
@@ -44,30 +44,15 @@ Thresholds = dict[str, dict[str, float]]  # of an output, of a score's label
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScoreMaxima:
-    """What one test did on healthy records.
+    """What one test did on healthy records."""
 
-    Attributes
-    ----------
-    maxima : list of array
-        Of every record the greatest values of its blocks.
-    greatest : list of float
-        Of every record the greatest value, also of blocks that aren't complete.
-    reach : float
-        Rows of a window.
-    least : callable
-        The threshold that theory asks for at least, of the crossings a row.
-    in_nats : bool
-        Whether the test is a log-likelihood ratio, whose tail has a scale of about 1 in theory.
-    most : float
-        Which nothing passes.
-    """
-
-    maxima: list[FloatArray] = field(default_factory=list)
+    maxima: list[FloatArray] = field(default_factory=list)  # of every record the greatest values of its blocks
+    # of every record the greatest value, also of blocks that aren't complete
     greatest: list[float] = field(default_factory=list)
-    reach: float
-    least: Callable[[float], float]
-    in_nats: bool
-    most: float = np.inf
+    reach: float  # rows of a window
+    least: Callable[[float], float]  # the threshold that theory asks for at least, of the crossings a row
+    in_nats: bool  # whether the test is a log-likelihood ratio, whose tail has a scale of about 1 in theory
+    most: float = np.inf  # which nothing passes
 
     def tail(self) -> FloatArray:
         """Return its maxima on a scale without an end, on which its tail is taken to be exponential.
@@ -87,18 +72,10 @@ class ScoreMaxima:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HealthyMaxima:
-    """What all tests of a detector did on healthy records: thresholds for any rate can be drawn from it, and redrawn.
+    """What all tests of a detector did on healthy records: thresholds for any rate are drawn from it, and redrawn."""
 
-    Attributes
-    ----------
-    tests : mapping of (output, label) to ScoreMaxima
-    rows : int
-        Of a block.
-    sample_period_s : float
-    """
-
-    tests: Mapping[tuple[str, str], ScoreMaxima]
-    rows: int
+    tests: Mapping[tuple[str, str], ScoreMaxima]  # by (output, label)
+    rows: int  # of a block
     sample_period_s: float
 
     @property
@@ -169,21 +146,14 @@ def _blocks_drawn(test: ScoreMaxima, where: Sequence[FloatArray]) -> ScoreMaxima
 
 @dataclass(frozen=True, kw_only=True)
 class Luck:
-    """By how much thresholds depend on which flights they happened to be set on.
+    """By how much thresholds depend on which flights they happened to be set on."""
 
-    Attributes
-    ----------
-    median : float
-        How many times as high as the other one of two calibrations sets a threshold, in the median of all tests.
-    within : float
-        95 % of the thresholds are within so many times of their median over calibrations.
-    """
-
+    # how many times as high as the other one of two calibrations sets a threshold, in the median of all tests
     median: float
-    within: float
+    within: float  # 95 % of the thresholds are within so many times of their median over calibrations
 
     @classmethod
-    def told(cls, provenance: Mapping[str, Any]) -> Luck | None:
+    def from_provenance(cls, provenance: Mapping[str, Any]) -> Luck | None:
         """Return that of a monitor's provenance, which may hold anything; None where it doesn't say."""
         spread = provenance.get("threshold_spread")
         if not isinstance(spread, Mapping) or not {"median", "within"} <= set(spread):
@@ -200,10 +170,7 @@ class Luck:
     def check(self, records: int, what: str = "records") -> None:
         """Refuse thresholds that two calibrations on such records set more than three times apart, in the median.
 
-        Raises
-        ------
-        InputError
-            Saying how many records would do.
+        InputError saying how many records would do.
         """
         if self.median > _MOST_LUCK:
             raise InputError(
@@ -240,22 +207,16 @@ class Luck:
 
 
 def healthy_maxima(
-    test: Statistic, healthy: Healthy, tolerances: Mapping[str, Tolerance], sample_period_s: float
+    test: Statistic, healthy: Healthy, tolerances: Mapping[str, Allowance], sample_period_s: float
 ) -> HealthyMaxima:
     """Return the greatest values of all tests in blocks of healthy residuals.
 
     A block lasts 60 s; less where there are fewer than 40.
 
-    Parameters
-    ----------
-    test : Statistic
-    healthy : mapping of output to list of (raw, whitened, spread)
-        Residuals.
-    tolerances : mapping of output to Tolerance
-    sample_period_s : float
+    `healthy`, by output: residuals. `tolerances`, by output.
     """
     seconds = sum(len(raw) for raw, *_ in next(iter(healthy.values()))) * sample_period_s
-    rows = max(round(float(np.clip(seconds / _BLOCKS, 1.0, _BLOCK_S)) / sample_period_s), 1)
+    rows = max(round(float(np.clip(seconds / _BLOCKS, 1.0, BLOCK_S)) / sample_period_s), 1)
     tests: dict[tuple[str, str], ScoreMaxima] = {}
     for output, residuals in healthy.items():
         for raw, white, spread in residuals:
@@ -300,23 +261,13 @@ def tail_threshold(
     beyond all measure. A scale that is known from elsewhere, as that of other tests of the same kind, counts for
     20 values: with the gamma distribution as prior, k + 20 stands in place of k.
 
-    Parameters
-    ----------
-    maxima : shape (blocks,)
-        Infinity is returned where there are none: the records are shorter than this test's window, so it can't be
-        judged and doesn't alarm.
-    crossings_per_block : float
-        For rare crossings, their rate times the length of a block.
-    independent : float
-        What share of the maxima tells of samples that no other does: those of a window longer than a block share most.
-        Infinity is returned where too few are left.
-    shape : float
-        xi: `common_shape` of all tests; exponential unless told.
-    scale : float, optional
-        Mean excess over u to be expected: `common_scale` of tests of the same kind.
+    `maxima`, shape (blocks,): infinity is returned where there are none: the records are shorter than this test's
+    window, so it can't be judged and doesn't alarm. `crossings_per_block`: for rare crossings, their rate times the
+    length of a block. `independent`: what share of the maxima tells of samples that no other does: those of a window
+    longer than a block share most. Infinity is returned where too few are left. `shape`: xi: `common_shape` of all
+    tests; exponential unless told. `scale`: mean excess over u to be expected: `common_scale` of tests of the same
+    kind.
 
-    Examples
-    --------
     >>> maxima = np.random.default_rng(1).exponential(size=(400, 1000)).max(axis=1)
     >>> bool(abs(tail_threshold(maxima, crossings_per_block=1e-4) - np.log(1000 / 1e-4)) < 2.0)
     True
@@ -346,12 +297,8 @@ def common_shape(tests: Sequence[FloatArray]) -> float:
     tail values it stands on; tests that hardly ever leave their lowest value have no tail to tell of. Theory says 0
     for likelihood ratios, and that counts as if 500 values more had shown it: what few values say isn't believed.
 
-    Parameters
-    ----------
-    tests : sequence of array of shape (blocks,)
+    `tests`, shape (blocks,).
 
-    Examples
-    --------
     >>> draw = np.random.default_rng(1)
     >>> common_shape([draw.exponential(size=400) for _ in range(50)]) < 0.05
     True

@@ -29,23 +29,17 @@ _Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParameterUncertainty:
-    """What the records leave open of an operator.
+    """What the records leave open of an operator."""
 
-    Attributes
-    ----------
-    root : shape (parameters, parameters)
-        F, with F F' the covariance of the Markov parameters, in their units; rows: lag -d to r, input by input within.
-    raw, white : float
-        Variance of the model's error over that of the noise is this times |F' phi(k)|^2: of the residual as it is, and
-        whitened. From stretches that identification hadn't seen.
-    half : int
-        Samples to either side from which slow motion is told from noise, `HALF`; 0 where F' smooths by itself, as of
-        kinematic operators, whose gain, delay and curvature alone are open.
-    """
-
+    # shape (parameters, parameters): F, with F F' the covariance of the Markov parameters, in their units; rows: lag -d
+    # to r, input by input within
     root: FloatArray = field(repr=False)
+    # raw, white: variance of the model's error over that of the noise is this times |F' phi(k)|^2: of the residual as
+    # it is, and whitened. From stretches that identification hadn't seen
     raw: float
     white: float
+    # samples to either side from which slow motion is told from noise, `HALF`; 0 where F' smooths by itself, as of
+    # kinematic operators, whose gain, delay and curvature alone are open
     half: int = HALF
 
     def spread(
@@ -61,17 +55,9 @@ class ParameterUncertainty:
         A row stands on samples up to `half` + d after it (one more for derivatives). The record's last rows lack some:
         there motion is taken to go on by odd reflection. Who watches judges a row only once it is known.
 
-        Parameters
-        ----------
-        operator : Transmissibility
-        record : Record
-            With the channels that the operator's inputs derive from.
-        coefficients : shape (n + 1,)
-            Of the whitening filter.
-        test : Statistic
-            Whose windows' means are judged.
-        rows : slice, optional
-            Only of these samples: of others, what costs most isn't worked out.
+        `record`: with the channels that the operator's inputs derive from. `coefficients`, shape (n + 1,): of the
+        whitening filter. `test`: whose windows' means are judged. `rows`: only of these samples: of others, what costs
+        most isn't worked out.
         """
         first, stop, _ = rows.indices(len(record))
         stream = SpreadStream(operator, self, coefficients, test, record.sample_period_s, first=first)
@@ -103,17 +89,8 @@ class SpreadStream:
     A missing sample is bridged by the last one before it. Rows whose window phi(k) isn't complete have no residual, and
     a spread of 1. Motion begins with the first row that is complete, or the one before (a derivative lacks its first).
 
-    Parameters
-    ----------
-    operator : Transmissibility
-    uncertainty : ParameterUncertainty
-    coefficients : shape (n + 1,)
-        Of the whitening filter.
-    test : Statistic
-        Whose windows' means are judged (of ``glr``; the others judge none).
-    sample_period_s : float
-    first : int
-        The first row whose spread is asked for: those before have one of 1.
+    `coefficients`, shape (n + 1,): of the whitening filter. `test`: whose windows' means are judged (of ``glr``; the
+    others judge none). `first`: the first row whose spread is asked for: those before have one of 1.
     """
 
     def __init__(
@@ -152,10 +129,8 @@ class SpreadStream:
     def push(self, inputs: FloatArray) -> Spread:
         """Return the spread of the rows that became known: all but the last `half` + d of those pushed so far.
 
-        Parameters
-        ----------
-        inputs : shape (rows, inputs)
-            The next rows of the operator's inputs, derived, in its order and units; NaN where they are missing.
+        `inputs`, shape (rows, inputs): the next rows of the operator's inputs, derived, in its order and units; NaN
+        where they are missing.
         """
         starts = range(0, max(len(inputs), 1), _CHUNK)
         return self._spread([self._step(inputs[start : start + _CHUNK]) for start in starts])

@@ -17,27 +17,17 @@ LOUD = 4.0  # deviations: normal noise of 100 Hz has one beyond in 160 s
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whitener:
-    """w(k) = sum over i = 0..n of a_i (e(k-i) - mean) / deviation: white, of variance 1.
+    """w(k) = sum over i = 0..n of a_i (e(k-i) - mean) / deviation: white, of variance 1."""
 
-    Attributes
-    ----------
-    coefficients : shape (n + 1,)
-        a_0 = 1, a_1, ..., a_n.
-    mean, deviation : float
-        Of the residual, and of its innovations; in the output's unit.
-    most : float
-        Deviations that one sample counts for, in tests: the noise's tail may be heavier than a Gaussian one.
-    loudest : float
-        Those that one beyond twice `most` counts for: in noise with a Gaussian tail it isn't noise.
-    unsteady, slow : float
-        As `White` has them.
-    """
-
-    coefficients: FloatArray
+    coefficients: FloatArray  # shape (n + 1,): a_0 = 1, a_1, ..., a_n
+    # mean, deviation: of the residual, and of its innovations; in the output's unit
     mean: float
     deviation: float
+    # deviations that one sample counts for, in tests: the noise's tail may be heavier than a Gaussian one
     most: float = math.inf
+    # those that one beyond twice `most` counts for: in noise with a Gaussian tail it isn't noise
     loudest: float = math.inf
+    # unsteady, slow: as `White` has them
     unsteady: float = 0.0
     slow: float = 0.0
 
@@ -73,23 +63,16 @@ def loud_in(sizes: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class White:
-    """A whitened residual, and how steady the noise is that it is measured by.
+    """A whitened residual, and how steady the noise is that it is measured by."""
 
-    Attributes
-    ----------
-    values : shape (rows,)
-        White, of variance 1 while all is well, and clipped; NaN where a residual that it needs is missing.
-    unsteady : shape (rows,)
-        sigma^2: the variance of the logarithm of the noise's power, beyond chance; 0 of noise that is known.
-    slow : shape (rows,)
-        The variance of a mean that no averaging takes away; 0 where the noise is as white as it should be.
-    loud : shape (rows,)
-        1 where a sample was beyond `LOUD` deviations before it was clipped, otherwise 0.
-    """
-
+    # shape (rows,): white, of variance 1 while all is well, and clipped; NaN where a residual that it needs is missing
     values: FloatArray = field(repr=False)
+    # shape (rows,): sigma^2: the variance of the logarithm of the noise's power, beyond chance; 0 of noise that is
+    # known
     unsteady: FloatArray = field(repr=False)
+    # shape (rows,): the variance of a mean that no averaging takes away; 0 where the noise is as white as it should be
     slow: FloatArray = field(repr=False)
+    # shape (rows,): 1 where a sample was beyond `LOUD` deviations before it was clipped, otherwise 0
     loud: FloatArray = field(repr=False)
 
     @classmethod
@@ -120,13 +103,8 @@ def fit_whitener(residuals: Sequence[FloatArray], *, order: int) -> Whitener:
 
     Their autocovariance is averaged over all stretches without missing samples; Toeplitz equations give a stable model.
 
-    Raises
-    ------
-    InputError
-        Where fewer than 10 (order + 1) samples are there, or the residual is constant.
+    InputError where fewer than 10 (order + 1) samples are there, or the residual is constant.
 
-    Examples
-    --------
     >>> from scipy.signal import lfilter
     >>> coloured = lfilter([1.0], [1.0, -0.9], np.random.default_rng(1).standard_normal(20_000))
     >>> fit_whitener([coloured], order=1).coefficients.round(1)

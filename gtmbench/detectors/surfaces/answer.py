@@ -38,47 +38,30 @@ from gtmbench.values.record import FloatArray
 
 
 class Deviations(NamedTuple):
-    """What is made of a stretch of samples; a row a sample.
+    """What is made of a stretch of samples; a row a sample."""
 
-    Attributes
-    ----------
-    off : shape (samples, surfaces)
-        By how much each surface seems to be off, in its unit: degrees, of the throttle steps of 20 %.
-    commanded, slew : shape (samples, surfaces)
-        What was commanded, behind servo and lag, and how fast that changes, in its unit and per second: as a servo
-        that is slow by some tenths of a second sees it.
-    left : shape (samples, any)
-        What no surface explains, in deviations on healthy flight.
-    wind : shape (samples,)
-        By how much the airspeed grew since the sample before, less what accelerometers tell, in kt; 0 where the
-        throttle isn't judged.
-    """
-
+    # shape (samples, surfaces): by how much each surface seems to be off, in its unit: degrees, of the throttle steps
+    # of 20 %
     off: FloatArray
+    # commanded, slew, shape (samples, surfaces): what was commanded, behind servo and lag, and how fast that changes,
+    # in its unit and per second: as a servo that is slow by some tenths of a second sees it
     commanded: FloatArray
     slew: FloatArray
-    left: FloatArray
+    left: FloatArray  # shape (samples, any): what no surface explains, in deviations on healthy flight
+    # shape (samples,): by how much the airspeed grew since the sample before, less what accelerometers tell, in kt; 0
+    # where the throttle isn't judged
     wind: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Answer:
-    """What was identified.
-
-    Attributes
-    ----------
-    frame : Frame
-    theta : mapping of equation to array
-        Effects: first those of the surfaces, in their order, 0 where there is none.
-    covariance : shape (equations, equations)
-        S, of what the equations leave on healthy flight.
-    by_airspeed : shape (equations,)
-        What a knot that the airspeed is wrong changes of the equations' residuals.
-    """
+    """What was identified."""
 
     frame: Frame
+    # by equation: effects: first those of the surfaces, in their order, 0 where there is none
     theta: Mapping[str, FloatArray]
-    covariance: FloatArray
+    covariance: FloatArray  # shape (equations, equations): S, of what the equations leave on healthy flight
+    # shape (equations,): what a knot that the airspeed is wrong changes of the equations' residuals
     by_airspeed: FloatArray
 
     @property
@@ -168,13 +151,7 @@ def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
 
 
 def answer_of(where: str, given: Any) -> Answer:
-    """Return the answer of a table, every key checked.
-
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
-    """
+    """Return the answer of a table, every key checked. InputError naming the key, what stands there and what should."""
     names = (
         "vanes",
         "airspeed",

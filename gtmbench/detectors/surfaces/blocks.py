@@ -13,23 +13,14 @@ BLOCK_S = 0.1  # between judgements, or a sample where there are fewer
 ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 
 
-class Blocks(NamedTuple):
-    """Means over blocks of 1, u, v and d.
+class DeviationBlocks(NamedTuple):
+    """Means over blocks of 1, u, v and d."""
 
-    Attributes
-    ----------
-    means : shape (blocks, series, 4)
-        Series: the surfaces; what is left, u and v being 0; and for every surface what is left by its u and v.
-    there : shape (blocks,)
-        Whether enough samples of a block were.
-    surfaces : int
-        How many there are.
-    block_s : float
-    """
-
+    # shape (blocks, series, 4): series: the surfaces; what is left, u and v being 0; and for every surface what is left
+    # by its u and v
     means: FloatArray
-    there: BoolArray
-    surfaces: int
+    there: BoolArray  # shape (blocks,): whether enough samples of a block were
+    surfaces: int  # how many there are
     block_s: float
 
 
@@ -38,15 +29,10 @@ def rows_of(sample_period_s: float) -> int:
     return max(round(BLOCK_S / sample_period_s), 1)
 
 
-def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) -> Blocks:
+def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) -> DeviationBlocks:
     """Return whole blocks; what is left over at the end isn't used.
 
-    Parameters
-    ----------
-    deviations : Deviations
-    there : shape (samples,)
-        Where no channel misses its sample.
-    sample_period_s : float
+    `there`, shape (samples,): where no channel misses its sample.
     """
     rows = rows_of(sample_period_s)
     count = len(there) // rows
@@ -59,4 +45,4 @@ def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) 
     x = np.stack([np.ones_like(d), u, v, d], axis=-1)[: count * rows]
     means = x.reshape(count, rows, d.shape[1], 4).mean(axis=1)
     enough = there[: count * rows].reshape(count, rows).mean(axis=1) >= ENOUGH
-    return Blocks(means, enough, surfaces, rows * sample_period_s)
+    return DeviationBlocks(means, enough, surfaces, rows * sample_period_s)

@@ -21,14 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
-from gtmbench.detectors.surfaces.whitened import ORDER, Counts, Sums, left, whitening
+from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
+from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, Counts, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
 BASE_S, LEAST_BASE_S = 60.0, 40.0  # what a window is compared with: a phugoid takes half of that
-_RECENT_S = 10.0
+_RECENT_S = 10.0  # just before a window, by which the noise is known as it is now
 OFFSET, ANSWER, LEVEL = "offset", "answer", "level"
-_TESTS = (
+_TESTS = (  # kinds, and windows in seconds
     (OFFSET, 2.0),
     (OFFSET, 4.0),
     (OFFSET, 16.0),
@@ -50,40 +50,33 @@ _FORGETS_S = 2.0  # after a hole
 _LEFT_STEP_S = 0.4  # from lag to lag, of what no surface explains
 _QUIET = 0.5  # of the noise that was learnt: air that is calmer isn't trusted to show the model's own errors
 _BLIND = 1.0  # the loss of all of a command is less than a deviation: it hardly moved
-_LEAST = 1e-12
+_LEAST = 1e-12  # a division's guard
 
 
 class Changes(NamedTuple):
-    """What has changed in every window that ends with a block, of every test.
+    """What has changed in every window that ends with a block, of every test."""
 
-    Attributes
-    ----------
-    size, tolerated : shape (blocks, tests, series)
-        How many deviations a change amounts to, and how many what is tolerated does.
-    error : shape (blocks, tests, series)
-        What one deviation amounts to: degrees of an offset, or a share of the effectiveness that is lost.
-    fit : shape (blocks, tests, series, 2)
-        By how much b and c have changed, of ``answer``; a and nothing, of ``offset``.
-    spread : shape (blocks, tests, series, 2, 2)
-        Their covariance.
-    """
-
+    # size, tolerated, shape (blocks, tests, series): how many deviations a change amounts to, and how many what is
+    # tolerated does
     size: FloatArray
     tolerated: FloatArray
+    # shape (blocks, tests, series): what one deviation amounts to: degrees of an offset, or a share of the
+    # effectiveness that is lost
     error: FloatArray
+    # shape (blocks, tests, series, 2): by how much b and c have changed, of ``answer``; a and nothing, of ``offset``
     fit: FloatArray
-    spread: FloatArray
+    spread: FloatArray  # shape (blocks, tests, series, 2, 2): their covariance
 
 
-def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, Sums], ...]:
+def grouped(surfaces: int, series: int, horizon: int, block_s: float) -> tuple[tuple[slice, BlockSums], ...]:
     """Return the series that are made white alike, and their sums.
 
     What no surface explains lasts for seconds, and no controller answers it: its lags reach further.
     """
     step = max(round(_LEFT_STEP_S / block_s), 1)
     return (
-        (slice(surfaces), Sums(surfaces, 4, horizon)),
-        (slice(surfaces, None), Sums(series - surfaces, 4, horizon, step)),
+        (slice(surfaces), BlockSums(surfaces, 4, horizon)),
+        (slice(surfaces, None), BlockSums(series - surfaces, 4, horizon, step)),
     )
 
 
@@ -93,15 +86,7 @@ def judged_series(surfaces: int, series: int) -> int:
 
 
 class Comparing:
-    """The tests at work, as blocks come in.
-
-    Parameters
-    ----------
-    floor : shape (series,)
-        The noise that was learnt, made white.
-    surfaces : int
-    block_s : float
-    """
+    """The tests at work, as blocks come in. `floor`, shape (series,): the noise that was learnt, made white."""
 
     def __init__(self, floor: FloatArray, surfaces: int, block_s: float) -> None:
         self._floor = np.square(_QUIET * floor)
@@ -113,7 +98,7 @@ class Comparing:
         self._piece = horizon  # blocks at a time: a day in one piece would need gigabytes
         self._since_hole = 0
 
-    def push(self, new: Blocks) -> Changes:
+    def push(self, new: DeviationBlocks) -> Changes:
         """Return the changes of the next blocks, NaN where there isn't enough before them."""
         used = self._used(new.there)
         found = [self._pushed(new.means[part], used[part]) for part in self._pieces(len(used))]
@@ -172,7 +157,7 @@ class Comparing:
     def _base(self, begins: Counts) -> Counts:
         return np.maximum(begins - self._blocks(BASE_S), 0)
 
-    def _compared(self, sums: Sums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
+    def _compared(self, sums: BlockSums, floor: FloatArray, ends: Counts, window_s: float) -> _Compared:
         begins = ends - self._blocks(window_s)
         base = self._base(begins)
         held = np.repeat(sums.held(base, begins)[:, np.newaxis], len(floor), axis=1)
@@ -195,29 +180,17 @@ class Comparing:
 
 
 class _Compared(NamedTuple):
-    """Windows beside the minute before each.
+    """Windows beside the minute before each."""
 
-    Attributes
-    ----------
-    now : shape (windows, series, 4, 4)
-        Products of a window, made white.
-    held : shape (windows, series)
-        Its blocks.
-    fit, covariance : shapes (windows, series, 3) and (windows, series, 3, 3)
-        a, b and c of the minute.
-    before, noise : shape (windows, series)
-        The noise's power in the minute, and by then at most.
-    usual : shape (windows, series)
-        The power that was learnt.
-    """
-
-    now: FloatArray
-    held: FloatArray
+    now: FloatArray  # shape (windows, series, 4, 4): products of a window, made white
+    held: FloatArray  # shape (windows, series): its blocks
+    # fit, covariance: a, b and c of the minute
     fit: FloatArray
     covariance: FloatArray
+    # before, noise, shape (windows, series): the noise's power in the minute, and by then at most
     before: FloatArray
     noise: FloatArray
-    usual: FloatArray
+    usual: FloatArray  # shape (windows, series): the power that was learnt
 
     @property
     def rough(self) -> FloatArray:
@@ -300,13 +273,9 @@ def _quadratic(matrix: FloatArray, vector: FloatArray) -> FloatArray:
 _FOUND: Mapping[str, Callable[[_Compared], Changes]] = {OFFSET: _offset, ANSWER: _answer}
 
 
-def changes(blocks: Blocks, floor: FloatArray) -> Changes:
+def changes(blocks: DeviationBlocks, floor: FloatArray) -> Changes:
     """Return the changes of all tests of all blocks, NaN where there isn't enough before them.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    floor : shape (series,)
-        The noise that was learnt, made white.
+    `floor`, shape (series,): the noise that was learnt, made white.
     """
     return Comparing(floor, blocks.surfaces, blocks.block_s).push(blocks)

@@ -17,9 +17,9 @@ from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE, Engine
 from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray
 
-_LAMBDA_RAD_S = 2.0
-_SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
-_SLOW_ENGINE_S = 1.5  # and a slow engine
+_LAMBDA_RAD_S = 2.0  # of the filter behind which both sides stand, and rates as their derivatives
+SLOW_S = 0.3  # what a slow servo is compared with: u less u behind such a lag
+SLOW_ENGINE_S = 1.5  # and a slow engine
 _AIR_LAG_S = 1.0  # of the dynamic pressure: an airspeed is noisy
 _SCALE_HEIGHT_FT = 30_000.0  # of the air's density, near enough for a ratio
 OWN_SURFACES = {
@@ -34,20 +34,11 @@ _RATES = np.pi / 180.0  # makes a product of two rates in deg/s one in deg/s2
 
 @dataclass(frozen=True, kw_only=True)
 class Flow:
-    """The channels by which the flow is known.
+    """The channels by which the flow is known."""
 
-    Attributes
-    ----------
-    vanes : bool
-        Whether alpha and beta are read; else the accelerometers stand for them.
-    airspeed : bool
-        Whether the airspeed is; else one dynamic pressure is taken for all.
-    forward : bool
-        Whether nx and the attitude are, beside vanes and airspeed, so that the throttle can be judged.
-    """
-
-    vanes: bool = True
-    airspeed: bool = True
+    vanes: bool = True  # whether alpha and beta are read; else the accelerometers stand for them
+    airspeed: bool = True  # whether the airspeed is; else one dynamic pressure is taken for all
+    # whether nx and the attitude are, beside vanes and airspeed, so that the throttle can be judged
     forward: bool = False
 
     @property
@@ -73,28 +64,14 @@ FULL = Flow(forward=True)
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What the equations are written in.
-
-    Attributes
-    ----------
-    flow : Flow
-    surfaces : tuple of str
-        Those that moved in the healthy flights, so that their effect is known.
-    servo_s : float
-        The servos' lag.
-    engine : Engine
-    reference : float
-        The airspeed in kt at which Q is 1.
-    alpha : float
-        The usual angle of attack in deg, where sensors of the flow are compared with surfaces.
-    """
+    """What the equations are written in."""
 
     flow: Flow
-    surfaces: tuple[str, ...]
-    servo_s: float
+    surfaces: tuple[str, ...]  # those that moved in the healthy flights, so that their effect is known
+    servo_s: float  # the servos' lag
     engine: Engine
-    reference: float
-    alpha: float = 0.0
+    reference: float  # the airspeed in kt at which Q is 1
+    alpha: float = 0.0  # the usual angle of attack in deg, where sensors of the flow are compared with surfaces
 
     @property
     def equations(self) -> dict[str, str]:
@@ -142,7 +119,7 @@ class Regressing:
         self._engine = [_Lags([np.exp(-period_s / frame.engine.lag_s)]) for _ in range(frame.engine.lags)]
         self._air = _Lags([np.exp(-period_s / _AIR_LAG_S)])
         self._smooth = _Lags([np.exp(-period_s * _LAMBDA_RAD_S)])
-        slow_s = [_SLOW_ENGINE_S if name == THROTTLE else _SLOW_S for name in frame.surfaces]
+        slow_s = [SLOW_ENGINE_S if name == THROTTLE else SLOW_S for name in frame.surfaces]
         self._slow = _Lags(
             [np.exp(-period_s / each) for each in slow_s] if len(set(slow_s)) > 1 else [np.exp(-period_s / slow_s[0])]
         )
@@ -191,7 +168,7 @@ class Regressing:
             explained=explained,
             regressors={name: by_axis[axis] for name, axis in self._frame.equations.items()},
             commanded=commanded,
-            slew=(commanded - self._slow.push(commanded)) / _SLOW_S,
+            slew=(commanded - self._slow.push(commanded)) / SLOW_S,
             pressure=np.maximum(smooth[:, after], 1e-3),
             wind=made.wind,
         )

@@ -19,7 +19,7 @@ from gtmbench.values.record import FloatArray
 
 _KNOWN_TO = 0.25  # of rho: effects vary with the angle of attack
 _LEAVES = 0.1  # of what a sensor would leave: as much a surface may, for no effect is quite linear
-_LEAST = 1e-9
+_LEAST = 1e-9  # a division's guard
 
 
 def ratios(answer: Answer) -> FloatArray:
@@ -50,16 +50,8 @@ def throttle_ratios(answer: Answer) -> FloatArray:
 def margins(found: Changes, normal: Normal, rho: FloatArray) -> FloatArray:
     """Return by how many nats a surface explains its change better than any sensor of the flow would.
 
-    Parameters
-    ----------
-    found : Changes
-    normal : Normal
-    rho : shape (sensors, surfaces, left)
-
-    Returns
-    -------
-    shape (blocks, tests, surfaces)
-        0, which decides nothing, where no vanes stand beside accelerometers.
+    `rho`, shape (sensors, surfaces, left). Returns shape (blocks, tests, surfaces): 0, which decides nothing, where no
+    vanes stand beside accelerometers.
     """
     sensors, surfaces, left = rho.shape
     shape = (*found.size.shape[:2], surfaces)

@@ -25,8 +25,8 @@ from gtmbench.values.record import FloatArray
 _SERVO_LAGS_S, _ENGINE_LAGS_S = (0.02, 0.04, 0.07, 0.12, 0.2), (0.3, 1.0, 2.5)  # of servos and engines: tried
 _TWICE_LAGS_S = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 1.0, 1.2, 1.5, 2.0, 3.0)  # of engines that are judged: two in a row
 _BENDS = tuple(np.arange(-0.75, 4.1, 0.25).tolist())  # and how far from proportional their thrust is
-_LEAST_SLOPE = 0.1
-SETTLES_S = 5.0
+_LEAST_SLOPE = 0.1  # of thrust by throttle: with less, a lag and a bend aren't told
+SETTLES_S = 5.0  # until filters have settled: five lags of the dynamic pressure
 _MOVED_DEG, _MOVED_PERCENT = 0.1, 1.0  # deviation that a command must have had to be identified
 STEP_S = 0.05  # from causes to what they change, where effects are identified
 _TURNS = 12  # of fitting effects and making their noise white
@@ -35,10 +35,7 @@ _TURNS = 12  # of fitting effects and making their noise white
 def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Answer:
     """Identify the answer on healthy records, each of shape (samples, channels).
 
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
+    InputError where no surface ever moved.
     """
     frame = frame_of(flow, records, sample_period_s)
     theta, _ = _fitted(frame, tuple(frame.equations), records, sample_period_s)
@@ -53,10 +50,7 @@ def identified(flow: Flow, records: Sequence[FloatArray], sample_period_s: float
 def frame_of(flow: Flow, records: Sequence[FloatArray], sample_period_s: float) -> Frame:
     """Return what the equations are written in, by records: which surfaces move, how late servos and engines follow.
 
-    Raises
-    ------
-    InputError
-        Where no surface ever moved.
+    InputError where no surface ever moved.
     """
     at = {name: i for i, name in enumerate((*GYROS, *flow.channels, *COMMANDS))}
     spread = {name: max(float(np.nanstd(values[:, at[name]])) for values in records) for name in COMMANDS}
@@ -148,7 +142,7 @@ def _means(values: FloatArray, rows: int) -> FloatArray:
     return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
 
 
-class Effects(NamedTuple):
+class SurfaceEffects(NamedTuple):
     """The effects of causes: theta, what they leave of each part, and the filter that makes it white."""
 
     theta: FloatArray
@@ -162,16 +156,16 @@ class Effects(NamedTuple):
         return np.asarray(lfilter(self.taps, [1.0], columns, axis=0)[ORDER:])
 
 
-def in_coloured_noise(parts: Sequence[FloatArray]) -> Effects:
+def in_coloured_noise(parts: Sequence[FloatArray]) -> SurfaceEffects:
     """Return the effects of causes by least squares, the last column being what is explained."""
-    effects = Effects(theta=np.zeros(parts[0].shape[1] - 1), lefts=[], taps=np.ones(1))
+    effects = SurfaceEffects(theta=np.zeros(parts[0].shape[1] - 1), lefts=[], taps=np.ones(1))
     for _ in range(_TURNS):
         white = np.concatenate([effects.white(part) for part in parts])
         scale = np.maximum(np.sqrt(np.mean(np.square(white), axis=0)), 1e-12)
         found = np.linalg.lstsq(white[:, :-1] / scale[:-1], white[:, -1], rcond=1e-8)[0] / scale[:-1]
         lefts = [part[:, -1] - part[:, :-1] @ found for part in parts]
         lagged = [sum(float(each[lag:] @ each[: len(each) - lag]) for each in lefts) for lag in range(ORDER + 1)]
-        effects = Effects(theta=np.asarray(found), lefts=lefts, taps=whitening(np.array(lagged)))
+        effects = SurfaceEffects(theta=np.asarray(found), lefts=lefts, taps=whitening(np.array(lagged)))
     return effects
 
 

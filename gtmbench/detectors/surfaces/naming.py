@@ -6,6 +6,11 @@ surface is named only where no other's deviation comes near, no sensor of the fl
 and that nobody can tell. Who was named stays named while the aircraft is thrown about, which no linear answer explains,
 unless another surface or a sensor comes up. Then drag isn't what it was, either, so a throttle that comes up after a
 surface was named changes nothing.
+
+Which kind of fault it has, stuck, weak, slow or off, its answer tells. Over sixteen seconds behind an alarm, b is the
+share of the command that is missing and c how late it comes. A surface that is stuck answers nothing, b = -1, wherever
+it is; one that has lost effectiveness answers less, at once; one that is slow answers later; a bent one answers as it
+did, with another zero. Where the command hardly moved, none of it shows.
 """
 
 from __future__ import annotations
@@ -15,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
+from gtmbench.detectors.surfaces.deviation import LABELS
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.values.record import FloatArray
 
@@ -27,37 +33,23 @@ _LEFT_AT_LEAST = 0.5  # of its threshold
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Seen:
-    """What is known of an alarm at a look.
-
-    Attributes
-    ----------
-    surfaces : tuple of str
-    peaks : shape (series,)
-        The greatest of every series' tests over its threshold since the alarm: first the surfaces, then what none of
-        them explains. NaN where nothing is known.
-    sensors : tuple of str
-        Those that kinematics speak of.
-    margins : shape (surfaces,)
-        By how many nats, at most, each surface has explained what is off better than any sensor of the flow would.
-    named : str or None
-        The surface that was named before.
-    kind : str or None
-        The kind of fault, as far as it shows, of the surface with the greatest peak.
-    """
+    """What is known of an alarm at a look."""
 
     surfaces: tuple[str, ...]
+    # shape (series,): the greatest of every series' tests over its threshold since the alarm: first the surfaces, then
+    # what none of them explains. NaN where nothing is known
     peaks: FloatArray
-    sensors: tuple[str, ...]
+    sensors: tuple[str, ...]  # those that kinematics speak of
+    # shape (surfaces,): by how many nats, at most, each surface has explained what is off better than any sensor of the
+    # flow would
     margins: FloatArray
-    named: str | None = None
-    kind: str | None = None
+    named: str | None = None  # the surface that was named before
+    kind: str | None = None  # the kind of fault, as far as it shows, of the surface with the greatest peak
 
 
 def judged(seen: Seen, time_s: float) -> Judgement:
     """Return the judgement of an alarm.
 
-    Examples
-    --------
     >>> from dataclasses import replace
     >>> told = np.array([9.0, 9.0])
     >>> seen = Seen(surfaces=("elevator", "rudder"), peaks=np.array([9.0, 0.3, 0.2]), sensors=(), margins=told)
@@ -93,3 +85,41 @@ def judged(seen: Seen, time_s: float) -> Judgement:
     if len(alike) > 1:
         return Judgement(time_s=time_s, sensor=None, candidates=alike, doubt=f"surface or wind: {names}")
     return certain
+
+
+KIND_TESTS = (LABELS.index("offset 16 s"), LABELS.index("answer 16 s"))
+_SURE = 4.0  # deviations
+_KNOWN = 0.15  # of b, whose deviation has to be less: more tells neither that it changed nor that it didn't
+_SMALL = 0.25  # of the command: a loss below passes for none, and one above 1 less that for all
+
+
+def kind_of(ratios: FloatArray, fit: FloatArray, spread: FloatArray, error: float = 0.0) -> str | None:
+    """Return ``jam``, ``scale_factor``, ``lag``, ``bias``, or None where several would do.
+
+    `ratios`, shape (2,): the tests of the offset and of the answer over their thresholds. `fit`, `spread`: by how much
+    b and c have changed, and their covariance. `error`: by how much b would have had to change to be seen by one
+    deviation: large where the command stood still.
+
+    >>> sure = np.diag([0.05, 0.02]) ** 2
+    >>> changes = {"stuck": (-0.98, 0.01), "weak": (-0.5, 0.0), "slow": (0.1, -0.2), "off": (0.02, 0.0)}
+    >>> {what: kind_of(np.array([3.0, 9.0 * (what != "off")]), np.array(fit), sure) for what, fit in changes.items()}
+    {'stuck': 'jam', 'weak': 'scale_factor', 'slow': 'lag', 'off': 'bias'}
+    >>> kind_of(np.array([3.0, 2.0]), np.array([-0.7, 0.1]), 20.0 * sure) is None  # weak or stuck
+    True
+    """
+    if not (np.isfinite(spread).all() and np.isfinite(fit).all()):
+        return None
+    loss, late = fit
+    of_loss, of_late = np.sqrt(np.maximum(np.diag(spread), 0.0))
+    offset, answer = np.nan_to_num(ratios)
+    if max(of_loss, error) > _KNOWN:
+        return None
+    if answer <= 1.0:
+        return "bias" if offset > 1.0 and abs(loss) < _SMALL else None
+    if abs(loss + 1.0) < _SMALL and loss < -_SURE * of_loss:
+        return "jam"
+    if late < -_SURE * of_late and loss > -_SMALL:
+        return "lag"
+    if -1.0 + _SMALL < loss < -_SMALL and abs(late) < _SURE * of_late:
+        return "scale_factor"
+    return None

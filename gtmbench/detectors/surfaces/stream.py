@@ -10,14 +10,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.chunk import ChunkStream, Said, taken
+from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.detectors.surfaces.answer import Answer, Deviations
 from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
 from gtmbench.detectors.surfaces.deviation import LABELS, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.flow_sensors import margins, ratios, throttle_ratios
-from gtmbench.detectors.surfaces.kinds import KIND_TESTS, kind_of
-from gtmbench.detectors.surfaces.naming import Seen, judged
+from gtmbench.detectors.surfaces.identification import SETTLES_S
+from gtmbench.detectors.surfaces.naming import KIND_TESTS, Seen, judged, kind_of
 from gtmbench.detectors.surfaces.throttle_sensors import ThrottleHistory
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal
@@ -25,7 +25,6 @@ from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.clock import ChunkClock
 from gtmbench.values.record import BoolArray, FloatArray, Record
 
-_SETTLES_S = 5.0
 _LOOKS_S = (1.0, 4.0, 15.0, 30.0)  # after an alarm
 _LAST_LOOK_S = 60.0  # of a throttle that no airspeed has told from nx by then
 _KIND_S = 14.0  # after an alarm: by then a window of 16 s holds hardly anything from before
@@ -33,19 +32,8 @@ _AT_ONCE_S = 5.0  # after an alarm: kinematics that are broken later are a conse
 _SAME_S = 120.0  # who alarms again so soon tells of the same fault: what lasts enters the minute before
 
 
-class Watching(Protocol):
-    """What a stream needs of its monitor.
-
-    Attributes
-    ----------
-    name : str
-    channels, suspects : tuple of str
-    answer : Answer
-    normal : Normal
-    thresholds : mapping of series to mapping of test to float
-    kinematics : Monitor
-    sample_period_s : float
-    """
+class SurfaceWatching(Protocol):
+    """What a stream needs of its monitor. `thresholds`, by series."""
 
     @property
     def name(self) -> str: ...  # noqa: D102
@@ -66,28 +54,15 @@ class Watching(Protocol):
 
 
 class _Tested(NamedTuple):
-    """The tests of blocks, or of one.
+    """The tests of blocks, or of one."""
 
-    Attributes
-    ----------
-    ratios : shape (blocks, tests, series)
-        Over their thresholds.
-    margins : shape (blocks, tests, surfaces)
-        As `flow_sensors.margins` makes them.
-    fit, spread : shapes (blocks, tests, any, 2) and (blocks, tests, any, 2, 2)
-        What has changed, and its covariance.
-    error : shape (blocks, tests, any)
-        What one deviation amounts to.
-    pushed : shape (blocks, any)
-        As `ThrottleHistory` takes them.
-    """
-
-    ratios: FloatArray
-    margins: FloatArray
+    ratios: FloatArray  # shape (blocks, tests, series): over their thresholds
+    margins: FloatArray  # shape (blocks, tests, surfaces): as `flow_sensors.margins` makes them
+    # fit, spread: what has changed, and its covariance
     fit: FloatArray
     spread: FloatArray
-    error: FloatArray
-    pushed: FloatArray
+    error: FloatArray  # shape (blocks, tests, any): what one deviation amounts to
+    pushed: FloatArray  # shape (blocks, any): as `ThrottleHistory` takes them
 
     def at(self, block: int) -> _Tested:
         """Return those of a block."""
@@ -123,19 +98,14 @@ class _Open:
 
 
 class SurfaceStream(ChunkStream):
-    """A monitor of surfaces at work on samples as they come in.
+    """A monitor of surfaces at work on samples as they come in."""
 
-    Parameters
-    ----------
-    monitor : Watching
-    """
-
-    def __init__(self, monitor: Watching) -> None:
+    def __init__(self, monitor: SurfaceWatching) -> None:
         super().__init__()
         self._monitor, self._period_s = monitor, monitor.sample_period_s
         self._rows = rows_of(self._period_s)
         self._block_s = self._rows * self._period_s
-        self._settled = round(_SETTLES_S / self._block_s)
+        self._settled = round(SETTLES_S / self._block_s)
         self._answering = monitor.answer.start(self._period_s)
         self._kinematics = monitor.kinematics.stream()
         self._limits = limits_of(monitor)
@@ -160,7 +130,7 @@ class SurfaceStream(ChunkStream):
         """Whether each surface's score has been known at or below its threshold."""
         return MappingProxyType(dict(zip(self._monitor.suspects, self._is_armed.tolist(), strict=True)))
 
-    def taken(self, chunk: Record) -> Said:
+    def taken(self, chunk: Record) -> ChunkResult:
         """Return everything that is said of a chunk; parameters and errors are those of `push`."""
         monitor = self._monitor
         clock, new = taken(self._clock, chunk, monitor.channels, self._period_s, monitor.name)
@@ -184,7 +154,7 @@ class SurfaceStream(ChunkStream):
             self._block(first + i, float(times_s[i]), found.at(i), armed[i])
         rows = range(clock.count - len(new), clock.count)
         told = self._news(before)
-        return self._said(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
+        return self._chunk_result(scores, armed, first, rows, np.round(clock.times_s(rows), 9), told)
 
     def _tested(self, values: FloatArray) -> _Tested:
         """Return the tests of new blocks."""
@@ -321,7 +291,7 @@ class SurfaceStream(ChunkStream):
                 found += said[-1].candidates
         return tuple(dict.fromkeys(found))
 
-    def _said(
+    def _chunk_result(
         self,
         scores: FloatArray,
         armed: BoolArray,
@@ -329,13 +299,13 @@ class SurfaceStream(ChunkStream):
         rows: range,
         known_s: FloatArray,
         told: tuple[Alarm, ...],
-    ) -> Said:
+    ) -> ChunkResult:
         """Return a chunk's scores, a row a sample: each holds the value of the last whole block."""
         surfaces = self._monitor.suspects
         held, could = (np.concatenate(both) for both in zip(self._held, (scores, armed), strict=True))
         at = (np.arange(rows.start, rows.stop) + 1) // self._rows - first  # 0: of an earlier chunk
         self._held = held[-1:], could[-1:]
-        return Said(
+        return ChunkResult(
             known_s,
             {name: held[at, i] for i, name in enumerate(surfaces)},
             {name: could[at, i] for i, name in enumerate(surfaces)},
@@ -351,11 +321,11 @@ def _history(answer: Answer, block_s: float) -> ThrottleHistory | None:
     return ThrottleHistory(block_s, per_step, throttle_ratios(answer))
 
 
-def _read(monitor: Watching) -> tuple[str, ...]:
+def _read(monitor: SurfaceWatching) -> tuple[str, ...]:
     return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
 
 
-def limits_of(monitor: Watching) -> FloatArray:
+def limits_of(monitor: SurfaceWatching) -> FloatArray:
     """Return the thresholds, shape (tests, series); infinite where there is none."""
     of = [monitor.thresholds[name] for name in monitor.answer.series]
     return np.array([[each.get(label, np.inf) for each in of] for label in LABELS])

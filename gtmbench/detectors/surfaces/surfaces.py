@@ -23,10 +23,10 @@ from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
 from gtmbench.detectors.surfaces.answer import Answer, answer_of
-from gtmbench.detectors.surfaces.blocks import BLOCK_S, Blocks, blocks_of
+from gtmbench.detectors.surfaces.blocks import BLOCK_S, DeviationBlocks, blocks_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
 from gtmbench.detectors.surfaces.equations import FULL, Flow
-from gtmbench.detectors.surfaces.identification import identified
+from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
 from gtmbench.detectors.surfaces.stream import SurfaceStream, limits_of
 from gtmbench.detectors.surfaces.thrust import THROTTLE
 from gtmbench.detectors.surfaces.usual import Normal, normal_of
@@ -38,10 +38,9 @@ from gtmbench.values.channels import COMMANDS, GYROS
 from gtmbench.values.record import FloatArray, Record
 
 _KINEMATIC_RATE = 1.0  # false alarms an hour that may keep a surface from being named
-_MINUTE_S = 60.0
-_SETTLES_S = 5.0
+_MINUTE_S = 60.0  # before a window, that it is compared with
 _SLOWEST_S = 0.125  # sample period
-_SHORTEST_S = 60.0
+_SHORTEST_S = 60.0  # of a healthy record without a hole: a window's minute before
 _MOSTLY = 0.9  # of the moments
 _PASSES_NOTHING = 1e6  # nats: of a test that no healthy record was long enough for
 
@@ -184,15 +183,15 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
         )
 
 
-def _settled(answer: Answer, values: FloatArray, period_s: float) -> Blocks:
+def _settled(answer: Answer, values: FloatArray, period_s: float) -> DeviationBlocks:
     """Return the blocks of a record, once the filters have settled."""
     there = np.asarray(np.isfinite(values).all(axis=1))
     blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
-    first = round(_SETTLES_S / blocks.block_s)
+    first = round(SETTLES_S / blocks.block_s)
     return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
 
-def _seen(answer: Answer, normal: Normal, healthy: Sequence[Blocks]) -> HealthyMaxima:
+def _seen(answer: Answer, normal: Normal, healthy: Sequence[DeviationBlocks]) -> HealthyMaxima:
     """Return the greatest values of all tests in minutes of healthy flight."""
     tests: dict[tuple[str, str], ScoreMaxima] = {}
     block_s = healthy[0].block_s
@@ -379,10 +378,7 @@ def _judged(least: FloatArray) -> FloatArray:
 def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) -> SurfaceMonitor:
     """Return the monitor of some figures; every key is checked.
 
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
+    InputError naming the key, what stands there and what should.
     """
     names = ("sample_period_s", "name", "answer", "noise", "white", "colour", "thresholds", "kinematics")
     figures = keys("figures", figures, names)

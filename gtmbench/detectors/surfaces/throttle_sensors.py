@@ -33,7 +33,7 @@ KT_S_PER_G = G_FT_S2 / FT_S_PER_KT
 _STEP_S = 0.5  # between two values that are compared
 _BEFORE_S, _LEAST_BEFORE_S, _MOST_S = 60.0, 30.0, 120.0  # the minute before, and how long a fault is looked at
 _WIND_S, _LEFT_S = 4.0, 2.0  # how long wind lasts, and what no surface explains
-_LEAST_WIND_KT, _LEAST_LEFT = 2.0, 0.5
+_LEAST_WIND_KT, _LEAST_LEFT = 2.0, 0.5  # no smaller deviation is believed, however calm a minute was
 _DRIFT_KT_S = 0.1  # how far E's slope of a minute may be from the next one's
 _NX_KNOWN_TO, _KNOWN_TO = 0.1, 0.2  # of what a sensor would do: by kinematics, and by effects that vary
 _MISFIT, _FAR = 2.0, 4.5  # of E a value, and deviations of its farthest: more is no wind
@@ -56,13 +56,8 @@ def speeding(read: Mapping[str, FloatArray]) -> FloatArray:
 class ThrottleHistory:
     """What is remembered of the last minutes, by blocks.
 
-    Parameters
-    ----------
-    block_s : float
-    per_step : float
-        What a step of the throttle changes of nx, in g.
-    rho : shape (sensors, left)
-        What each sensor that could be wrong, but nx, changes of what is left by a step that the throttle seems off.
+    `per_step`: what a step of the throttle changes of nx, in g. `rho`, shape (sensors, left): what each sensor that
+    could be wrong, but nx, changes of what is left by a step that the throttle seems off.
     """
 
     def __init__(self, block_s: float, per_step: float, rho: FloatArray) -> None:
@@ -79,15 +74,8 @@ class ThrottleHistory:
     def margin(self, onset: int) -> float:
         """Return by how many nats a failed throttle explains what happened since a block better than any sensor does.
 
-        Parameters
-        ----------
-        onset : int
-            The first block of the fault, counted since the start.
-
-        Returns
-        -------
-        float
-            0, which decides nothing, where too little was seen before; minus infinity where neither explains it.
+        `onset`: the first block of the fault, counted since the start. Returns float: 0, which decides nothing, where
+        too little was seen before; minus infinity where neither explains it.
         """
         first = max(onset - (self._count - len(self._kept)), 0)
         known = np.array(self._kept).reshape(len(self._kept), -1)

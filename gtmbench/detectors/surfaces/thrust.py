@@ -22,35 +22,22 @@ from gtmbench.values.record import FloatArray
 
 THROTTLE = "throttle"
 STEP_PERCENT = 20.0  # of throttle, beside a degree of a surface: what is tolerated of either is alike
-_MOST_LAG_S, _MOST_BEND = 60.0, 100.0
+_MOST_LAG_S, _MOST_BEND = 60.0, 100.0  # beyond is a broken file: no engine is as slow, no thrust as bent
 
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
     """How thrust follows a throttle.
 
-    Attributes
-    ----------
-    lag_s : float
-        tau.
-    lags : int
-        1, or 2 in a row.
-    bend : float
-        b.
-    level : float
-        u0, in percent.
-
-    Examples
-    --------
     >>> engine = Engine(lag_s=1.0, lags=2, bend=1.0, level=25.0)
     >>> (engine.thrust(np.array([26.0])) - engine.thrust(np.array([25.0]))).round(2)
     array([1.01])
     """
 
-    lag_s: float
-    lags: int = 1
-    bend: float = 0.0
-    level: float = 0.0
+    lag_s: float  # tau
+    lags: int = 1  # 1, or 2 in a row
+    bend: float = 0.0  # b
+    level: float = 0.0  # u0, in percent
 
     @property
     def slope(self) -> float:
@@ -67,13 +54,7 @@ class Engine:
 
 
 def engine_of(where: str, given: Any) -> Engine:
-    """Return the engine of a table, every key checked.
-
-    Raises
-    ------
-    InputError
-        Naming the key, what stands there and what should.
-    """
+    """Return the engine of a table, every key checked. InputError naming the key, what stands there and what should."""
     table = keys(where, given, ("lag_s", "lags", "bend", "level"))
     return Engine(
         lag_s=number(f"{where}.lag_s", table["lag_s"], 0.0, _MOST_LAG_S, above=True),

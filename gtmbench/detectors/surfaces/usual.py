@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, Blocks
+from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
 from gtmbench.detectors.surfaces.deviation import (
     ANSWER,
     KINDS,
@@ -21,7 +21,7 @@ from gtmbench.detectors.surfaces.deviation import (
     grouped,
     judged_series,
 )
-from gtmbench.detectors.surfaces.whitened import ORDER, Sums, whitening
+from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 
 _LEFT_TOLERATED = 0.3  # deviations of what no surface explains
@@ -31,21 +31,12 @@ _COLOUR_BLOCKS = 600  # that a colour is learnt from: a minute's
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Normal:
-    """What changes are usual on healthy flight.
+    """What changes are usual on healthy flight."""
 
-    Attributes
-    ----------
-    noise : shape (series,)
-        Deviation of what a minute's fit leaves: what gusts and sensors amount to, in the series' units.
-    white : shape (series,)
-        The same, made white.
-    colour : shape (tests, series)
-        How many times the size that white noise would give changes really have.
-    """
-
+    # shape (series,): deviation of what a minute's fit leaves: what gusts and sensors amount to, in the series' units
     noise: FloatArray
-    white: FloatArray
-    colour: FloatArray
+    white: FloatArray  # shape (series,): the same, made white
+    colour: FloatArray  # shape (tests, series): how many times the size that white noise would give changes really have
 
     def nats(self, found: Changes, surfaces: int) -> FloatArray:
         """Return T^2/2 of all tests, shape (blocks, tests, series); NaN where a test tells nothing."""
@@ -61,18 +52,14 @@ class Normal:
     def smallest(self, found: Changes, thresholds: FloatArray) -> FloatArray:
         """Return the least change that each test would alarm of, shape (blocks, tests, series), in the test's unit.
 
-        Parameters
-        ----------
-        found : Changes
-        thresholds : shape (tests, series)
-            In nats.
+        `thresholds`, shape (tests, series): in nats.
         """
         judged = thresholds.shape[1]
         beyond = np.sqrt(2.0 * thresholds) * self.colour[:, :judged]
         return np.asarray((found.tolerated[..., :judged] + beyond) * found.error[..., :judged])
 
 
-def normal_of(healthy: Sequence[Blocks]) -> Normal:
+def normal_of(healthy: Sequence[DeviationBlocks]) -> Normal:
     """Return what is usual, of the blocks of healthy records."""
     surfaces, series = healthy[0].surfaces, healthy[0].means.shape[1]
     noise: list[FloatArray] = []
@@ -105,7 +92,7 @@ def normal_of(healthy: Sequence[Blocks]) -> Normal:
     )
 
 
-def _powers(sums: Sums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
+def _powers(sums: BlockSums, means: FloatArray, there: BoolArray) -> tuple[FloatArray, FloatArray]:
     """Return the power of what a fit of some blocks leaves, as it is and made white."""
     sums.push(means, there)
     begin, end, held = np.array([0]), np.array([sums.count]), np.full((1, means.shape[1]), there.sum())

@@ -27,17 +27,12 @@ ORDER = 4  # P
 _RIDGE = 1e-4  # of the noise's power, added to it: two blocks that are equal would leave nothing to solve
 
 
-class Sums:
+class BlockSums:
     """Running sums of products, as blocks come in.
 
-    Parameters
-    ----------
-    series, variables : int
-        A block holds `variables` values of every series.
-    horizon : int
-        Blocks that anybody looks back at; older ones are forgotten.
-    step : int
-        Blocks h from lag to lag. Noise that lasts for seconds is told from an offset only by lags that reach as far.
+    `series`, `variables`: a block holds `variables` values of every series. `horizon`: blocks that anybody looks back
+    at; older ones are forgotten. `step`: blocks h from lag to lag. Noise that lasts for seconds is told from an offset
+    only by lags that reach as far.
     """
 
     def __init__(self, series: int, variables: int, horizon: int, step: int = 1) -> None:
@@ -79,11 +74,8 @@ class Sums:
     def lagged(self, begins: Counts, ends: Counts, fit: FloatArray) -> FloatArray:
         """Return what a fit leaves, times itself at lags 0 to Ph, over stretches; shape (stretches, series, P + 1).
 
-        Parameters
-        ----------
-        begins, ends : shape (stretches,)
-        fit : shape (stretches, series, variables - 1)
-            The last variable is the one that is explained.
+        `begins`, `ends`, shape (stretches,). `fit`, shape (stretches, series, variables - 1): the last variable is the
+        one that is explained.
         """
         weights = _weights(fit)
         first, last = self._at(begins), self._at(ends)
@@ -93,11 +85,8 @@ class Sums:
     def whitened(self, begins: Counts, ends: Counts, taps: FloatArray) -> FloatArray:
         """Return the products of filtered variables over stretches, shape (stretches, series, variables, variables).
 
-        Parameters
-        ----------
-        begins, ends : shape (stretches,)
-        taps : shape (stretches, series, P + 1)
-            The filters: 1, -phi_1, ... -phi_P.
+        `begins`, `ends`, shape (stretches,). `taps`, shape (stretches, series, P + 1): the filters: 1, -phi_1, ...
+        -phi_P.
         """
         total = np.zeros(())
         for i in range(ORDER + 1):

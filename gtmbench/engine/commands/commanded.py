@@ -22,30 +22,19 @@ from gtmbench.values.record import FloatArray, runs
 _NEEDS = (*GYROS, *COMMANDS, "ny", "nz", "tas", "altitude")  # without an airspeed nobody knows what a surface can do
 _FLIES, _FAST = 0.65, 0.75  # of the airspeed that is exceeded in a quarter of the flight: more than when wheels roll
 _GROUND_S = 5.0  # beside what is slower
-_LEAST_S = 60.0
+_LEAST_S = 60.0  # of flight: in less nothing is judged
 _ENOUGH = round(300.0 / STEP_S)  # steps that tell how late servos and engines are: trying each lag is most of the work
 _SLOWEST_S = 0.125  # between samples: an aircraft has answered by then
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Commanded:
-    """What was commanded and answered, step by step, without a hole.
+    """What was commanded and answered, step by step, without a hole."""
 
-    Attributes
-    ----------
-    start_s : float
-        On the log's clock.
-    channels : tuple of str
-        Gyros, flow and commands.
-    values : shape (steps, channels)
-    frame : Frame
-        The equations of the answer.
-    """
-
-    start_s: float
-    channels: tuple[str, ...]
-    values: FloatArray = field(repr=False)
-    frame: Frame
+    start_s: float  # on the log's clock
+    channels: tuple[str, ...]  # gyros, flow and commands
+    values: FloatArray = field(repr=False)  # shape (steps, channels)
+    frame: Frame  # the equations of the answer
 
     def column(self, channel: str) -> FloatArray:
         """Return what a channel reads."""
@@ -75,11 +64,7 @@ class Commanded:
 def commanded_of(flight: Flight, sensors: Mapping[str, Samples]) -> Commanded | None:
     """Return what a flight was commanded; None where a command or an airspeed isn't read, or too little is flown.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        Gyros, commands and what else is read, in the units of channels, on the flight's clock.
+    `sensors`, by channel: gyros, commands and what else is read, in the units of channels, on the flight's clock.
     """
     if not {*_NEEDS} <= sensors.keys() or max(sensors[name].step_s for name in (*GYROS, *SURFACES)) > _SLOWEST_S:
         return None

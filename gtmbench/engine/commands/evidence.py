@@ -16,7 +16,7 @@ import numpy as np
 from gtmbench.detectors.surfaces.identification import SETTLES_S, STEP_S, in_coloured_noise
 from gtmbench.detectors.surfaces.whitened import ORDER
 from gtmbench.engine.commands.commanded import Commanded
-from gtmbench.engine.commands.suspects import Suspect
+from gtmbench.engine.commands.suspects import Culprit
 from gtmbench.values.record import FloatArray
 
 _CHUNK_S = 4.0  # as closely as a flight is divided
@@ -24,50 +24,32 @@ BEFORE_S, AFTER_S = 40.0, 10.0  # the least that tells effects, and that shows a
 _CHANCE = 9.2  # of squared deviations: odds of 100 to 1
 _SHARE = 1e-2  # of an error, by which it is worked out what it changes: equations are hardly curved
 _DIFFER = 0.1  # of an effect: no aircraft answers quite linearly
-_RIDGE, _NOTHING = 3.0, 1e-9
+_RIDGE, _NOTHING = 3.0, 1e-9  # a priori precision; a division's guard
 _BEGUN = round(SETTLES_S / STEP_S)  # steps that filters take to settle
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Explained:
-    """What a suspect explains.
+class SuspectEvidence:
+    """What a suspect explains."""
 
-    Attributes
-    ----------
-    suspect : Suspect
-    nats : float
-        Less what each size costs.
-    sizes, deviations : shape (wrong,)
-        Zero of what isn't used.
-    """
-
-    suspect: Suspect
-    nats: float
+    suspect: Culprit
+    nats: float  # less what each size costs
+    # sizes, deviations, shape (wrong,): zero of what isn't used
     sizes: FloatArray
     deviations: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Change:
-    """A change of the answer.
+class AnswerChange:
+    """A change of the answer."""
 
-    Attributes
-    ----------
-    step, last : int
-        It begins at `step` and is looked at until `last`.
-    between : (int, int)
-        Between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind.
-    nats : float
-        That there are to explain.
-    ranked : tuple of Explained
-        Whoever explains most first.
-    """
-
+    # step, last: it begins at `step` and is looked at until `last`
     step: int
     last: int
+    # between which steps it begins, at odds of 100 to 1: neither what was before nor what is behind
     between: tuple[int, int]
-    nats: float
-    ranked: tuple[Explained, ...] = field(repr=False)
+    nats: float  # that there are to explain
+    ranked: tuple[SuspectEvidence, ...] = field(repr=False)  # whoever explains most first
 
 
 def divided(commanded: Commanded) -> tuple[int, int, int] | None:
@@ -100,8 +82,8 @@ def _misfit(products: FloatArray) -> FloatArray:
 
 
 def change_of(
-    commanded: Commanded, suspects: Sequence[Suspect], step: int, last: int, between: tuple[int, int]
-) -> Change:
+    commanded: Commanded, suspects: Sequence[Culprit], step: int, last: int, between: tuple[int, int]
+) -> AnswerChange:
     """Return what the change at a step is, and who explains it until another."""
     own = commanded.steps
     wrong = {each.name: [commanded.off_by(each.name, _SHARE * of).steps for of in each.wrong] for each in suspects}
@@ -119,7 +101,7 @@ def change_of(
             known = sums[each.name]
             sums[each.name] = known[0] + squares, known[1] + products
     ranked = [_explained(each, *sums[each.name], last - between[1]) for each in suspects]
-    return Change(
+    return AnswerChange(
         step=step,
         last=last,
         between=between,
@@ -129,7 +111,7 @@ def change_of(
 
 
 def _changed(
-    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: Suspect, kind: int, name: str
+    part: FloatArray, off: FloatArray, theta: FloatArray, suspect: Culprit, kind: int, name: str
 ) -> FloatArray:
     """Return what an error changes of what an equation leaves.
 
@@ -177,9 +159,9 @@ class _Equation:
         return squares, white.T @ self._left / self._noise - mixed.T @ self._gain @ self._products
 
 
-def _explained(suspect: Suspect, squares: FloatArray, products: FloatArray, steps: int) -> Explained:
+def _explained(suspect: Culprit, squares: FloatArray, products: FloatArray, steps: int) -> SuspectEvidence:
     """Return what a suspect explains at best, in the ways that can be."""
-    best = Explained(
+    best = SuspectEvidence(
         suspect=suspect, nats=-np.inf, sizes=np.zeros(len(products)), deviations=np.full(len(products), np.inf)
     )
     for used in suspect.ways:
@@ -189,5 +171,5 @@ def _explained(suspect: Suspect, squares: FloatArray, products: FloatArray, step
         if suspect.allows(sizes, used) and nats > best.nats:
             found, deviations = np.zeros(len(products)), np.zeros(len(products))
             found[[*used]], deviations[[*used]] = sizes, np.sqrt(np.diag(np.linalg.inv(own)))
-            best = Explained(suspect=suspect, nats=nats, sizes=found, deviations=deviations)
+            best = SuspectEvidence(suspect=suspect, nats=nats, sizes=found, deviations=deviations)
     return best

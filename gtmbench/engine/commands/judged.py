@@ -9,9 +9,9 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Judgement
 from gtmbench.detectors.surfaces.identification import STEP_S
-from gtmbench.detectors.surfaces.kinds import kind_of
+from gtmbench.detectors.surfaces.naming import kind_of
 from gtmbench.engine.commands.commanded import Commanded, commanded_of
-from gtmbench.engine.commands.evidence import AFTER_S, Change, Explained, change_of, divided
+from gtmbench.engine.commands.evidence import AFTER_S, AnswerChange, SuspectEvidence, change_of, divided
 from gtmbench.engine.commands.suspects import suspects_of
 from gtmbench.engine.finding import DECISIVE, Finding
 from gtmbench.engine.flight import Flight
@@ -35,23 +35,13 @@ COMPARED = "the answer to its command doesn't change, or not so that it shows"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CommandsJudged:
-    """What a flight's answer to its commands says.
-
-    Attributes
-    ----------
-    commanded : Commanded
-    change : Change or None
-        Where the answer changes most; None where too little is flown.
-    doubt : str
-        Why nobody is named; "" if somebody is.
-    end_s : float
-        Until when it flies: what failed stays so.
-    """
+    """What a flight's answer to its commands says."""
 
     commanded: Commanded = field(repr=False)
-    end_s: float
-    change: Change | None = field(default=None, repr=False)
-    doubt: str = ""
+    end_s: float  # until when it flies: what failed stays so
+    # where the answer changes most; None where too little is flown
+    change: AnswerChange | None = field(default=None, repr=False)
+    doubt: str = ""  # why nobody is named; "" if somebody is
 
     @property
     def span_s(self) -> Span:
@@ -65,7 +55,7 @@ class CommandsJudged:
         return self._at_s(self.change.step) if self.change else self.span_s[1]
 
     @property
-    def best(self) -> Explained | None:
+    def best(self) -> SuspectEvidence | None:
         """Who explains the change best."""
         return self.change.ranked[0] if self.change else None
 
@@ -120,16 +110,9 @@ def commands_judged(
 ) -> CommandsJudged | None:
     """Return what a flight's answer to its commands says; None where none is known.
 
-    Parameters
-    ----------
-    flight : Flight
-        Without the spans in which gyros or attitude failed.
-    sensors : mapping of channel to Samples
-        Gyros, commands and all others.
-    claims : sequence of Claim
-        Of sensors: where they are clear, no more than stays hidden explains a change.
-    found : sequence of Finding
-        What others found.
+    `flight`: without the spans in which gyros or attitude failed. `sensors`, by channel: gyros, commands and all
+    others. `claims`: of sensors: where they are clear, no more than stays hidden explains a change. `found`: what
+    others found.
     """
     commanded = commanded_of(flight, sensors)
     if commanded is None:
@@ -157,7 +140,7 @@ def _excluded(claims: Sequence[Claim], channels: Sequence[str], span_s: Span) ->
             yield name, max(span.sizes.error for span in clear if span.sizes is not None)
 
 
-def _likely(change: Change) -> list[str]:
+def _likely(change: AnswerChange) -> list[str]:
     """Return who may be behind a change: whoever lies within the odds."""
     most = change.ranked[0].nats
     return [each.suspect.name for each in change.ranked if each.nats > most - DECISIVE - _MISFIT * most]
@@ -194,11 +177,11 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
         yield f"{(others + accused)[0]} is off there"
 
 
-def _is_stuck(best: Explained) -> bool:
+def _is_stuck(best: SuspectEvidence) -> bool:
     return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and 0.0 < best.deviations[1] < _SURE
 
 
-def _is_livelier(commanded: Commanded, change: Change) -> bool:
+def _is_livelier(commanded: Commanded, change: AnswerChange) -> bool:
     """Tell whether a command or a rate moves much more behind a change than before."""
     rows = round(_CHUNK_S / STEP_S)
 
@@ -212,7 +195,7 @@ def _is_livelier(commanded: Commanded, change: Change) -> bool:
     )
 
 
-def _kind(best: Explained) -> str | None:
+def _kind(best: SuspectEvidence) -> str | None:
     """Return the kind, by the rule of the stream: by what is missing of the answer and how late it comes."""
     deviations = np.maximum(best.deviations, _LEAST)
     off, lacks, late = best.sizes / deviations / _DEVIATIONS

@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gtmbench.detectors.surfaces.equations import SLOW_ENGINE_S, SLOW_S
 from gtmbench.detectors.surfaces.identification import STEP_S
 from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.engine.commands.commanded import Commanded
 from gtmbench.values.channels import COMMANDS
 from gtmbench.values.record import FloatArray
 
-_SLOW_S, _SLOW_ENGINE_S = 0.3, 1.5  # what is slow is compared with such a lag
 _OFF_DEG, _LACKS, _LATE_S = 10.0, 1.0, 1.0  # a surface's a, b and c: standard deviations about zero
 _ANY = 1e6  # of a sensor that nothing else holds
 _EXCLUDED = 0.5  # of what is excluded in 95 of 100
@@ -27,23 +27,12 @@ _NO_ENDS = ("phi", "theta")  # they enter no equation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Suspect:
-    """Who may be behind it.
+class Culprit:
+    """Who may be behind it."""
 
-    Attributes
-    ----------
-    name : str
-        A channel.
-    wrong : tuple of shape (steps,)
-        What its reading may be off by, of size one.
-    spread : shape (wrong,)
-        How large each may be: standard deviations about zero.
-    is_surface : bool
-    """
-
-    name: str
-    wrong: tuple[FloatArray, ...] = field(repr=False)
-    spread: FloatArray
+    name: str  # a channel
+    wrong: tuple[FloatArray, ...] = field(repr=False)  # shape (steps,): what its reading may be off by, of size one
+    spread: FloatArray  # shape (wrong,): how large each may be: standard deviations about zero
     is_surface: bool
 
     def allows(self, sizes: FloatArray, used: tuple[int, ...]) -> bool:
@@ -60,26 +49,22 @@ class Suspect:
 _MOST = 1.3  # of a share: what is fitted is noisy
 
 
-def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[Suspect]:
+def suspects_of(commanded: Commanded, excluded: Mapping[str, float]) -> Iterator[Culprit]:
     """Give everybody who may be behind a change.
 
-    Parameters
-    ----------
-    commanded : Commanded
-    excluded : mapping of channel to float
-        The largest error of sensors that may hide, where others call them clear, in their unit.
+    `excluded`, by channel: the largest error of sensors that may hide, where others call them clear, in their unit.
     """
     for name in commanded.channels:
         read = commanded.column(name)
         from_mean = read - read.mean()
         if name in commanded.frame.surfaces:
-            slow_s, unit = (_SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (_SLOW_S, 1.0)
+            slow_s, unit = (SLOW_ENGINE_S, STEP_PERCENT) if name == THROTTLE else (SLOW_S, 1.0)
             wrong = (np.ones(len(read)), from_mean, (read - _behind(read, slow_s)) / slow_s)
-            yield Suspect(name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True)
+            yield Culprit(name=name, wrong=wrong, spread=np.array([_OFF_DEG * unit, _LACKS, _LATE_S]), is_surface=True)
         elif name not in (*COMMANDS, *_NO_ENDS):
             most = _EXCLUDED * excluded.get(name, _ANY)
             spread = np.array([most, most / max(float(from_mean.std()), 1e-9)])
-            yield Suspect(name=name, wrong=(np.ones(len(read)), from_mean), spread=spread, is_surface=False)
+            yield Culprit(name=name, wrong=(np.ones(len(read)), from_mean), spread=spread, is_surface=False)
 
 
 def _behind(values: FloatArray, lag_s: float) -> FloatArray:

@@ -19,6 +19,7 @@ from gtmbench.engine.course.course import Course
 from gtmbench.engine.course.jumps import hidden_jump
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.findings import Findings, tempers_of
+from gtmbench.engine.hindsight.cleared import OFTEN
 from gtmbench.engine.model import Model
 from gtmbench.engine.samples import Samples
 from gtmbench.engine.search import BOUND, Scan
@@ -41,9 +42,8 @@ _WITNESSES = 2  # relations that have to hold a sensor
 _STRONG = 3.0 * BOUND  # nats, whatever chance makes on this log: by then an error of it is likelier than none
 _SHOWS = "it parts from what others tell, and no explanation holds"
 _WITHIN_S = 60.0  # behind an onset
-_OFTEN = 0.95  # of the onsets in a span
 _SPARE = 1.2  # times an error that may be there: what grows to it shows less
-_LEVEL, _DRIFTS_S = "altitude", 20.0
+_LEVEL, _DRIFTS_S = "altitude", 20.0  # what drifts by nature is cleared of drifts that last as long
 
 
 def cleared(
@@ -51,15 +51,8 @@ def cleared(
 ) -> Iterator[Claim]:
     """Give where sensors are clear, and up to which size.
 
-    Parameters
-    ----------
-    course : Course
-    findings : Findings
-        Of the course.
-    sensors : mapping of channel to Samples
-        As they are read.
-    found : sequence of Finding
-        What is told of: where it may be an error of the sensor itself, it may go on to the log's end.
+    `findings`: of the course. `sensors`, by channel: as they are read. `found`: what is told of: where it may be an
+    error of the sensor itself, it may go on to the log's end.
     """
     scan, tempers = findings.whole, tempers_of(findings.whole)
     model = scan.model
@@ -80,7 +73,7 @@ def cleared(
             yield sensor, unjudged((shows_s, float(at_s[-1]) + model.cell_s), _SHOWS)
         starts, ends = runs(known & (sizes <= most))
         for first, stop in zip(starts.tolist(), ends.tolist(), strict=True):
-            hidden = Sizes(error=float(np.quantile(sizes[first:stop], _OFTEN, method="higher")), within_s=_WITHIN_S)
+            hidden = Sizes(error=float(np.quantile(sizes[first:stop], OFTEN, method="higher")), within_s=_WITHIN_S)
             start_s, end_s = float(at_s[first]), float(at_s[stop - 1]) + model.cell_s
             yield sensor, SensorSpan(start_s=start_s, end_s=end_s, state=State.CLEAR, sizes=hidden)
 

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight, trailing_means
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.samples import Samples, edges_of, means_between, rough_between
 from gtmbench.values.channels import ACCELEROMETERS, FT_S_PER_KT, G_M_S2, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
 from gtmbench.values.record import FloatArray
@@ -28,34 +28,25 @@ UNITS: Mapping[str, float] = {
 }
 WIND = ("wind_north", "wind_east")  # no sensors: what the air moves by, in m/s
 _DELAYS_S = np.linspace(0.0, 0.5, 26)  # of a GPS
-_USUAL_DELAY_S = 0.15
+_USUAL_DELAY_S = 0.15  # of a GPS that doesn't tell its own
 _FEWEST = 50  # blocks by which a delay is told
 _SAMPLES = 5.0  # by which noise is told
-_OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
+OF_WHITE = 6.0  # the mean square second difference of white noise: 1 + 4 + 1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Course:
-    """A flight's course, block by block; NaN where nothing is read.
-
-    Attributes
-    ----------
-    flight : Flight
-    matrices : shape (blocks, 3, 3)
-        C.
-    read : mapping of channel to shape (blocks,)
-        Means over blocks, in m, m/s and m/s2 (accelerometers along forward, right and down), vanes in deg; of a GPS
-        as late as it is, put right.
-    noise : mapping of channel to shape (blocks,)
-        The power of their noise from sample to sample, in the same units, over about a second; of all that are read.
-    steps_s : mapping of channel to float
-        The usual time between two of their samples.
-    """
+    """A flight's course, block by block; NaN where nothing is read."""
 
     flight: Flight
-    matrices: FloatArray = field(repr=False)
+    matrices: FloatArray = field(repr=False)  # shape (blocks, 3, 3): C
+    # by channel, shape (blocks,): means over blocks, in m, m/s and m/s2 (accelerometers along forward, right and down),
+    # vanes in deg; of a GPS as late as it is, put right
     read: Mapping[str, FloatArray] = field(repr=False)
+    # by channel, shape (blocks,): the power of their noise from sample to sample, in the same units, over about a
+    # second; of all that are read
     noise: Mapping[str, FloatArray] = field(default_factory=dict, repr=False)
+    # by channel: the usual time between two of their samples
     steps_s: Mapping[str, float] = field(default_factory=dict, repr=False)
 
     def has(self, *channels: str) -> bool:
@@ -149,11 +140,7 @@ class Course:
 def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
     """Return the course of a flight by what its other sensors read.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        In the units of channels, on the flight's clock.
+    `sensors`, by channel: in the units of channels, on the flight's clock.
     """
     edges = edges_of(flight.blocks)
     whole = {
@@ -174,7 +161,7 @@ def course_of(flight: Flight, sensors: Mapping[str, Samples]) -> Course:
 def _noise(flight: Flight, samples: Samples, edges: FloatArray, unit: float) -> FloatArray:
     """Return the power of a sensor's noise: a sixth of its mean square second difference, were it white."""
     over = max(round(max(1.0, _SAMPLES * samples.step_s) / flight.blocks.period_s), 1)
-    return unit**2 / _OF_WHITE * trailing_means(rough_between(samples, edges), over)
+    return unit**2 / OF_WHITE * trailing_means(rough_between(samples, edges), over)
 
 
 def _with_gps(course: Course, velocity: Sequence[Samples], edges: FloatArray) -> Course:

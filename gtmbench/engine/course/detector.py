@@ -171,12 +171,7 @@ class CrossCheckMonitor(BaseMonitor):
 
 
 class CrossCheckStream:
-    """A cross-check at work: the last two minutes are judged every ten seconds.
-
-    Parameters
-    ----------
-    monitor : CrossCheckMonitor
-    """
+    """A cross-check at work: the last two minutes are judged every ten seconds."""
 
     def __init__(self, monitor: CrossCheckMonitor) -> None:
         self._monitor = monitor
@@ -197,10 +192,7 @@ class CrossCheckStream:
     def push(self, chunk: Record) -> tuple[Alarm, ...]:
         """Return the alarms that a chunk's samples raise.
 
-        Raises
-        ------
-        InputError
-            If the chunk doesn't continue the one before, lacks a channel or has another sample period.
+        InputError if the chunk doesn't continue the one before, lacks a channel or has another sample period.
         """
         monitor = self._monitor
         chunk.columns(monitor.channels)

@@ -20,7 +20,7 @@ from gtmbench.engine.course.misread import misread
 from gtmbench.engine.course.relations import gps_altitude
 from gtmbench.engine.course.relations.registry import compared, relations_of
 from gtmbench.engine.course.standing import LEAST_S, standing
-from gtmbench.engine.curves import Curve, curves_of
+from gtmbench.engine.curves import ErrorCurve, curves_of
 from gtmbench.engine.finding import FROZEN, NOISE, Finding
 from gtmbench.engine.findings import found_by
 from gtmbench.engine.flight import Flight
@@ -53,38 +53,22 @@ _OF_ONE = {frozenset({gps_altitude.NAME}): ("gps", "altitude")}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CourseJudged:
-    """Which sensors of a course failed.
+    """Which sensors of a course failed."""
 
-    Attributes
-    ----------
-    found : tuple of Finding
-        With doubts.
-    course : Course
-    stands : tuple of (channel, span, reading)
-        Which channels read one value.
-    jumped : tuple of (channel, time, size)
-        Which channels jump, when and by how much.
-    asked : tuple of (sensor, why)
-        Which sensors read another unit or frame than is thought, so that they aren't judged.
-    model : Model or None
-        The course's equations, with everything that was found taken away; None where no relation holds.
-    clear : tuple of Claim
-        Where sensors are clear.
-    commands : CommandsJudged or None
-        What the answer to commands says of surfaces; None where it isn't known.
-    """
-
-    found: tuple[Finding, ...]
+    found: tuple[Finding, ...]  # with doubts
     course: Course = field(repr=False)
-    stands: tuple[tuple[str, Span, float], ...] = ()
-    jumped: tuple[tuple[str, float, float], ...] = ()
+    stands: tuple[tuple[str, Span, float], ...] = ()  # which channels read one value
+    jumped: tuple[tuple[str, float, float], ...] = ()  # which channels jump, when and by how much
+    # which sensors read another unit or frame than is thought, so that they aren't judged
     asked: tuple[tuple[str, str], ...] = ()
+    # the course's equations, with everything that was found taken away; None where no relation holds
     model: Model | None = field(default=None, repr=False)
-    clear: tuple[Claim, ...] = field(default=(), repr=False)
+    clear: tuple[Claim, ...] = field(default=(), repr=False)  # where sensors are clear
+    # what the answer to commands says of surfaces; None where it isn't known
     commands: CommandsJudged | None = field(default=None, repr=False)
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ErrorCurve, ...]:
         """What shows that somebody may have failed, an equation each, beside what a finding makes of it."""
         return () if self.model is None else curves_of(self.model, self.found, partial(_unit_of, self.course))
 
@@ -198,7 +182,7 @@ def _blocked(span: Span) -> Claim:
 def sensors_of(finding: Finding) -> tuple[str, ...]:
     """Return the sensors that may be behind a finding, those of several channels as one; causes that fail not are left.
 
-    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.relation import Effect
     >>> from gtmbench.engine.explanation import Explanation
     >>> kinds = [Explanation(suspect=each, kind="bias", effect=lambda _: Effect()) for each in ("nx", "nz", "tas")]
     >>> about = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
@@ -212,13 +196,8 @@ def sensors_of(finding: Finding) -> tuple[str, ...]:
 def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence[str] = ()) -> CourseJudged:
     """Return which of a flight's other sensors failed.
 
-    Parameters
-    ----------
-    flight : Flight
-    sensors : mapping of channel to Samples
-        As `course_of` takes them.
-    bent : sequence of str
-        Why the attitude may be bent, by which every relation turns what sensors read.
+    `sensors`, by channel: as `course_of` takes them. `bent`: why the attitude may be bent, by which every relation
+    turns what sensors read.
     """
     sensors = {name: each for name, each in sensors.items() if name not in (*GYROS, *COMMANDS)}
     held = standing(sensors, flight.flown_s)
@@ -235,7 +214,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
     if not relations:
         return CourseJudged(found=(), course=course, stands=stands, jumped=jumped, asked=asked)
     findings = found_by(flight, relations, explanations_of(course))
-    doubted = tuple(_doubted(course, findings.found, bent))
+    doubted = tuple(_with_doubts(course, findings.found, bent))
     return CourseJudged(
         found=tuple(_in_units(course, each) for each in doubted),
         course=course,
@@ -250,11 +229,7 @@ def course_judged(flight: Flight, sensors: Mapping[str, Samples], bent: Sequence
 def course_beside(whole: Judged, sensors: Mapping[str, Samples]) -> CourseJudged:
     """Return which of a flight's other sensors failed, where no gyro and no angle did, as `course_judged` does.
 
-    Parameters
-    ----------
-    whole : Judged
-        What is said of the flight's gyros and attitude.
-    sensors : mapping of channel to Samples
+    `whole`: what is said of the flight's gyros and attitude. `sensors`, by channel.
     """
     broken = [
         (span.start_s, span.end_s)
@@ -292,7 +267,7 @@ def _moves(flight: Flight, span: Span) -> bool:
     return bool(np.median(flight.lively[inside]) > max(_MOVES_DEG_S, _AS_LIVELY * usual))
 
 
-def _doubted(course: Course, found: Sequence[Finding], bent: Sequence[str]) -> Iterator[Finding]:
+def _with_doubts(course: Course, found: Sequence[Finding], bent: Sequence[str]) -> Iterator[Finding]:
     flight = course.flight
     for each in found:
         told = replace(each, others=_OF_ONE.get(frozenset(_shown_by(each)), ()))

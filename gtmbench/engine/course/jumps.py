@@ -37,14 +37,8 @@ _GAP = 2.5  # times the usual step
 def jumps(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[str, float, float]]:
     """Give which channels jump in flight, when, and by how much in their unit.
 
-    Parameters
-    ----------
-    sensors : mapping of channel to Samples
-    flown_s : (start, end)
-        From when to when the aircraft flies.
+    `sensors`, by channel. `flown_s`, (start, end): from when to when the aircraft flies.
 
-    Examples
-    --------
     >>> time_s = np.arange(0.0, 60.0, 0.1)
     >>> read = np.random.default_rng(1).standard_normal(600)
     >>> list(jumps({"altitude": Samples(time_s, read)}, (0.0, 60.0)))

@@ -34,12 +34,7 @@ _UPRIGHT = 0.5  # of gravity
 
 
 def misread(course: Course) -> Iterator[tuple[str, str]]:
-    """Give which sensors read another unit or frame than is thought, and which.
-
-    Parameters
-    ----------
-    course : Course
-    """
+    """Give which sensors read another unit or frame than is thought, and which."""
     told = dict(_accelerometers(course))
     if course.has(*GPS_VELOCITY) and not told:
         told |= dict(_gps(course))

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from gtmbench.engine.blocks import held_for_s
+from gtmbench.engine.hindsight.cleared import OF_USUAL
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER, names_of
 from gtmbench.values.record import Span
@@ -14,7 +15,6 @@ from gtmbench.values.record import Span
 LEAST_S = 10.0  # a barometer holds a value for half as long while nothing climbs
 _BEGUN_S = 1.0  # after which a sensor reads anything
 _MOST = 0.9  # of the flight: what hardly ever moved was never a sensor's
-_OF_USUAL = 5.0  # times the longest that it reads one value otherwise
 _FEWEST = 20  # samples, or one value in so long says nothing
 # those of which one axis alone stands, and the others go on
 _ALONE = (*GPS_VELOCITY, *MAGNETOMETER, "nx", "ny", "nz", "tas", "alpha", "beta", "altitude")
@@ -25,14 +25,8 @@ def standing(sensors: Mapping[str, Samples], flown_s: Span) -> Iterator[tuple[st
 
     Where two sensors stand at a time, it is the log's that does; where one stands from the beginning, it isn't on yet.
 
-    Parameters
-    ----------
-    sensors : mapping of channel to Samples
-    flown_s : (start, end)
-        From when to when the aircraft flies.
+    `sensors`, by channel. `flown_s`, (start, end): from when to when the aircraft flies.
 
-    Examples
-    --------
     >>> time_s = np.arange(0.0, 60.0, 0.1)
     >>> read = np.random.default_rng(1).standard_normal(600)
     >>> read[300:] = read[300]
@@ -64,5 +58,5 @@ def _of(name: str, samples: Samples) -> Iterator[tuple[str, Span, float]]:
     lasts_s, end_s = float(held_s[order[0]]), float(samples.time_s[order[0]])
     count = np.count_nonzero((samples.time_s >= end_s - lasts_s) & (samples.time_s <= end_s))
     never_moved = lasts_s > _MOST * float(np.ptp(samples.time_s))
-    if lasts_s > max(LEAST_S, _OF_USUAL * usual_s) and count >= _FEWEST and not never_moved:
+    if lasts_s > max(LEAST_S, OF_USUAL * usual_s) and count >= _FEWEST and not never_moved:
         yield name, (end_s - lasts_s, end_s), float(samples.values[order[0]])

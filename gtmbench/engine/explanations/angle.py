@@ -11,9 +11,9 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation, seconds
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray
 

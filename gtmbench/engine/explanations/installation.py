@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.values.recursive_filter import filtered
 
 _LAG_S, _LEAST_S = 1.0, 0.005  # the most that a link delays; a tenth of a sample at 20 Hz

@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.values.channels import GYROS
 
 PRICE = 8.0  # shaking that one axis feels alone isn't rare

@@ -9,9 +9,9 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect, on_axis
 from gtmbench.engine.explanation import TIMES_S, Explanation, followed
 from gtmbench.engine.flight import Flight, means_about
+from gtmbench.engine.relation import Effect, on_axis
 from gtmbench.values.channels import GYROS
 
 _LEAN, _LEAN_LOW, _LEAN_HIGH = 0.005, -0.3, 0.6  # deg/s a deg

@@ -14,21 +14,23 @@ from typing import NamedTuple
 import numpy as np
 
 from gtmbench.engine.blocks import Blocks
-from gtmbench.engine.hindsight.levels import CHUNK_S, Level, deviation_of
+from gtmbench.engine.flight import MOST_DEG_S
+from gtmbench.engine.hindsight.levels import CHUNK_S, ChunkLevel, deviation_of
 from gtmbench.values.attitude import to_earth
 from gtmbench.values.record import BoolArray, FloatArray, IntArray, Span, runs
 
 _GAIN = 0.02  # by which scale and direction of gyro and attitude differ: an a priori standard deviation
 _ROUNDS, _HUBER = 5, 2.0  # of the robust fit; deviations from which on a block counts less
 _LIVELY_DEG_S = 1.5  # of turning: motion
-_LIVELY_S, _OF_LIVELIEST, _STANDS_S, _MOST_DEG_S = 2.0, 0.2, 20.0, 400.0
+# over which it is told how fast it turns; motion, of what the liveliest tenth has at least; as long it stands
+_LIVELY_S, _OF_LIVELIEST, _STANDS_S = 2.0, 0.2, 20.0
 _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
 _GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: it doubles
 _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
 _JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
-_JUMP_DEVIATIONS = 6.0
+_JUMP_DEVIATIONS = 6.0  # of jumps as large as usual there
 _HALF, _KNOWN_SHARE = 0.5, 0.2  # of a share, and how well a quarter of a log has to know it
 _SECOND = 10.0  # variance of second differences of an angle's noise, over that of the rates that it makes
 _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
@@ -36,23 +38,15 @@ _FELT = 0.5  # of an angle's turn, squared, by the gyros that are known
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Alignment:
-    """What is left of gyros and attitude, block by block.
-
-    Attributes
-    ----------
-    blocks : Blocks
-    known : shape (blocks, 3)
-        Where each gyro's is asked to hold: nothing is missing, and nothing on that axis failed.
-    error : shape (blocks, 3)
-        e, in deg/s, where nothing is missing, failed or not; NaN elsewhere.
-    offsets, gains : shape (3,)
-        What each gyro reads more than the attitude turns over the whole log, in deg/s, and how many times as far it
-        turns; NaN where too little is known.
-    """
+    """What is left of gyros and attitude, block by block."""
 
     blocks: Blocks
+    # shape (blocks, 3): where each gyro's is asked to hold: nothing is missing, and nothing on that axis failed
     known: BoolArray = field(repr=False)
+    # shape (blocks, 3): e, in deg/s, where nothing is missing, failed or not; NaN elsewhere
     error: FloatArray = field(repr=False)
+    # offsets, gains, shape (3,): what each gyro reads more than the attitude turns over the whole log, in deg/s, and
+    # how many times as far it turns; NaN where too little is known
     offsets: FloatArray
     gains: FloatArray
 
@@ -78,14 +72,8 @@ class Alignment:
 def alignment_of(blocks: Blocks, failed_s: Sequence[Sequence[Span]] = ((), (), ())) -> Alignment:
     """Return the relation of a log's gyros and attitude.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    failed_s : sequence of sequences of (start, end)
-        Where p or phi, q or theta, r or psi failed.
+    `failed_s`: where p or phi, q or theta, r or psi failed.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> turns = 20.0 * random.standard_normal((500, 3))
     >>> read = 1.5 + 1.01 * turns + 0.1 * random.standard_normal((500, 3))
@@ -118,7 +106,7 @@ def _stands(blocks: Blocks) -> BoolArray:
     """
     turning = np.nan_to_num(np.linalg.norm(blocks.rates, axis=1))
     rows = max(min(round(_LIVELY_S / blocks.period_s), len(turning)), 1)
-    mean = np.sqrt(np.convolve(np.square(np.minimum(turning, _MOST_DEG_S)), np.ones(rows) / rows, "same"))
+    mean = np.sqrt(np.convolve(np.square(np.minimum(turning, MOST_DEG_S)), np.ones(rows) / rows, "same"))
     moves = mean > max(_LIVELY_DEG_S, _OF_LIVELIEST * float(np.quantile(mean, 0.9))) if len(mean) else mean > 0.0
     stands = np.zeros(len(mean), dtype=bool)
     starts, ends = runs(~moves)
@@ -141,14 +129,8 @@ def of_euler_rates(blocks: Blocks, but_s: Sequence[Span] = ()) -> tuple[float, f
     body rates and 1 of those that read Euler rates, whatever the noise; it is pooled over the three by its precision.
     An angle that jumps spoils body rates from there on: a quarter of the log that tells against these counts alone.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    but_s : sequence of (start, end)
-        What is left out.
+    `but_s`: what is left out.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> body, euler = 20.0 * random.standard_normal((2, 500, 3))
     >>> other = dict(angles=0.0 * body, rough=0.0 * body, held_s=np.zeros((500, 6)))
@@ -203,15 +185,15 @@ def _fitted(values: FloatArray, regressors: FloatArray) -> FloatArray:
     return theta
 
 
-def error_level(alignment: Alignment, axis: int, known: BoolArray, wanders: float = 0.0) -> Level:
+def error_level(alignment: Alignment, axis: int, known: BoolArray, wanders: float = 0.0) -> ChunkLevel:
     """Return a gyro's mean error by chunks, in deg/s, of the blocks that are known."""
     values = _means(alignment.chunked(np.where(known, alignment.error[:, axis], np.nan)))
-    return Level(
+    return ChunkLevel(
         values=values, deviations=_by_liveliness(values, _lively(alignment)), floor=ERROR_FLOOR_DEG_S, wanders=wanders
     )
 
 
-def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> Level:
+def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> ChunkLevel:
     """Return by how much a gyro's gain differs from the log's, by chunks: sum(e w) / sum(w w), both about means."""
     there = known & np.isfinite(alignment.error[:, axis])
     errors = alignment.chunked(np.where(there, alignment.error[:, axis], np.nan))
@@ -220,10 +202,10 @@ def gain_level(alignment: Alignment, axis: int, known: BoolArray) -> Level:
     power = np.square(moved).sum(axis=1)
     enough = np.isfinite(_means(errors)) & (power > 0.0)
     values = np.where(enough, (own * moved).sum(axis=1) / np.maximum(power, 1e-12), np.nan)
-    return Level(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
+    return ChunkLevel(values=values, deviations=1.0 / np.sqrt(np.maximum(power, 1e-12)), floor=_GAIN_FLOOR)
 
 
-def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[Level, Level, Level]:
+def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[ChunkLevel, ChunkLevel, ChunkLevel]:
     """Return the logarithm of a gyro's roughness by chunks, what it is more than that of the others, and theirs.
 
     What shakes the aircraft raises all of them; what silences the others raises the second alone.
@@ -236,9 +218,9 @@ def noise_levels(alignment: Alignment, axis: int, known: BoolArray) -> tuple[Lev
     usual = np.array([np.median(each[np.isfinite(each)]) if np.isfinite(each).any() else 0.0 for each in logs])
     others = _means(np.delete(logs - usual[:, np.newaxis], axis, axis=0).T)  # one that is missing makes no step
     alike = np.ones(len(others))
-    own = Level(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
-    beside = Level(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
-    return own, beside, Level(values=others, deviations=alike, floor=_NOISE_FLOOR)
+    own = ChunkLevel(values=logs[axis], deviations=alike, floor=_NOISE_FLOOR)
+    beside = ChunkLevel(values=logs[axis] - others, deviations=alike, floor=_NOISE_FLOOR)
+    return own, beside, ChunkLevel(values=others, deviations=alike, floor=_NOISE_FLOOR)
 
 
 def noise_size(alignment: Alignment, axis: int, bounds: FloatArray) -> FloatArray:
@@ -264,11 +246,7 @@ def jumps_deg(alignment: Alignment, known: BoolArray) -> Jumps:
     one block, whole: a.e / a.a over the gyros that are known, times the block's length. It is summed over a few blocks,
     for what a lag leaves of a hard turn is taken back at once: it doesn't stay for seconds.
 
-    Parameters
-    ----------
-    alignment : Alignment
-    known : shape (blocks, 3)
-        Whose errors tell: those of gyros that read right, but for a constant.
+    `known`, shape (blocks, 3): whose errors tell: those of gyros that read right, but for a constant.
     """
     blocks, there = alignment.blocks, known & np.isfinite(alignment.error)
     error = np.where(there, alignment.error, np.nan)
@@ -332,7 +310,7 @@ def _means(chunks: FloatArray) -> FloatArray:
 
 def _lively(alignment: Alignment) -> FloatArray:
     """Return how fast the attitude turns in each chunk, in deg/s; 0 where that isn't known."""
-    turns = np.linalg.norm(np.minimum(np.abs(alignment.blocks.rates), _MOST_DEG_S), axis=1)
+    turns = np.linalg.norm(np.minimum(np.abs(alignment.blocks.rates), MOST_DEG_S), axis=1)
     return np.nan_to_num(np.sqrt(_means(np.square(alignment.chunked(turns)))))
 
 

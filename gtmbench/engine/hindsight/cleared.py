@@ -40,10 +40,10 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import BoolArray, FloatArray, Span, runs
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, unjudged
 
-_STANDS_S, _OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
+_STANDS_S, OF_USUAL = 3.0, 5.0  # a sensor reads one value; times the longest that it does otherwise
 _MOVES_DEG_S = 1.5  # the attitude meanwhile, or one who stands still is right
 _JUMP_FLOOR_DEG = 1.0  # a smaller jump is an estimator's correction
-_OFTEN = 0.95  # of the onsets in a span, from which its size shows
+OFTEN = 0.95  # of the onsets in a span, from which its size shows
 _COARSER = 1.4  # from a stated size to the next: what is twice as bad is told apart
 _MOST_OFFSET_DEG_S, _GAINS = 5.0, (0.75, 1.33)  # throughout: the limits of what is a sensor's own constant
 _PULLED_DEG_S = (1.0, 1.0, 2.0)  # by references, of an estimator's attitude: so much is no gyro's failure by itself
@@ -53,7 +53,7 @@ _AT_EDGE, _MASKED = "too little is known before or behind it", "it stands, or gy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Change:
+class LevelChange:
     """A level that shifts: of which axis, what of it, when, and by how much."""
 
     axis: int
@@ -81,18 +81,11 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Hindsight:
-    """What the relation of gyros and attitude says over a whole log.
+    """What the relation of gyros and attitude says over a whole log."""
 
-    Attributes
-    ----------
-    claims : mapping of sensor to tuple of SensorSpan
-        Of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged.
-    changes : tuple of Change
-        The levels that shift.
-    """
-
+    # by sensor: of p, q, r, phi, theta and psi: where each is clear, and where it isn't judged
     claims: Mapping[str, tuple[SensorSpan, ...]] = field(repr=False)
-    changes: tuple[Change, ...] = ()
+    changes: tuple[LevelChange, ...] = ()  # the levels that shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,18 +109,10 @@ def hindsight_of(
 ) -> Hindsight:
     """Return what the relation of gyros and attitude says over a whole log.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    is_driven : bool
-        Whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
-    is_sure : bool
-        Whether that is known, and not assumed: then references pull the attitude about in health, the heading most.
-    failures : mapping of sensor to sequence of Failure
-        Of p, q, r, phi, theta and psi.
+    `is_driven`: whether the gyros drive the attitude: then their errors show late, and a wrong factor doesn't.
+    `is_sure`: whether that is known, and not assumed: then references pull the attitude about in health, the heading
+    most. `failures`, by sensor: of p, q, r, phi, theta and psi.
 
-    Examples
-    --------
     >>> from gtmbench.engine.blocks import blocks_of
     >>> from gtmbench.values.record import Record
     >>> random = np.random.default_rng(1)
@@ -149,7 +134,7 @@ def hindsight_of(
         return Hindsight(claims=dict.fromkeys(JUDGED, (misread,)))
     alignment, gentle = _alignment(blocks, named)
     claims: dict[str, tuple[SensorSpan, ...]] = {}
-    changes: list[Change] = []
+    changes: list[LevelChange] = []
     jumps = jumps_deg(alignment, gentle)
     wanders = _PULLED_DEG_S if is_driven and is_sure else (0.0, 0.0, 0.0)
     for axis, (gyro, angle) in enumerate(_AXES):
@@ -185,12 +170,7 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None
 
     It takes that its error, its gain or its noise was another while it failed, and is again what it was before.
 
-    Parameters
-    ----------
-    blocks : Blocks
-    sensor : str
-        One of p, q, r, phi, theta and psi.
-    failure : Failure
+    `sensor`: one of p, q, r, phi, theta and psi.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     chunk_s = alignment.chunk_s
@@ -212,10 +192,7 @@ def agrees_from_s(blocks: Blocks, sensor: str, failure: Failure) -> float | None
 def shows(blocks: Blocks, sensor: str, failure: Failure) -> bool:
     """Tell whether a sensor's own error, gain or noise is ever another while it is said to have failed.
 
-    Parameters
-    ----------
-    blocks, sensor, failure
-        As `agrees_from_s` takes them.
+    `blocks`, `sensor`, `failure`: as `agrees_from_s` takes them.
     """
     first, apart, alignment = _departures(blocks, sensor, failure)
     stop = int(np.ceil((failure.end_s - blocks.start_s) / alignment.chunk_s))
@@ -263,26 +240,26 @@ def _shown(*, is_driven: bool) -> FloatArray:
     return np.asarray(1.0 - SLOWEST_S * (decayed[:, 0] - decayed[:, 1]) / (ends[:, 1] - ends[:, 0]))
 
 
-def _changes(alignment: Alignment, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[Change]:
+def _changes(alignment: Alignment, axis: int, shifts: Mapping[str, Shift], *, is_driven: bool) -> Iterator[LevelChange]:
     """Give the shifts of an axis; a gyro that becomes quieter is none."""
     start_s = alignment.blocks.start_s
     for of, shift in shifts.items():
         size = shift.rises if of == "noise" else shift.size
         if size and shift.onset is not None:
             time_s = start_s + shift.onset * alignment.chunk_s
-            yield Change(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
+            yield LevelChange(axis=axis, of=of, time_s=time_s, size=size, stays=shift.stays)
     offset, gain = float(alignment.offsets[axis]), float(alignment.gains[axis])
     if abs(offset) > _MOST_OFFSET_DEG_S:
-        yield Change(axis=axis, of="offset", time_s=start_s, size=offset)
+        yield LevelChange(axis=axis, of="offset", time_s=start_s, size=offset)
     if not is_driven and np.isfinite(gain) and not _GAINS[0] <= gain <= _GAINS[1]:
-        yield Change(axis=axis, of="scale", time_s=start_s, size=gain)
+        yield LevelChange(axis=axis, of="scale", time_s=start_s, size=gain)
 
 
 def _of_gyro(
     alignment: Alignment,
     axis: int,
     shifts: Mapping[str, Shift],
-    changes: Sequence[Change],
+    changes: Sequence[LevelChange],
 ) -> Iterator[SensorSpan]:
     """Give the spans in which a gyro is clear, and those in which it isn't judged."""
     held_s = alignment.blocks.held_s[:, axis]
@@ -295,7 +272,7 @@ def _of_gyro(
     errors = shifts["error"].bounds
     gains = shifts["gain"].bounds if "gain" in shifts else np.full(len(errors), np.inf)
     noises = noise_size(alignment, axis, shifts["noise"].bounds)
-    repeats = _OF_USUAL * usual_s <= PROMISED_S
+    repeats = OF_USUAL * usual_s <= PROMISED_S
     known = _chunks_known(alignment, alignment.known[:, axis])
     for first, stop, level in _as_good(errors, known):
         part = slice(first, stop)
@@ -319,7 +296,7 @@ def _of_gyro(
 _LARGEST_GAIN, _LARGEST_NOISE = 2.0, 1e3  # a turned sign shows at the first; no gyro's noise is larger than the second
 
 
-def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[Change]) -> Iterator[SensorSpan]:
+def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[LevelChange]) -> Iterator[SensorSpan]:
     """Give the same of an angle: an error that stays begins with a jump that no gyro reads."""
     angle = ATTITUDE[axis]
     stands, _ = _standing(alignment, alignment.blocks.held_s[:, 3 + axis], angle)
@@ -356,7 +333,7 @@ def _standing(alignment: Alignment, held_s: FloatArray, sensor: str) -> tuple[li
     others = [float(np.delete(lengths, place).max(initial=0.0)) for place in range(len(lengths))]
     spans, usual_s = [], 0.0
     for start, stop, length, other in zip(starts.tolist(), ends.tolist(), lengths.tolist(), others, strict=True):
-        if length > max(_STANDS_S, _OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
+        if length > max(_STANDS_S, OF_USUAL * other) and _turns(blocks, slice(start, stop), sensor):
             end_s = blocks.start_s + stop * blocks.period_s
             since_s = end_s - length - blocks.period_s
             spans.append(unjudged((since_s, end_s), f"{sensor} reads one value from {since_s:.1f} to {end_s:.1f} s"))
@@ -384,7 +361,7 @@ def _as_good(bounds: FloatArray, known: BoolArray) -> Iterator[tuple[int, int, f
     edges = [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), len(bounds)]
     for first, stop in pairwise(edges):
         own = bounds[first:stop]
-        yield first, stop, float(np.quantile(own, _OFTEN, method="higher")) if steps[first] >= 0 else np.inf
+        yield first, stop, float(np.quantile(own, OFTEN, method="higher")) if steps[first] >= 0 else np.inf
 
 
 def _why_masked(alignment: Alignment, axis: int, first: int, stop: int) -> str:

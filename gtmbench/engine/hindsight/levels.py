@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
-CHUNK_S = 2.0
+CHUNK_S = 2.0  # as closely as an onset is dated
 PROMISED_S = 60.0  # behind an onset, in which what is promised shows
 # behind an onset; the late ones for what shows late
 WINDOWS_S = ((0.0, 8.0), (0.0, 20.0), (0.0, PROMISED_S), (20.0, PROMISED_S), (30.0, PROMISED_S))
@@ -34,48 +34,27 @@ SPARE = 1.1  # times what is significant: what is promised, for noise changes a 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Level:
-    """A level, chunk by chunk.
+class ChunkLevel:
+    """A level, chunk by chunk."""
 
-    Attributes
-    ----------
-    values : shape (chunks,)
-        NaN where it isn't known.
-    deviations : shape (chunks,)
-        How much each wanders by chance, up to a factor that is the same for all.
-    floor : float
-        No smaller change is significant: sensors differ by as much in health.
-    wanders : float
-        No smaller change says that something broke: it counts in what is promised.
-    """
-
-    values: FloatArray
+    values: FloatArray  # shape (chunks,): NaN where it isn't known
+    # shape (chunks,): how much each wanders by chance, up to a factor that is the same for all
     deviations: FloatArray = field(repr=False)
-    floor: float
-    wanders: float = 0.0
+    floor: float  # no smaller change is significant: sensors differ by as much in health
+    wanders: float = 0.0  # no smaller change says that something broke: it counts in what is promised
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shift:
-    """What a level's changes could be, by the chunk in which they begin.
+    """What a level's changes could be, by the chunk in which they begin."""
 
-    Attributes
-    ----------
-    bounds : shape (chunks,)
-        The smallest change that begins there and would have shown; infinite where none would.
-    rises, falls : float
-        The largest change upwards and downwards that shows from any onset, 0 where none does.
-    onset : int or None
-        The chunk from which on the level is another; None where it never changes.
-    stays : bool
-        Whether it stays another: not where the change is larger from an earlier onset, and is over.
-    """
-
+    # shape (chunks,): the smallest change that begins there and would have shown; infinite where none would
     bounds: FloatArray = field(repr=False)
+    # rises, falls: the largest change upwards and downwards that shows from any onset, 0 where none does
     rises: float
     falls: float
-    onset: int | None
-    stays: bool = True
+    onset: int | None  # the chunk from which on the level is another; None where it never changes
+    stays: bool = True  # whether it stays another: not where the change is larger from an earlier onset, and is over
 
     @property
     def size(self) -> float:
@@ -83,28 +62,22 @@ class Shift:
         return self.rises if self.rises > -self.falls else self.falls
 
 
-def shift_of(level: Level, shown: FloatArray | None = None) -> Shift:
+def shift_of(level: ChunkLevel, shown: FloatArray | None = None) -> Shift:
     """Return what changes of a level could be.
 
     d(j) = median(y(j + l), ..., y(j + L - 1)) - median(y(0), ..., y(j - 1)) for every onset j and window l to L; a
     change of S that stays adds S to it. What is significant is k s(j), by the medians'
     variance and the level's own wander.
 
-    Parameters
-    ----------
-    level : Level
-    shown : shape (windows,), optional
-        Which share of a fault shows in a window; 1 each by default.
+    `shown`, shape (windows,): which share of a fault shows in a window; 1 each by default.
 
-    Examples
-    --------
     >>> random = np.random.default_rng(1)
     >>> values = 0.1 * random.standard_normal(60)
-    >>> healthy = shift_of(Level(values=values, deviations=np.full(60, 0.1), floor=0.0))
+    >>> healthy = shift_of(ChunkLevel(values=values, deviations=np.full(60, 0.1), floor=0.0))
     >>> healthy.size, bool(0.1 < healthy.bounds[30] < 0.8), bool(np.isinf(healthy.bounds[1]))
     (0.0, True, True)
     >>> stepped = values + np.where(np.arange(60) < 40, 0.0, 1.0)
-    >>> broken = shift_of(Level(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
+    >>> broken = shift_of(ChunkLevel(values=stepped, deviations=np.full(60, 0.1), floor=0.0))
     >>> broken.onset, round(broken.size, 1), bool(broken.bounds[40] > 1.0)
     (40, 1.0, True)
     """
@@ -184,19 +157,13 @@ def stepped_at(values: FloatArray) -> int:
     return int(known[1 + int(np.argmax(count * (len(own) - count) * np.square(apart)))])
 
 
-def departs(level: Level, first: int) -> BoolArray:
+def departs(level: ChunkLevel, first: int) -> BoolArray:
     """Tell in which chunks a level is another than before one, by medians of five chunks; none where that isn't known.
 
-    Parameters
-    ----------
-    level : Level
-    first : int
-        The chunk before which it is as it should be.
+    `first`: the chunk before which it is as it should be.
 
-    Examples
-    --------
     >>> values = np.concatenate([np.zeros(20), np.full(10, 3.0), np.zeros(20)])
-    >>> found = departs(Level(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
+    >>> found = departs(ChunkLevel(values=values, deviations=np.full(50, 0.1), floor=0.5), 20)
     >>> np.flatnonzero(found).tolist() == list(range(20, 30))
     True
     """

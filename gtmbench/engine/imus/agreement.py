@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.imu import Imu
+from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.values.record import BoolArray, FloatArray, Span
 
 _WIDER = 2.0  # times the usual spread
@@ -16,11 +16,7 @@ _LOUD, _QUIET = 3.0, 0.25  # times what gyro and attitude usually differ by; of 
 def agree(flight: Flight, axis: int, span_s: Span) -> bool:
     """Tell whether all further IMUs agree with a gyro that the attitude contradicts in a span, as it did not before.
 
-    Parameters
-    ----------
-    flight : Flight
-    axis : int
-    span_s : (start, end)
+    `span_s`, (start, end).
     """
     if not flight.imus:
         return False
@@ -69,7 +65,7 @@ def factors(own: FloatArray, other: FloatArray, rows: BoolArray) -> Span:
     return low, high
 
 
-def late(flight: Flight, imu: Imu) -> float:
+def late(flight: Flight, imu: FlightImu) -> float:
     """Return by how many seconds an IMU reads later than the watched one: the median of its axes, by least squares."""
     ahead, behind, further = (np.roll(flight.gyros, by, axis=0) for by in (-1, 1, -2))
     apart = 8.0 * (ahead - behind) - further + np.roll(flight.gyros, 2, axis=0)  # five points: motion lasts few blocks
@@ -83,7 +79,7 @@ def late(flight: Flight, imu: Imu) -> float:
     return float(np.median(found)) if found else 0.0
 
 
-def change(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> Span:
+def change(flight: Flight, imu: FlightImu, axis: int, rows: BoolArray) -> Span:
     """Return by how much more of the watched gyro's turns an IMU's reads in some blocks than in the rest, at least.
 
     The first is the least that noise leaves, the second the most.
@@ -93,7 +89,7 @@ def change(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> Span:
     return inside[0] - outside[1], inside[1] - outside[0]
 
 
-def means_part(flight: Flight, imu: Imu, axis: int, rows: BoolArray) -> bool:
+def means_part(flight: Flight, imu: FlightImu, axis: int, rows: BoolArray) -> bool:
     """Tell whether means over a second of what two gyros differ by spread more in some blocks than in the rest."""
     apart = imu.gyros[:, axis] - flight.blocks.gyros[:, axis]
     second = np.ones(max(round(1.0 / flight.blocks.period_s), 1))

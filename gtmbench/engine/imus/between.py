@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.imu import Imu
-from gtmbench.engine.relation import BETWEEN, Relation
+from gtmbench.engine.imus.imu import FlightImu
+from gtmbench.engine.relation import BETWEEN, Effect, Relation
 from gtmbench.engine.relations.attitude import others_rough
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 # offset (deg/s), three gains, lag (s)
 _PRIOR = np.array([3.0, 0.1, 0.1, 0.1, 0.1])
-_FLOOR = np.array([0.07, 0.02, 0.02, 0.02, 0.01])
+_FLOOR = np.array([0.07, 0.02, 0.02, 0.02, 0.01])  # from one part of a log to another
 _WANDER_DEG_S, _LEAST_DEG_S = 0.05, 0.02  # by vibration that aliases; of noise
 
 
@@ -27,12 +26,12 @@ def relations(flight: Flight) -> list[Relation]:
     return [_relation(flight, imu) for imu in flight.compared]
 
 
-def relation_of(imu: Imu) -> str:
+def relation_of(imu: FlightImu) -> str:
     """Return what the relation of a further IMU is called."""
     return f"{BETWEEN}: {imu.name}"
 
 
-def _relation(flight: Flight, imu: Imu) -> Relation:
+def _relation(flight: Flight, imu: FlightImu) -> Relation:
     gyros = flight.gyros
     slopes = np.gradient(gyros, flight.blocks.period_s, axis=0)
     one = np.ones(len(flight))

@@ -8,11 +8,11 @@ from functools import partial
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import TIMES_S, Explanation
 from gtmbench.engine.explanations import gyros, noise
 from gtmbench.engine.flight import Flight, means_about
-from gtmbench.engine.imus.imu import Imu, gyro_of, rough_of
+from gtmbench.engine.imus.imu import FlightImu, gyro_of, rough_of
+from gtmbench.engine.relation import Effect
 
 _USUAL_S, _LEAST_POWER = 10.0, 1e-3  # over which shares are told, in (deg/s)^2
 _FADES_S = (0.0, TIMES_S[1])  # IMUs part at once; of the attitude it is enough to know about how it follows
@@ -37,7 +37,7 @@ def _rougher(flight: Flight, *, channel: str) -> Effect:
     return Effect(channels={rough_of(channel): np.ones(len(flight))})
 
 
-def _as_watched(imu: Imu, flight: Flight) -> Imu:
+def _as_watched(imu: FlightImu, flight: Flight) -> FlightImu:
     """Return an IMU that reads of each turn what it usually does of one that the watched IMU reads.
 
     Its own noise is in y, and would explain itself as a gain; the watched one's is in the regressors as well.
@@ -51,7 +51,7 @@ def _as_watched(imu: Imu, flight: Flight) -> Imu:
     return replace(imu, gyros=mean + share * (watched - of_watched))
 
 
-def _of(own: Flight, imu: Imu) -> Iterator[Explanation]:
+def _of(own: Flight, imu: FlightImu) -> Iterator[Explanation]:
     names = [name for name, whole in gyros.kinds().items() if not whole.of_motion]
     for each in (one for one in gyros.of_kinds(own, names) if one.fades_s in _FADES_S):
         yield replace(
@@ -62,13 +62,13 @@ def _of(own: Flight, imu: Imu) -> Iterator[Explanation]:
         )
 
 
-def _named(base: str, imu: Imu) -> str:
+def _named(base: str, imu: FlightImu) -> str:
     """Return the name of an explanation as it is of an IMU's gyro."""
     gyro, _, rest = base.partition(" ")
     return f"{gyro_of(gyro, imu.name)} {rest}"
 
 
-def _moved(_: Flight, *, own: Flight, imu: Imu, effect: Callable[[Flight], Effect]) -> Effect:
+def _moved(_: Flight, *, own: Flight, imu: FlightImu, effect: Callable[[Flight], Effect]) -> Effect:
     """Return an effect of a flight that is watched by an IMU as one of the IMU's channels."""
     said = effect(own)
     wrong = said.gyros if said.gains is None else said.gains

@@ -12,7 +12,7 @@ _OF = " of "
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Imu:
+class FlightImu:
     """A further IMU; NaN where nothing is read.
 
     Attributes

@@ -22,21 +22,12 @@ _THROUGHOUT = 0.9  # of the fits: a sign that turns amid the log is a fault, and
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mounting:
-    """A rotation from an IMU's axes to the aircraft's.
+    """A rotation from an IMU's axes to the aircraft's."""
 
-    Attributes
-    ----------
-    matrix : shape (3, 3)
-        The identity where it isn't turned, or nothing tells how.
-    turned_deg : float
-        By how much it is turned; 0 for not at all.
-    is_reflected : bool
-        Whether an odd number of axes has the wrong sign, which no mounting does.
-    """
-
+    # shape (3, 3): the identity where it isn't turned, or nothing tells how
     matrix: FloatArray = field(default_factory=lambda: np.eye(3), repr=False)
-    turned_deg: float = 0.0
-    is_reflected: bool = False
+    turned_deg: float = 0.0  # by how much it is turned; 0 for not at all
+    is_reflected: bool = False  # whether an odd number of axes has the wrong sign, which no mounting does
 
     @property
     def is_along_axes(self) -> bool:
@@ -67,12 +58,8 @@ class Mounting:
 def mounting_of(gyros: FloatArray, known: FloatArray) -> Mounting:
     """Return how an IMU is mounted whose gyros read one motion as those do that are known.
 
-    Parameters
-    ----------
-    gyros, known : shape (blocks, 3)
+    `gyros`, `known`, shape (blocks, 3).
 
-    Examples
-    --------
     >>> known = 10.0 * np.random.default_rng(1).standard_normal((1500, 3))
     >>> quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     >>> mounting = mounting_of(known @ quarter, known)

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.imus.imu import Imu, rough_of
-from gtmbench.engine.relation import BETWEEN, Relation
+from gtmbench.engine.imus.imu import FlightImu, rough_of
+from gtmbench.engine.relation import BETWEEN, Effect, Relation
 from gtmbench.engine.relations.attitude import log_rough, others_rough
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.values.channels import GYROS
@@ -26,7 +25,7 @@ def relations(flight: Flight) -> list[Relation]:
     return [_relation(flight, imu) for imu in flight.compared]
 
 
-def _relation(flight: Flight, imu: Imu) -> Relation:
+def _relation(flight: Flight, imu: FlightImu) -> Relation:
     own = flight.by(imu)
     one, lively = np.ones(len(flight)), np.log(flight.lively)
     watched, others = log_rough(flight), 0.5 * (others_rough(own) + others_rough(flight))

@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight, trailing_means
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
 # offset (deg/s), three gains, lag (s), pull by phi or theta (deg/s a deg)
 _PRIOR = np.array([3.0, 0.1, 0.1, 0.1, 0.1, 0.03])
-_FLOOR = np.array([0.1, 0.02, 0.02, 0.02, 0.01, 0.01])
+_FLOOR = np.array([0.1, 0.02, 0.02, 0.02, 0.01, 0.01])  # from one part of a log to another
 _WANDER_DEG_S = 0.2  # by references that correct an estimator
 
 

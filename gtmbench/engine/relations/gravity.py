@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.record import FloatArray
 
 _HALF = 0.5  # of the judged blocks have to hold a force near 1 g

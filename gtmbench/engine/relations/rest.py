@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.engine.relations.attitude import others_rough
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import FloatArray
 
-_LEAST_S = 10.0
+_LEAST_S = 10.0  # of standing, that tell an offset
 _OFFSET_DEG_S, _FLOOR_DEG_S, _WANDER_DEG_S = 3.0, 0.1, 0.1  # of a gyro that isn't calibrated; that warms up
 
 

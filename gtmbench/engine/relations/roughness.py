@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.engine.relations.attitude import log_rough, others_rough
 from gtmbench.values.channels import GYROS
 from gtmbench.values.record import BoolArray, FloatArray
 
 _PRIOR = np.array([10.0, 1.0, 1.0])  # level, share of the others', power of the liveliness
-_FLOOR = np.array([0.2, 0.05, 0.08])
+_FLOOR = np.array([0.2, 0.05, 0.08])  # from one part of a log to another
 _WANDER = 0.8  # by engines that change: half as loud again
 _LIVELIEST, _MOVES = 0.9, 0.2  # motion: more than this share of what the liveliest tenth has at least
 

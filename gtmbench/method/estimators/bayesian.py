@@ -16,7 +16,7 @@ import numpy as np
 
 from gtmbench.checks import number
 from gtmbench.errors import InputError
-from gtmbench.method.estimators.kinematic import Expected, fit
+from gtmbench.method.estimators.kinematic import LEAST_VARIANCE, Expected, fit
 from gtmbench.method.problem import Estimate, Problem
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, kinematic, reproduces
 from gtmbench.method.regression.equations import (
@@ -32,10 +32,9 @@ from gtmbench.method.regression.slow import slow
 from gtmbench.values.record import FloatArray
 
 _LEAST = 10.0  # equations that say something of their own
-_LEAST_VARIANCE = 1e-12  # of the residual, over the output's
 _BEND = 0.3  # of the delay that an attitude's filter may have: the root of the second moment that it may add
 _ROUGH = 0.2  # samples squared: what laying samples on a clock adds to it
-_ITERATIONS = 4
+_ITERATIONS = 4  # of fits, and of the noise that they are weighted by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +151,7 @@ class Bayesian:
         count = sum(float(piece.weights.sum()) for piece in pieces) / ALIKE
         # G^-1 Phi'(y - Phi theta_0): what the data alone would add; S takes of it what is motion
         alone = None if own is None else solved(gram, right)
-        theta, variance = before, max(power / count, _LEAST_VARIANCE)
+        theta, variance = before, max(power / count, LEAST_VARIANCE)
         # S and s^2 need theta's residual, and theta needs both: four turns settle s^2 to 1e-9 (a minute of the GTM)
         for _ in range(_ITERATIONS):
             signal, share = gram, right
@@ -170,7 +169,7 @@ class Bayesian:
             # trace(H^-1 S) / s^2: how many parameters the data, not the prior, determine
             used = float(np.vdot(covariance, signal)) / variance
             left = power - 2.0 * float(step @ right) + float(step @ gram @ step)
-            variance = max(left / max(count - used, count / 10.0), _LEAST_VARIANCE)
+            variance = max(left / max(count - used, count / 10.0), LEAST_VARIANCE)
         return _Posterior(theta=theta, hessian=hessian, variance=variance)
 
     def _kinematic(self, problem: Problem, output: str, samples: Sequence[Equations]) -> _Posterior:

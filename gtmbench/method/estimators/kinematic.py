@@ -16,8 +16,8 @@ import numpy as np
 from gtmbench.method.regression.equations import ALIKE, Equations, about_means, autocovariance, signal_of
 from gtmbench.values.record import FloatArray
 
-_TURNS, _SETTLED = 6, 1e-4
-_LEAST_VARIANCE = 1e-12
+_TURNS, _SETTLED = 6, 1e-4  # of the same kind, at most; a change of the variance by which it is settled
+LEAST_VARIANCE = 1e-12  # of the residual, over the output's
 _DECISIVE = 4.0  # deviations by which the records have to contradict what physics fixes
 _TAP = 0.3  # deviation of a Markov parameter in a direction that has none of the moments
 _SLOW_S = 0.15  # to either side: what is left lies below 3 Hz, where an attitude's rates hold little noise
@@ -26,24 +26,18 @@ _SHARES = (1.0, 0.5, 0.0)  # of the residual's noise that the input may hold: no
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What is expected of the moments: their means are (1, 0, `curvature`).
+    """What is expected of the moments: their means are (1, 0, `curvature`)."""
 
-    Attributes
-    ----------
-    curvature : float
-        Second moment about the delay, in samples squared: a third of a central difference, as input or as output.
-    gain, delay, bend : float
-        Deviations of the gain, the delay (samples) and the second moment (samples squared).
-    """
-
+    # second moment about the delay, in samples squared: a third of a central difference, as input or as output
     curvature: float
+    # gain, delay, bend: deviations of the gain, the delay (samples) and the second moment (samples squared)
     gain: float
     delay: float
     bend: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class MomentFit:
     """Markov parameters h of shape (lags,), lag -d first, their covariance, and the residual's variance."""
 
     h: FloatArray = field(repr=False)
@@ -53,20 +47,13 @@ class Fit:
 
 def fit(
     samples: Sequence[Equations], *, constant: bool, lags: int, ahead: int, sample_period_s: float, expected: Expected
-) -> Fit:
+) -> MomentFit:
     """Return the kinematic operator of some records.
 
     The least residual among the operators with given moments, min ||y - U h||^2 subject to A h = c.
 
-    Parameters
-    ----------
-    samples : sequence of Equations
-        One input, in the output's units; about their means if a `constant` is estimated.
-    constant : bool
-    lags, ahead : int
-        r + d + 1 and d.
-    sample_period_s : float
-    expected : Expected
+    `samples`: one input, in the output's units; about their means if a `constant` is estimated. `lags`, `ahead`: r + d
+    + 1 and d.
     """
     # normal equations of all records; neighbouring ones say the same on slow motion, so ALIKE count as one
     lag = np.arange(-ahead, lags - ahead, dtype=np.float64)
@@ -82,18 +69,18 @@ def fit(
     wanted, slope = _raw(moments.mean)
     inverse = np.linalg.pinv(among)
     free = np.linalg.svd(among)[2][len(wanted) :].T  # directions without any of these moments
-    variance = max(power / count, _LEAST_VARIANCE)
+    variance = max(power / count, LEAST_VARIANCE)
     # min ||y - U h||^2 + s^2 |z|^2 / tap^2 over h = A^+ c + N z
     for _ in range(2):  # what is left over settles with the first
         hessian = free.T @ gram @ free + variance / _TAP**2 * np.eye(free.shape[1])
         smoothing = np.eye(lags) - free @ np.linalg.solve(hessian, free.T @ gram)
         h = smoothing @ inverse @ wanted + free @ np.linalg.solve(hessian, free.T @ right)
         left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
-        variance = max(left / count, _LEAST_VARIANCE)
+        variance = max(left / count, LEAST_VARIANCE)
     # the moments' own uncertainty, and that of the free directions, are independent
     of_moments = smoothing @ inverse @ slope
     alone = free @ np.linalg.solve(hessian, free.T) * (variance / ALIKE)
-    return Fit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
+    return MomentFit(h=h, covariance=of_moments @ moments.covariance @ of_moments.T + alone, variance=variance)
 
 
 def _summed(pieces: Sequence[Equations], lags: int) -> FloatArray:
@@ -155,7 +142,7 @@ def _moments(motion: Sequence[Equations], lag: FloatArray, expected: Expected, a
         prior = np.array([0.0, -shift, expected.curvature + late**2])[: len(deviations)]
         noise = autocovariance(motion, h, lags) * count
         left = power - 2.0 * float(h @ right) + float(h @ gram @ h)
-        variance = max(left / count, _LEAST_VARIANCE)
+        variance = max(left / count, LEAST_VARIANCE)
         own = basis.T @ gram @ basis
         found = []
         # errors in variables: the input's noise shrinks every moment by S/G, and only a share of it is known

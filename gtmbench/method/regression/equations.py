@@ -12,24 +12,18 @@ from gtmbench.method.regression.stretches import Stretch
 from gtmbench.values.record import FloatArray
 
 ALIKE = 5.0  # so many equations in a row say what one does: slow motion has a tenth of the band
-_CHUNK = 4096
+_CHUNK = 4096  # rows at a time: they stay in the cache
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equations:
-    """Inputs u of a stretch; y(k) and the weight of every window of u, 0 where a sample is missing.
+    """Inputs u of a stretch; y(k) and the weight of every window of u, 0 where a sample is missing."""
 
-    Attributes
-    ----------
-    u : shape (samples, inputs)
-    y, weights : shape (windows,)
-    means : shape (lags inputs,) or float
-        What phi(k) is freed of (`about_means`).
-    """
-
-    u: FloatArray = field(repr=False)
+    u: FloatArray = field(repr=False)  # shape (samples, inputs)
+    # y, weights, shape (windows,)
     y: FloatArray = field(repr=False)
     weights: FloatArray = field(repr=False)
+    # shape (lags inputs,): what phi(k) is freed of (`about_means`)
     means: FloatArray | float = field(default=0.0, repr=False)
 
     def windows(self, lags: int) -> Iterator[tuple[slice, FloatArray]]:

@@ -32,18 +32,9 @@ def gram(
 
     Both are sums over all equations.
 
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-        Channels: first the `lagged` ones, then the targets.
-    lagged : int
-    causal_order, noncausal_order : int
-        r and d.
-
-    Returns
-    -------
-    shape (L lagged + targets,) twice, shape (L lagged + targets,)
-        Columns of z: position by position, channel by channel within. Only the upper triangle counts.
+    `stretches`: channels: first the `lagged` ones, then the targets. `causal_order`, `noncausal_order`: r and d.
+    Returns shape (L lagged + targets,) twice, shape (L lagged + targets,): columns of z: position by position, channel
+    by channel within. Only the upper triangle counts.
     """
     lags = causal_order + noncausal_order + 1
     alike: list[Run] = []

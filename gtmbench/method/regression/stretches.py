@@ -16,20 +16,11 @@ CHUNK = 1 << 15  # samples that are scaled at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretch:
-    """Consecutive samples of some channels, centred and scaled when they are read.
+    """Consecutive samples of some channels, centred and scaled when they are read."""
 
-    Attributes
-    ----------
-    values : shape (channels, samples)
-    weights : shape (samples,), optional
-        Of the equation at each sample; None: 1 everywhere.
-    scaling : Scaling, optional
-        What is still to be done to `values`; None: nothing.
-    """
-
-    values: FloatArray = field(repr=False)
-    weights: FloatArray | None = None
-    scaling: Scaling | None = None
+    values: FloatArray = field(repr=False)  # shape (channels, samples)
+    weights: FloatArray | None = None  # shape (samples,): of the equation at each sample; None: 1 everywhere
+    scaling: Scaling | None = None  # what is still to be done to `values`; None: nothing
 
     def __len__(self) -> int:
         return int(self.values.shape[1])
@@ -134,10 +125,7 @@ def stretches(
 
     These are the samples' own (weighted), unless those of `others` are given.
 
-    Raises
-    ------
-    InputError
-        Naming the channel that is missing or holds NaN where it counts.
+    InputError naming the channel that is missing or holds NaN where it counts.
     """
     parts = [part for record, own in zip(records, weights, strict=True) for part in _parts(record, channels, own)]
     if not sum(map(len, parts)):

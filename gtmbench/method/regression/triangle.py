@@ -29,28 +29,14 @@ Columns = np.ndarray[tuple[int], np.dtype[np.intp]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Triangle:
-    """The equations [Phi | y], rotated to upper triangular form.
+    """The equations [Phi | y], rotated to upper triangular form."""
 
-    Attributes
-    ----------
-    root : shape (columns, columns)
-        R, upper triangular (more rows do no harm).
-    targets : int
-        How many of its last columns are y.
-    equations : int
-    weight : float
-        Sum of the equations' weights.
-    solver : str
-        "cholesky" of the Gram matrix, or "householder": orthogonal, on the equations themselves.
-    means : shape (columns,)
-        What the columns of [Phi y] are freed of; 0 where no constant is estimated.
-    """
-
-    root: FloatArray = field(repr=False)
-    targets: int
+    root: FloatArray = field(repr=False)  # shape (columns, columns): R, upper triangular (more rows do no harm)
+    targets: int  # how many of its last columns are y
     equations: int
-    weight: float
-    solver: str
+    weight: float  # sum of the equations' weights
+    solver: str  # "cholesky" of the Gram matrix, or "householder": orthogonal, on the equations themselves
+    # shape (columns,): what the columns of [Phi y] are freed of; 0 where no constant is estimated
     means: FloatArray = field(repr=False)
 
     @property
@@ -120,15 +106,9 @@ def triangle(
 ) -> Triangle:
     """Reduce all equations of the stretches: by Cholesky where that can be trusted, else by reflections.
 
-    Parameters
-    ----------
-    stretches : sequence of Stretch
-        Channels: first the `lagged` ones, then the targets.
-    lagged, causal_order, noncausal_order : int
-    columns : shape (columns,), optional
-        Which columns of Phi to take, numbered as by `gram`, and in which order; None: all.
-    constant : bool
-        Whether a constant is estimated with theta.
+    `stretches`: channels: first the `lagged` ones, then the targets. `columns`, shape (columns,): which columns of Phi
+    to take, numbered as by `gram`, and in which order; None: all. `constant`: whether a constant is estimated with
+    theta.
     """
     from scipy.linalg import blas, lapack
 

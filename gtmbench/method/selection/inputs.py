@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.checks import whole
 from gtmbench.method.problem import Constant, Problem, Records, Weights, operator_names, pose_problem
 from gtmbench.method.regression.triangle import Triangle, without
-from gtmbench.method.selection.criteria import information
+from gtmbench.method.selection.orders import information
 from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:

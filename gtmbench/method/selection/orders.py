@@ -12,6 +12,7 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gtmbench.checks import whole
 from gtmbench.errors import InputError
@@ -19,14 +20,13 @@ from gtmbench.method.estimators.least_squares import solve
 from gtmbench.method.problem import Constant, Problem, Records, Weights, as_records, operator_names, pose_problem
 from gtmbench.method.regression.stretches import stretches
 from gtmbench.method.regression.triangle import Triangle
-from gtmbench.method.selection.criteria import information
 from gtmbench.values.record import FloatArray
 
 if TYPE_CHECKING:
     import pandas as pd
 
-ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)
-_MOST_ORDERS = 200
+ORDERS = (0, 1, 2, 3, 5, 7, 10, 14, 20, 28, 38, 50)  # each some 1.4 times the one before, up to the dissertation's
+_MOST_ORDERS = 200  # each is a fit: more is a mistake
 _ALLOWANCE = 1.01  # times the least held-out RMS: what lies within is as good
 
 Fit = tuple[int, FloatArray, FloatArray | None]  # rank; sums of squares, shape (outputs,): of fit, of held-out data
@@ -273,3 +273,20 @@ def _choice(table: pd.DataFrame, validated: bool) -> OrderChoice:
     if largest:
         reason += f"; the {' and the '.join(largest)} order is the largest tried, so try larger ones"
     return OrderChoice(causal_order=r, noncausal_order=d, reason=reason, table=table)
+
+
+def information(power: FloatArray, equations: float, rank: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return AIC and BIC of models with `rank` determined parameters an output.
+
+    Residuals are taken as white, Gaussian and independent from output to output; constants are left out.
+
+    `power`, shape (..., outputs): mean squares of the residuals, each over its output's mean square. `rank`, shape
+    (...).
+
+    >>> aic, bic = information(np.array([0.01]), 1000.0, 5)
+    >>> round(float(aic), 6)  # 1000 log(0.01) + 2 * 5
+    -4595.170186
+    """
+    fit = equations * np.sum(np.log(power), axis=-1)
+    count = np.asarray(rank) * power.shape[-1]
+    return fit + 2.0 * count, fit + np.log(equations) * count

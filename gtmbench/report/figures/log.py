@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gtmbench.checks import printable
-from gtmbench.engine.curves import Curve
+from gtmbench.engine.curves import ErrorCurve
 from gtmbench.intake.events import EventKind, of_kind
 from gtmbench.report.axes import is_long, round_times, time_title
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
@@ -183,11 +183,11 @@ def _levels(axis: Axes, watched: WatchedLog, span: Span) -> None:
     axis.set_ylabel("test statistic\n(alarm above 1)")
 
 
-def _curves(watched: WatchedLog) -> Sequence[Curve]:
+def _curves(watched: WatchedLog) -> Sequence[ErrorCurve]:
     return watched.curves[:_MOST_FAULTS]
 
 
-def _evidence(axis: Axes, watched: WatchedLog, curve: Curve, span: Span) -> None:
+def _evidence(axis: Axes, watched: WatchedLog, curve: ErrorCurve, span: Span) -> None:
     """Draw what a relation is off by, its mean, and what a fault makes of it."""
     tint = tints_of(watched).get(curve.sensor, COLOURS["virtual"])
     mean = trailing_means(curve.measured, max(round(_MEAN_S / float(np.diff(curve.time_s[:2])[0])), 1), 0.5)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.engine.course.judged import CourseJudged
-from gtmbench.engine.curves import Curve
+from gtmbench.engine.curves import ErrorCurve
 from gtmbench.engine.finding import Finding
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.judged import Judged
@@ -67,7 +67,7 @@ def _standing(course: CourseJudged | None = None) -> list[tuple[str, ...]]:
     ]
 
 
-def made_text(curve: Curve) -> str:
+def made_text(curve: ErrorCurve) -> str:
     """Say which fault a curve's prediction is of."""
     return f"{curve.kind.replace('_', ' ')} of {curve.sensor}"
 
@@ -75,7 +75,7 @@ def made_text(curve: Curve) -> str:
 def chances_text(finding: Finding) -> str:
     """Say how likely explanations are, the likeliest first.
 
-    >>> from gtmbench.engine.effect import Effect
+    >>> from gtmbench.engine.relation import Effect
     >>> from gtmbench.engine.explanation import Explanation
     >>> bias = (Explanation(suspect="q", kind="bias", effect=lambda _: Effect()), 0.0)
     >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)

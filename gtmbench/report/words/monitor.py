@@ -202,7 +202,7 @@ def origin_text(monitor: Monitor) -> list[str]:
             f"false alarms: {wanted:g} an hour asked for, which extrapolates the tails; the {watched} that set the "
             f"thresholds show no more than {float(f'{bound:.2g}'):g} an hour (95 %)"
         )
-    luck = Luck.told(known)
+    luck = Luck.from_provenance(known)
     if luck is not None:
         lines.append(
             f"luck of these records: others like them would move thresholds by a factor of {luck.median:.2g} "

@@ -108,7 +108,7 @@ def _spreads(monitors: Monitors) -> dict[str, float]:
     """Return within how many times other flights would have set 95 % of a detector's thresholds, by its name."""
     found: dict[str, float] = {}
     for (name, *_), monitor in monitors.items():
-        luck = Luck.told(monitor.provenance)
+        luck = Luck.from_provenance(monitor.provenance)
         if luck is not None and np.isfinite(luck.within):
             found[name] = max(luck.within, found.get(name, 1.0))
     return found

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gtmbench.checks import naming
-from gtmbench.detectors.auto_recipe import AutoDetector
 from gtmbench.detectors.bank.composed import bank_of_gyros, composed_bank, unwatched
-from gtmbench.detectors.bank_detector import BankDetector
+from gtmbench.detectors.bank_detector import AutoDetector, BankDetector
 from gtmbench.detectors.protocol import Detector
 from gtmbench.errors import InputError
 from gtmbench.intake.contents import log_contents

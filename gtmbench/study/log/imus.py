@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.hindsight.cleared import Failure, hindsight_of
 from gtmbench.engine.imus.agreement import agree, factors, late
-from gtmbench.engine.imus.imu import Imu, gyro_of
+from gtmbench.engine.imus.imu import FlightImu, gyro_of
 from gtmbench.engine.judged import Judged, failure_of
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
@@ -89,7 +89,11 @@ def imu_claims(judged: Judged, claims: Sequence[Claim]) -> ImuClaims:
     )
 
 
+<<<<<<< HEAD
 def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> ImuClaims:
+=======
+def _judged(judged: Judged, imu: FlightImu, failures: Mapping[str, Sequence[Failure]]) -> Told:
+>>>>>>> house-a
     flight = judged.flight.by(imu)
     own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.columns, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
@@ -99,7 +103,7 @@ def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]])
     return ImuClaims(claims=claims, lines=lines)
 
 
-def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
+def _installed(judged: Judged, imu: FlightImu) -> Iterator[str]:
     """Say how an IMU is mounted, and what it reads otherwise all along: neither is a fault."""
     if imu.mounting.turned_deg:
         yield (
@@ -117,7 +121,11 @@ def _installed(judged: Judged, imu: Imu) -> Iterator[str]:
         yield f"{imu.name} is {1e3 * abs(late_s):.0f} ms {'late' if late_s > 0.0 else 'early'}."
 
 
+<<<<<<< HEAD
 def _askew(judged: Judged, imu: Imu) -> ImuClaims:
+=======
+def _askew(judged: Judged, imu: FlightImu) -> Told:
+>>>>>>> house-a
     """Return what is told of an IMU whose axes lie along none of the aircraft's."""
     span_s = judged.flight.blocks.start_s, judged.flight.blocks.end_s
     reason, to_do = f"is mounted turned by {imu.mounting.turned_deg:.0f} deg", "give its columns with --map to judge it"

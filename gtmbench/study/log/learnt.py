@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
-from gtmbench.detectors.auto_recipe import AutoDetector
+from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.protocol import Detector, Monitor, is_recipe, with_provenance
 from gtmbench.errors import InputError

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 
-from gtmbench.detectors.auto_recipe import AutoDetector
+from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.isolation.case import ACCELEROMETERS
 from gtmbench.detectors.protocol import Detector, Monitor, is_ready, is_recipe

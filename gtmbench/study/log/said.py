@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gtmbench.detectors.alarm import MISSING, Alarm
-from gtmbench.detectors.auto_recipe import AutoDetector
+from gtmbench.detectors.bank_detector import AutoDetector
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
@@ -132,7 +132,7 @@ def _changed(watches: Sequence[Watch], change: Callable[[Alarm], Alarm]) -> tupl
 
 def with_doubt(alarm: Alarm, doubt: str) -> Alarm:
     """Return an alarm that may be no fault after all, and why."""
-    judged = alarm.judgements[-1].doubted(doubt)
+    judged = alarm.judgements[-1].naming_nobody(doubt)
     return replace(alarm, judgements=(*alarm.judgements, judged), ended_s=None, end_known_s=None)
 
 
@@ -227,7 +227,7 @@ def excursions_of(monitor: Monitor, left: Part) -> tuple[Excursion, ...]:
     """Return the stretches that are beyond what a bank was identified on, and those that are watched, in time."""
     if not predicts(monitor):
         return ()
-    regime = Regime.told(monitor.provenance)
+    regime = Regime.from_provenance(monitor.provenance)
     return tuple(excursion for record in left.motion for excursion in regime.excursions(record, left.log.events))
 
 

@@ -11,7 +11,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
 from gtmbench.engine.finding import FROZEN
-from gtmbench.engine.hindsight.cleared import JUDGED, Change, Failure, Hindsight, agrees_from_s, shows
+from gtmbench.engine.hindsight.cleared import JUDGED, Failure, Hindsight, LevelChange, agrees_from_s, shows
 from gtmbench.engine.judged import Judged, failure_of, parting
 from gtmbench.faults.kinds.replacing import Dropout
 from gtmbench.faults.registry import how_of, whole_log_of
@@ -218,7 +218,7 @@ def _beside_engine(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[C
         yield sensor, replace(span, state=State.NOT_JUDGED, reason=reason) if reason else span
 
 
-def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[Change]) -> str:
+def _at_odds(judged: Judged, sensor: str, span: SensorSpan, changed: Sequence[LevelChange]) -> str:
     """Say why an alarm doesn't name a sensor: the whole log names another, or shows nothing of what it says.
 
     An attitude that follows the gyros is bent by whichever failed: there nobody is named while another parts from it.

@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from gtmbench.detectors.alarm import SAID, Alarm, said_of
+from gtmbench.detectors.alarm import ALARM_COLUMNS, Alarm, rows_of_alarms
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.installation import Installation
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, suspects_of
 from gtmbench.engine.course.judged import CourseJudged
-from gtmbench.engine.curves import Curve
+from gtmbench.engine.curves import ErrorCurve
 from gtmbench.engine.hindsight.cleared import JUDGED
-from gtmbench.engine.imus.imu import Imu
+from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.judged import Judged
 from gtmbench.engine.named import WHOLE
 from gtmbench.history.next_motion import NextMotion, next_motions
@@ -160,7 +160,7 @@ class WatchedLog:
             "watched": f"{3600.0 * self.armed_hours:.1f} s",
             **{f"reason {number}": reason for number, reason in enumerate(self.reasons, 1)},
         }
-        return card(f"WatchedLog {self.log.path.name}", facts, columns=SAID, rows=said_of(self.alarms))
+        return card(f"WatchedLog {self.log.path.name}", facts, columns=ALARM_COLUMNS, rows=rows_of_alarms(self.alarms))
 
     @property
     def alarms(self) -> tuple[Alarm, ...]:
@@ -196,12 +196,12 @@ class WatchedLog:
         return (*(() if self.course is None else self.course.alarms), *self.failed_gps)
 
     @property
-    def curves(self) -> tuple[Curve, ...]:
+    def curves(self) -> tuple[ErrorCurve, ...]:
         """What shows the engine's findings: relations as they are, and as findings predict them."""
         return tuple(curve for each in (self.judged, self.course) if each is not None for curve in each.curves)
 
     @property
-    def further_imus(self) -> tuple[Imu, ...]:
+    def further_imus(self) -> tuple[FlightImu, ...]:
         """The IMUs beside the one that is watched, as the engine compared them; none where the log has one."""
         return () if self.judged is None else self.judged.flight.imus
 

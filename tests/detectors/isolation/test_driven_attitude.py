@@ -9,7 +9,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
-from gtmbench.detectors.monitor.following import Following
+from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.study.log.certificate import certificate_of, kinds
@@ -103,7 +103,7 @@ def test_what_references_contradict_gives_the_change_of_the_gyro_back(estimator)
 @pytest.mark.parametrize("channel", GYROS)
 def test_the_residual_of_a_following_attitude_is_what_the_bank_makes_of_the_bent_record(channel, estimator):
     rows, fault = range(2500, 3500), gb.Bias(channel=channel, onset_s=2500 * PERIOD_S, size=0.5)
-    following = Following(monitor(), healthy(), channel, rows, estimator)
+    following = Followed(monitor(), healthy(), channel, rows, estimator)
     was, reads = fault.onwards(healthy(), rows.stop)
     change = following.change(reads - was)
     bent = gb.inject(healthy(), fault, attitude=estimator)

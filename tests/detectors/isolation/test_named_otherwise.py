@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.monitor.review import _unless_named_otherwise
+from gtmbench.detectors.monitor.review import _consistent_with_earlier
 
 ALARM = gb.Alarm(number=0, time_s=81.0, onset_s=80.0, source="q", test="mean")
 R = gb.Judgement(time_s=101.0, sensor="r", candidates=("r",), kind="bias")
@@ -15,7 +15,7 @@ BOTH = replace(Q, sensor=None, candidates=("q", "phi"), together=(Q, replace(Q, 
 
 
 def after(*before, now):
-    return _unless_named_otherwise(now, replace(ALARM, judgements=before))
+    return _consistent_with_earlier(now, replace(ALARM, judgements=before))
 
 
 @pytest.mark.parametrize("now", [Q, BOTH])
@@ -28,7 +28,7 @@ def test_another_name_leaves_both(now):
 
 @pytest.mark.parametrize(
     ("before", "now"),
-    [((OPEN,), Q), ((R,), R), ((R,), OPEN), ((Q,), BOTH), ((R.doubted("motion"),), Q)],
+    [((OPEN,), Q), ((R,), R), ((R,), OPEN), ((Q,), BOTH), ((R.naming_nobody("motion"),), Q)],
     ids=["first name", "same name", "no name", "one of several", "a doubtful name"],
 )
 def test_all_else_stays(before, now):

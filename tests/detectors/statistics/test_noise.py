@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 import gtmbench as gb
 from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from tests.helpers.monitors import monitor, record, truth
 from tests.helpers.night import by_day
@@ -39,7 +39,7 @@ LAWS = {
 def greatest(residual, whitener=CALIBRATED):
     """The greatest ratio of a whole record, in nats."""
     told = followed(whitener, residual, TS)
-    return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Tolerance()))
+    return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Allowance()))
 
 
 @pytest.mark.parametrize("chunk", [1, 7, 50, 333, 20_000])
@@ -100,7 +100,7 @@ def test_a_step_is_seen_in_noise_of_any_law(law):
     broken = LAWS[law](7).copy()
     broken[10_000:] += 2.5
     told = followed(CALIBRATED, broken, TS)
-    scores = Statistic().scores(broken, told, TS, Tolerance())
+    scores = Statistic().scores(broken, told, TS, Allowance())
     above = np.logical_or.reduce([score.values > 23.0 for score in scores])
     assert 10_000 <= np.argmax(above) < 10_200
 
@@ -110,7 +110,7 @@ def test_a_large_step_shows_as_large_in_noise_of_any_tail(law):
     def seen(size):
         broken = LAWS[law](8).copy()
         broken[10_000:10_200] += size
-        scores = Statistic().scores(broken, followed(CALIBRATED, broken, TS), TS, Tolerance())
+        scores = Statistic().scores(broken, followed(CALIBRATED, broken, TS), TS, Allowance())
         return max(np.nanmax(score.values[10_000:10_200]) for score in scores)
 
     assert seen(40.0) > 10.0 * seen(4.0)
@@ -279,12 +279,12 @@ def test_a_slow_part_of_the_noise_is_learnt_and_white_noise_has_none(memory_s):
     late = slice(10_000, None)
     assert np.median(with_it.slow[late]) > 5e-3  # the second filter has taken some of 0.16
     assert np.median(without.slow[late]) < 1e-4
-    healthy = Statistic().scores(white(32) + 0.4 * slow, with_it, TS, Tolerance())
+    healthy = Statistic().scores(white(32) + 0.4 * slow, with_it, TS, Allowance())
     assert max(np.nanmax(score.values[late]) for score in healthy) < 25.0
 
 
 def test_a_drift_is_no_slow_noise():
     drift = 1e-3 * np.maximum(np.arange(20_000) - 1000.0, 0.0)
     told = followed(CALIBRATED, white(33) + drift, TS)
-    scores = Statistic().scores(white(33) + drift, told, TS, Tolerance())
+    scores = Statistic().scores(white(33) + drift, told, TS, Allowance())
     assert 1000 <= np.argmax(np.logical_or.reduce([score.values > 25.0 for score in scores])) < 2500

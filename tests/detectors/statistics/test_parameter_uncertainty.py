@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gtmbench.detectors.statistics.statistic import Spread, Statistic, Tolerance
+from gtmbench.detectors.statistics.statistic import Allowance, Spread, Statistic
 from gtmbench.detectors.statistics.uncertainty import ParameterUncertainty, SpreadStream
 from gtmbench.detectors.statistics.whitening import White
 from gtmbench.method.regression.slow import HALF, held, interpolated, regressors, slow
@@ -307,7 +307,7 @@ def test_an_operators_error_that_lasts_is_judged_as_the_one_error_that_it_is():
     push = np.where((np.arange(1500) // 150) % 2, 3.0, -3.0)  # half turns of 1.5 s
     record = Record(np.column_stack([push, push**2 / 3.0]), channels=["p", "q"], sample_period_s=0.01)
     spread = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0).spread(by, record, np.ones(1), test)
-    tolerance, drawn, greatest, judged = Tolerance(high=2.0), [], [], []
+    tolerance, drawn, greatest, judged = Allowance(high=2.0), [], [], []
     for _ in range(60):
         error = record.matrix(["p", "q"]) @ (0.5 * random.standard_normal(2)) + random.standard_normal(1500)
         drawn.append(error)
@@ -329,8 +329,8 @@ def test_a_shift_in_known_motion_alarms_as_without_doubt():
     uncertainty = ParameterUncertainty(root=0.5 * np.eye(2), raw=1.0, white=1.0)
     spread = uncertainty.spread(operator(np.zeros(2), 0, 0, period_s=0.01), still, np.ones(1), test)
     for score, other in zip(
-        test.scores(noise, White.steady(shifted), 0.01, Tolerance()),
-        test.scores(noise, White.steady(shifted), 0.01, Tolerance(), spread),
+        test.scores(noise, White.steady(shifted), 0.01, Allowance()),
+        test.scores(noise, White.steady(shifted), 0.01, Allowance(), spread),
         strict=True,
     ):
         np.testing.assert_array_equal(score.values, other.values)

@@ -14,7 +14,7 @@ from gtmbench.detectors.rivals.level import Level
 from gtmbench.detectors.rivals.limit_checks import LimitChecks
 from gtmbench.detectors.rivals.signals import Lookback
 from gtmbench.detectors.statistics.sight import check_sight
-from gtmbench.detectors.statistics.statistic import Statistic, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.statistic import Allowance, Statistic, tolerance_of
 from gtmbench.detectors.statistics.thresholds import healthy_maxima
 from gtmbench.detectors.statistics.whitening import White
 from tests.helpers.monitors import record
@@ -79,14 +79,14 @@ def test_thresholds_that_pass_only_what_is_beyond_the_handful_are_blind():
     for label in ("mean 1 s", "energy 1 s"):
         thresholds = {"mean 1 s": math.inf, "energy 1 s": math.inf, label: 1e5}
         with pytest.raises(gb.InputError, match="a step of 20"):
-            check_sight("p", thresholds, test, Tolerance(), PERIOD_S)
+            check_sight("p", thresholds, test, Allowance(), PERIOD_S)
     with pytest.raises(gb.InputError, match="10 times the noise for 5 s passes none"):
-        check_sight("p", {"mean 1 s": 2000.0, "energy 1 s": math.inf}, test, Tolerance(), PERIOD_S)
+        check_sight("p", {"mean 1 s": 2000.0, "energy 1 s": math.inf}, test, Allowance(), PERIOD_S)
 
 
 def test_what_is_tolerated_isnt_held_against_a_residual():
     test = Statistic()
-    tolerance = Tolerance(mean=30.0, low=0.1, high=50.0)
+    tolerance = Allowance(mean=30.0, low=0.1, high=50.0)
     check_sight("p", dict.fromkeys(healthy_thresholds(test, 300.0)[0], 25.0), test, tolerance, PERIOD_S)
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gtmbench.detectors.statistics.statistic import STATISTICS, Statistic, Tolerance, tolerance_of
+from gtmbench.detectors.statistics.statistic import STATISTICS, Allowance, Statistic, tolerance_of
 from gtmbench.detectors.statistics.whitening import White
 
 TS = 0.1
-NONE = Tolerance()
-SOME = Tolerance(mean=0.3, low=0.7, high=1.4)
+NONE = Allowance()
+SOME = Allowance(mean=0.3, low=0.7, high=1.4)
 every_statistic = pytest.mark.parametrize("name", STATISTICS)
 GIVEN = {"windows_s": (0.4, 1.0, 2.5), "baseline_s": 6.0}
 

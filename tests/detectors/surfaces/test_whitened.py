@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from gtmbench.detectors.surfaces.whitened import ORDER, Sums, left, whitening
+from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, left, whitening
 
 
 def coloured(seed, samples, pole):
@@ -17,7 +17,7 @@ def test_products_of_filtered_values_are_those_of_the_filtered_series(step):
     draw = np.random.default_rng(1)
     values = draw.standard_normal((400, 2, 3))
     taps = np.concatenate([np.ones((1, 2, 1)), draw.standard_normal((1, 2, ORDER))], axis=-1)
-    sums = Sums(2, 3, 60, step)
+    sums = BlockSums(2, 3, 60, step)
     for first in range(0, 400, 50):
         sums.push(values[first : first + 50], np.ones(50, dtype=bool))
     begin, end = np.array([350]), np.array([390])
@@ -32,7 +32,7 @@ def test_products_of_filtered_values_are_those_of_the_filtered_series(step):
 
 def test_the_filter_of_a_process_of_first_order_is_its_own():
     noise = coloured(2, 50_000, 0.8)[:, np.newaxis, np.newaxis]
-    sums = Sums(1, 1, 50_000)
+    sums = BlockSums(1, 1, 50_000)
     sums.push(noise, np.ones(len(noise), dtype=bool))
     lagged = sums.lagged(np.array([0]), np.array([len(noise)]), np.zeros((1, 1, 0)))
     np.testing.assert_allclose(whitening(lagged)[0, 0], [1.0, -0.8, 0.0, 0.0, 0.0], atol=0.02)

@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.engine.course.blocked import blocked
 from gtmbench.engine.course.jumps import jumps
-from gtmbench.engine.course.relations.roughness import told_of
+from gtmbench.engine.course.relations.roughness import noise_channels
 from gtmbench.engine.samples import Samples
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.verdict.timeline import State
@@ -47,11 +47,11 @@ def test_a_noise_of_less_than_the_least_accuses_nobody(channel, deviation):
 
 def test_noise_is_told_of_what_nothing_shakes_and_of_no_slow_sensor():
     course = course_from(flown())
-    assert told_of(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER, "tas", "alpha", "beta")
+    assert noise_channels(course) == (*GPS_VELOCITY, "altitude", *MAGNETOMETER, "tas", "alpha", "beta")
     record = flown()
     slow = np.arange(len(record)) % round(0.3 / record.sample_period_s) != 0
     slower = record.replace("altitude", np.where(slow, np.nan, record["altitude"]))
-    assert "altitude" not in told_of(course_from(slower))
+    assert "altitude" not in noise_channels(course_from(slower))
 
 
 # ---- jumps ----

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, Level, departs, shift_of
+from gtmbench.engine.hindsight.levels import SPARE, WINDOWS_S, ChunkLevel, departs, shift_of
 
 CHUNKS = 60
 DRAWS = 50
@@ -14,7 +14,7 @@ ANY = 1e-9  # a level that wanders in health: the scatter of its chunks counts i
 
 
 def level(values, *, deviations=0.1, floor=0.0):
-    return Level(values=values, deviations=np.broadcast_to(deviations, values.shape).copy(), floor=floor)
+    return ChunkLevel(values=values, deviations=np.broadcast_to(deviations, values.shape).copy(), floor=floor)
 
 
 def white(seed=1, chunks=CHUNKS, deviation=0.1):
@@ -129,7 +129,7 @@ def test_a_chunk_that_is_noisier_tells_less():
     deviations[30:] = 1.0
     random = np.random.default_rng(8)
     values = deviations * random.standard_normal(CHUNKS)
-    shift = shift_of(Level(values=values, deviations=deviations, floor=0.0, wanders=ANY))
+    shift = shift_of(ChunkLevel(values=values, deviations=deviations, floor=0.0, wanders=ANY))
     assert shift.size == 0.0
     assert np.median(shift.bounds[35:50]) > 3.0 * np.median(shift.bounds[5:20])
 

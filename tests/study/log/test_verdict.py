@@ -126,7 +126,7 @@ def test_the_regime_is_what_was_identified_and_no_one_sensor_widens_it():
     healthy = flight().between(0.0, CUT_S)
     regime = Regime.of([healthy])
     assert len(regime.limits) == 5
-    assert Regime.told({"regime": regime.table}) == regime
+    assert Regime.from_provenance({"regime": regime.table}) == regime
     usual = regime.excursions(rest())
     for channel, size in (("p", 300.0), ("phi", 60.0)):  # a gyro's fault, an angle's
         broken = gb.inject(rest(), gb.Oscillation(channel=channel, onset_s=100.0, amplitude=size, frequency_hz=3.0))
@@ -216,7 +216,7 @@ def test_a_ready_monitor_knows_its_regime(tmp_path):
     gb.write_log(flight(), path)
     first = watch_log(path, "C", healthy=[(0.0, CUT_S)])
     again = gb.load_monitor(gb.save_monitor(first.monitor, tmp_path / "monitor.json") or tmp_path / "monitor.json")
-    assert Regime.told(again.provenance) == Regime.told(first.monitor.provenance)
-    assert Regime.told(again.provenance).limits
+    assert Regime.from_provenance(again.provenance) == Regime.from_provenance(first.monitor.provenance)
+    assert Regime.from_provenance(again.provenance).limits
     with pytest.raises(InputError):
         gb.load_monitor(path)

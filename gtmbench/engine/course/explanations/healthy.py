@@ -8,14 +8,14 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.course.course import WIND, Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation, seconds
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import FloatArray
 
 _MOST_M_S, _LEAST_M_S, _MINUTE_S = 20.0, 0.5, 60.0  # the most that the wind changes by; the least that is worth a word
-_LEAN_DEG, _HEADING_DEG, _LEAST_DEG = 10.0, 40.0, 1.0
+_LEAN_DEG, _HEADING_DEG, _LEAST_DEG = 10.0, 40.0, 1.0  # the most that an attitude leans, and that is worth a word
 
 
 def explanations(course: Course) -> list[Explanation]:

@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.roughness import QUIET, rough_of, told_of
-from gtmbench.engine.effect import Effect
+from gtmbench.engine.course.relations.roughness import QUIET, noise_channels, rough_of
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import noise
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 
 _LEAST = float(np.log1p(QUIET**-2.0))  # from a quiet sensor's noise to the least that is a failure
 
@@ -27,7 +27,7 @@ def explanations(course: Course) -> list[Explanation]:
             low=0.0,
             least=_LEAST,
         )
-        for name in told_of(course)
+        for name in noise_channels(course)
     ]
 
 

@@ -12,9 +12,9 @@ from functools import partial
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.explanation import Explanation, seconds
 from gtmbench.engine.flight import Flight
+from gtmbench.engine.relation import Effect
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, WHOLE, names_of
 from gtmbench.values.record import FloatArray
 
@@ -29,6 +29,7 @@ class _Bounds:
     most: float
 
 
+# in m/s2, m/s, shares of the field, deg and m
 _BOUNDS: dict[str, _Bounds] = (
     dict.fromkeys(ACCELEROMETERS, _Bounds(0.7, 40.0))
     | dict.fromkeys(GPS_VELOCITY, _Bounds(1.0, 1000.0))

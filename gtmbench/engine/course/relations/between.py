@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.record import FloatArray
 
 _SHARE = 1e-3  # of an error of one, by which what it changes is worked out: few relations are curved
@@ -19,18 +18,13 @@ _KEPT = 100  # answers: one an explanation, and it is asked for by every channel
 _STILL = 1e-9  # a change that is rounding
 # of forces: biases of three accelerometers, turned by the attitude, and a constant, in m/s2
 FORCE_PRIOR, FORCE_FLOOR = np.array([0.5, 0.5, 0.5, 0.3]), np.array([0.05, 0.05, 0.05, 0.05])
+FORCE_WANDER_M_S2 = 0.3  # by an attitude that leans
 
 
 def between(course: Course, values: Callable[[Course], FloatArray], **about: Any) -> Relation:
     """Return a relation of a course.
 
-    Parameters
-    ----------
-    course : Course
-    values : callable
-        From a course to y, shape (blocks, channels).
-    **about
-        What else `Relation` has.
+    `values`: from a course to y, shape (blocks, channels). `about`: what else `Relation` has.
     """
     own = values(course)
 

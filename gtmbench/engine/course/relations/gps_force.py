@@ -9,13 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.course.relations.between import FORCE_FLOOR, FORCE_PRIOR, between
+from gtmbench.engine.course.relations.between import FORCE_FLOOR, FORCE_PRIOR, FORCE_WANDER_M_S2, between
 from gtmbench.engine.relation import Relation
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY
 from gtmbench.values.record import FloatArray
 
 NEEDS = (*GPS_VELOCITY, *ACCELEROMETERS)
-_WANDER_M_S2 = 0.3  # by an attitude that leans
 _LEAST_M_S2 = 0.05  # of noise
 
 
@@ -33,7 +32,7 @@ def relation(course: Course) -> Relation:
         unit="m/s2",
         prior=FORCE_PRIOR,
         floor=FORCE_FLOOR,
-        wander=_WANDER_M_S2,
+        wander=FORCE_WANDER_M_S2,
         least=_LEAST_M_S2,
     )
 

@@ -37,4 +37,4 @@ def compared(channels: Collection[str]) -> list[tuple[str, ...]]:
 def relations_of(course: Course) -> tuple[Relation, ...]:
     """Return the relations of a course."""
     found = tuple(each.relation(course) for each in RELATIONS if course.has(*each.NEEDS))
-    return (*found, roughness.relation(course)) if roughness.told_of(course) else found
+    return (*found, roughness.relation(course)) if roughness.noise_channels(course) else found

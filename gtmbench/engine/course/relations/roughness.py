@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from gtmbench.engine.course.course import Course
-from gtmbench.engine.effect import Effect
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.relation import Relation
+from gtmbench.engine.relation import Effect, Relation
 from gtmbench.values.channels import GPS_VELOCITY, MAGNETOMETER
 from gtmbench.values.record import FloatArray
 
@@ -23,10 +22,10 @@ NAME = "roughness"
 # field (ArduPilot's limit), and three deviations of twice this share are as much
 LEAST = dict.fromkeys(GPS_VELOCITY, 1.0) | {"altitude": 5.0} | dict.fromkeys(MAGNETOMETER, 0.1)
 LEAST |= {"tas": 2.5, "alpha": 1.5, "beta": 1.5}  # half of what our users ask for, in m/s and deg
-QUIET = 0.2
+QUIET = 0.2  # of the least noise that is a failure: see the module's text
 _SLOWEST_S = 0.25  # between readings: a turn of 90 deg/s moves a field's second difference by 14 % of it
 _PRIOR, _FLOOR = np.array([10.0, 1.0]), np.array([0.2, 0.08])  # a level, a power of the liveliness
-_WANDER = 0.3
+_WANDER = 0.3  # of logarithms: by a third
 _LEAST = 0.1  # of noise
 
 
@@ -35,15 +34,15 @@ def rough_of(channel: str) -> str:
     return f"roughness of {channel}"
 
 
-def told_of(course: Course) -> tuple[str, ...]:
+def noise_channels(course: Course) -> tuple[str, ...]:
     """Return the channels whose noise is told."""
     return tuple(name for name in LEAST if name in course.noise and course.steps_s[name] <= _SLOWEST_S)
 
 
 def relation(course: Course) -> Relation:
     """Return the relation of those of a course's sensors that nothing shakes."""
-    names = told_of(course)
-    values = np.column_stack([_told(course, name) for name in names])
+    names = noise_channels(course)
+    values = np.column_stack([_log_power(course, name) for name in names])
     columns = np.column_stack([np.ones(len(values)), np.log(course.flight.lively)])
 
     def response(_: Flight, effect: Effect) -> FloatArray | None:
@@ -67,7 +66,7 @@ def relation(course: Course) -> Relation:
     )
 
 
-def _told(course: Course, name: str) -> FloatArray:
+def _log_power(course: Course, name: str) -> FloatArray:
     """Return the logarithm of one plus a noise's power beside that of a quiet one."""
     unit = course.strength if name in MAGNETOMETER else 1.0
     return np.asarray(np.log1p(course.noise[name] / (unit * QUIET * LEAST[name]) ** 2))
