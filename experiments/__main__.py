@@ -40,7 +40,8 @@ PARTS = {  # in the order of the dissertation
     "beam": "5, the beam of example 5.8.2",
     "hammerstein": "6, Hammerstein systems",
 }
-WIDEST = 200  # letters of a cell
+AGREES = "agrees"
+WIDEST = 100  # letters of a cell
 Results = dict[str, Any]
 
 
@@ -62,16 +63,18 @@ def run(name: str, *, out: Path, quick: bool) -> Results:
 
 def section(name: str, title: str, results: Results) -> str:
     """Return a script's part of the table, its figures linked."""
-    lines = [
-        f"### {title}: `{name}.py`",
-        "",
-        "| result | printed | ours | agreement |",
-        "|---|---|---|---|",
-    ]
-    for row in results["rows"]:
-        agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
-        cells = [row["result"], short(row["printed"]), short(row["ours"]), agreement]
-        lines.append("| " + " | ".join(map(plain, cells)) + " |")
+    rows = {
+        agrees: [row for row in results["rows"] if (row["agreement"] == AGREES) == agrees] for agrees in (True, False)
+    }
+    lines = [f"### {title}: `{name}.py`", "", "| result | printed | ours | because |", "|---|---|---|---|"]
+    for row in rows[False]:
+        because = "; ".join(filter(None, (row["agreement"], row["note"])))
+        lines.append(
+            "| " + " | ".join(map(plain, (row["result"], short(row["printed"]), short(row["ours"]), because))) + " |"
+        )
+    lines = lines if rows[False] else lines[:1]
+    agreeing = [plain(f"{row['result']}: {short(row['ours'])}" + " (note)" * bool(row["note"])) for row in rows[True]]
+    lines += ["", "Agree: " + " · ".join(agreeing) + "." if agreeing else ""]
     figures = [
         f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
     ]
@@ -82,7 +85,10 @@ def overview(parts: dict[str, Results]) -> str:
     """Return how many rows agree, differ, and have nothing printed."""
     said = tally(row["agreement"] for results in parts.values() for row in results["rows"])
     figures = sum(len(results["figures"]) for results in parts.values())
-    return f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`.\n\n"
+    return (
+        f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`, and so "
+        "do what is printed where rows agree, and their notes, such as a choice that was made after trying.\n\n"
+    )
 
 
 def short(cell: str) -> str:
