@@ -40,7 +40,7 @@ PARTS = {  # in the order of the dissertation
     "beam": "5, the beam of example 5.8.2",
     "hammerstein": "6, Hammerstein systems",
 }
-AGREES = "agrees"
+AGREES, DIFFERS, NOT_PRINTED = "agrees", "differs", "not printed"
 WIDEST = 100  # letters of a cell
 Results = dict[str, Any]
 
@@ -63,18 +63,19 @@ def run(name: str, *, out: Path, quick: bool) -> Results:
 
 def section(name: str, title: str, results: Results) -> str:
     """Return a script's part of the table, its figures linked."""
-    rows = {
-        agrees: [row for row in results["rows"] if (row["agreement"] == AGREES) == agrees] for agrees in (True, False)
-    }
-    lines = [f"### {title}: `{name}.py`", "", "| result | printed | ours | because |", "|---|---|---|---|"]
-    for row in rows[False]:
-        because = "; ".join(filter(None, (row["agreement"], row["note"])))
-        lines.append(
-            "| " + " | ".join(map(plain, (row["result"], short(row["printed"]), short(row["ours"]), because))) + " |"
-        )
-    lines = lines if rows[False] else lines[:1]
-    agreeing = [plain(f"{row['result']}: {short(row['ours'])}" + " (note)" * bool(row["note"])) for row in rows[True]]
-    lines += ["", "Agree: " + " · ".join(agreeing) + "." if agreeing else ""]
+    lines = [f"### {title}: `{name}.py`", ""]
+    if differing := [row for row in results["rows"] if row["agreement"] == DIFFERS]:
+        lines += ["| result | printed | ours | because |", "|---|---|---|---|"]
+    for row in differing:
+        cells = (row["result"], short(row["printed"]), short(row["ours"]), row["note"])
+        lines.append(f"| {' | '.join(map(plain, cells))} |")
+    for agreement in (AGREES, NOT_PRINTED):
+        rows = [row for row in results["rows"] if row["agreement"] == agreement]
+        ours = [f": {short(row['ours'])}" if agreement == NOT_PRINTED else "" for row in rows]
+        said = [
+            plain(row["result"] + each + " (note)" * bool(row["note"])) for row, each in zip(rows, ours, strict=True)
+        ]
+        lines += ["", f"**{agreement.capitalize()}**: {' · '.join(said)}." if said else ""]
     figures = [
         f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
     ]
@@ -87,7 +88,7 @@ def overview(parts: dict[str, Results]) -> str:
     figures = sum(len(results["figures"]) for results in parts.values())
     return (
         f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`, and so "
-        "do what is printed where rows agree, and their notes, such as a choice that was made after trying.\n\n"
+        "do both figures where rows agree, and all notes, such as a choice that was made after trying.\n\n"
     )
 
 

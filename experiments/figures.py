@@ -38,10 +38,7 @@ COLUMNS = {  # of wide tables, what pages show
         "false alarms an hour",
     ),
     ("every_fault_again", 1): ("sensors", "detected", "median (s)", "right", "wrong", "kind"),
-    ("surface_faults", 2): ("loop", "kind", "flights", "move", "of these named right", "named wrong (of all)"),
-    ("surface_faults", 3): ("loop", "kind", "flights", "move", "of these named right", "named wrong (of all)"),
     ("chain_rescue", 1): ("part", "remedy", "flights", "departed", "broken sensor replaced", "healthy sensor replaced"),
-    ("hard_motion", 1): ("part", "sensors", "rule", "flights", "departed", "a healthy sensor named"),
     ("chained_gains", 1): ("loop", "RMS p (deg/s)", "RMS q (deg/s)", "RMS r (deg/s)", "later by at most (ms)"),
 }
 BESIDE = ("C", "C-early", "B", "dissertation")  # the rivals
@@ -357,6 +354,28 @@ def real_logs() -> str:
     )
 
 
+def surfaces() -> str:
+    """Say how many faults of surfaces and of the throttle are named right."""
+    said = []
+    for what, number in (("a surface", 2), ("the throttle", 3)):
+        rows = tables_of("surface_faults")[number - 1]
+        moved, right, wrong = (total(rows, name) for name in ("move", "of these named right", "named wrong (of all)"))
+        said.append(f"of {what} {right} of {moved} named right, {wrong} wrong")
+    return f"{'; '.join(said)}. {of_run('surface_faults')}"
+
+
+def heading_witness() -> str:
+    """Say whose error a magnetometer between r and psi tells."""
+    rows = rows_of("heading_witness", "asked")
+    lies = [f"{row['size']} {row['r']} of {row['asked']}" for row in rows if row["wrong"].endswith("of r")]
+    healthy = [row for row in rows if not row["wrong"].endswith("of r")]
+    accused = total(healthy, "r")
+    return (
+        f"it named an error of r of {listed(lies)}, and accused r in {accused} of {total(healthy, 'asked')} cases in "
+        f"which r was healthy"
+    )
+
+
 def next_motions() -> str:
     """Say how many sensors a motion that was named let be judged as it was promised."""
     rows = rows_of("next_motions", "attitude")
@@ -369,6 +388,8 @@ FIGURES: dict[str, Callable[[], str]] = {
     "other sensors": other_sensors,
     "other aircraft": other_aircraft,
     "next motions": next_motions,
+    "surfaces": surfaces,
+    "heading witness": heading_witness,
     "every kind": every_kind,
     "real logs": real_logs,
     "own noise": own_noise,
