@@ -389,7 +389,7 @@ FIGURES: dict[str, Callable[[], str]] = {
     "other aircraft": other_aircraft,
     "next motions": next_motions,
     "surfaces": surfaces,
-    "heading witness": heading_witness,
+    "magnetometer": heading_witness,
     "every kind": every_kind,
     "real logs": real_logs,
     "own noise": own_noise,
