@@ -63,9 +63,9 @@ def run(name: str, *, out: Path, quick: bool) -> Results:
 
 def section(name: str, title: str, results: Results) -> str:
     """Return a script's part of the table, its figures linked."""
-    lines = [f"### {title}: `{name}.py`", ""]
+    lines = [f"### {title}: `{name}.py`"]
     if differing := [row for row in results["rows"] if row["agreement"] == DIFFERS]:
-        lines += ["| result | printed | ours | because |", "|---|---|---|---|"]
+        lines += ["", "| result | printed | ours | because |", "|---|---|---|---|"]
     for row in differing:
         cells = (row["result"], short(row["printed"]), short(row["ours"]), row["note"])
         lines.append(f"| {' | '.join(map(plain, cells))} |")
