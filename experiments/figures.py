@@ -41,6 +41,7 @@ COLUMNS = {  # of wide tables, what pages show
     ("chain_rescue", 1): ("part", "remedy", "flights", "departed", "broken sensor replaced", "healthy sensor replaced"),
     ("chained_gains", 1): ("loop", "RMS p (deg/s)", "RMS q (deg/s)", "RMS r (deg/s)", "later by at most (ms)"),
 }
+OF_FLIGHTS = {("chain_rescue", 1): "departed"}  # counts of flights, which are shown with an interval
 BESIDE = ("C", "C-early", "B", "dissertation")  # the rivals
 WAYS = {
     "estimated": "one more unknown of each output, one for all records (the default)",
@@ -72,9 +73,21 @@ def shown(report: str, number: int) -> str:
     """Return a table of a report, with the columns that pages show, and below it of which run it is."""
     rows = tables_of(report)[number - 1]
     columns = COLUMNS.get((report, number), tuple(rows[0]))
+    if count := OF_FLIGHTS.get((report, number)):
+        rows = [row | {count: with_interval(row[count], row["flights"])} for row in rows]
     lines = [columns, ["---"] * len(columns), *([row[column] for column in columns] for row in rows)]
     table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
     return f"\n{table}\n\n{of_run(report)}\n"
+
+
+def with_interval(hits: str, of: str) -> str:
+    """Write a count of flights with the 95 % interval of its share.
+
+    >>> with_interval("107", "120")
+    '107 (82 to 94 %)'
+    """
+    low, high = exact_interval(int(hits), int(of))
+    return f"{hits} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
 def of_run(report: str) -> str:
@@ -318,8 +331,8 @@ def other_aircraft() -> str:
     named = sum(row[column] == "6 of 6" for row in rows for column in ("right", "doublets: right"))
     return (
         f"{len(rows)} of them fly five minutes under multisine and moderate turbulence, open loop or in the loop; bank "
-        f"C, calibrated on three such flights, names all six drifts and jams of a flight in {named} of "
-        f"{2 * len(rows)} flights. {of_run('other_aircraft')}"
+        f"C, calibrated on three such flights, names all six drifts and jams in {share(named, 2 * len(rows))}. "
+        f"{of_run('other_aircraft')}"
     )
 
 
