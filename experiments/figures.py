@@ -330,8 +330,8 @@ def other_aircraft() -> str:
     rows = rows_of("other_aircraft", "doublets: right")
     named = sum(row[column] == "6 of 6" for row in rows for column in ("right", "doublets: right"))
     return (
-        f"{len(rows)} of JSBSim's aircraft fly five minutes under multisine and moderate turbulence, open loop or in the loop; bank "
-        f"C, calibrated on three such flights, names all six drifts and jams in {share(named, 2 * len(rows))}. "
+        f"{len(rows)} of JSBSim's aircraft fly five minutes under multisine and moderate turbulence, open loop or in "
+        f"the loop; bank C, calibrated on three such flights, names all six drifts and jams in {share(named, 2 * len(rows))}. "
         f"{of_run('other_aircraft')}"
     )
 
