@@ -331,7 +331,8 @@ def other_aircraft() -> str:
     named = sum(row[column] == "6 of 6" for row in rows for column in ("right", "doublets: right"))
     return (
         f"{len(rows)} of JSBSim's aircraft fly five minutes under multisine and moderate turbulence, open loop or in "
-        f"the loop; bank C, calibrated on three such flights, names all six drifts and jams in {share(named, 2 * len(rows))}. "
+        f"the loop; bank C, calibrated on three such flights, names all six drifts and jams in "
+        f"{share(named, 2 * len(rows))}. "
         f"{of_run('other_aircraft')}"
     )
 
