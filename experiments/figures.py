@@ -39,7 +39,6 @@ COLUMNS = {  # of wide tables, what pages show
     ),
     ("every_fault_again", 1): ("sensors", "detected", "median (s)", "right", "wrong", "kind"),
     ("chain_rescue", 1): ("part", "remedy", "flights", "departed", "broken sensor replaced", "healthy sensor replaced"),
-    ("chained_gains", 1): ("loop", "RMS p (deg/s)", "RMS q (deg/s)", "RMS r (deg/s)", "later by at most (ms)"),
 }
 OF_FLIGHTS = {("chain_rescue", 1): "departed"}  # counts of flights, which are shown with an interval
 BESIDE = ("C", "C-early", "B", "dissertation")  # the rivals
