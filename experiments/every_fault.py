@@ -549,6 +549,7 @@ def conduct_again(campaign: Campaign) -> Findings:
     parts = [
         f"# Every fault again\n\nThe monitor that ships, {size.flights} flights from seed {size.first_seed} on.",
         markdown(grouped(rows, {"sensors": "group"}, OVERALL)),
+        DETAILS,
         markdown(grouped(rows, {"fault": "fault", "severity": "given", "sensors": "group"}, BY_KIND)),
     ]
     return Findings("\n\n".join(parts), missed=False, write=lambda out: rows.to_csv(out / "trials.csv", index=False))

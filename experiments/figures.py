@@ -278,6 +278,16 @@ def rivals_table() -> str:
     return "\n".join(["", table, *(f"\n{note}" for note in read["notes"]), ""])
 
 
+def rivals_again() -> str:
+    """Say what bank B does by the code that came after the table."""
+    (row,) = results("rivals_B")["table"]
+    right, wrong = row["right / wrong sensor"].split(" / ")
+    return (
+        f"alone, on the same flights, it detects {row['detected']}, names {right} right and {wrong} wrong. "
+        f"{of_run('rivals_B')}"
+    )
+
+
 def rivals_sentence() -> str:
     """Say who shares the first place, and how the other detectors of the literature come out."""
     read = results("rivals")
@@ -389,6 +399,13 @@ def heading_witness() -> str:
     )
 
 
+def hard_motion() -> str:
+    """Say how many departures after a broken gyro name a healthy sensor, with the rule about motion and without it."""
+    rows = {row["rule"]: row for row in rows_of("hard_motion", "rule") if row["part"] == "broken gyros"}
+    with_rule, without = (share(int(rows[rule]["a healthy sensor named"]), int(rows[rule]["flights"])) for rule in rows)
+    return f"{with_rule} name a healthy sensor, without that rule {without}. {of_run('hard_motion')}"
+
+
 def next_motions() -> str:
     """Say how many sensors a motion that was named let be judged as it was promised."""
     rows = rows_of("next_motions", "attitude")
@@ -401,6 +418,7 @@ FIGURES: dict[str, Callable[[], str]] = {
     "other sensors": other_sensors,
     "other aircraft": other_aircraft,
     "next motions": next_motions,
+    "hard motion": hard_motion,
     "surfaces": surfaces,
     "magnetometer": heading_witness,
     "every kind": every_kind,
@@ -415,6 +433,7 @@ FIGURES: dict[str, Callable[[], str]] = {
     "rescue": rescue,
     "benchmark": benchmark,
     "rivals": rivals_table,
+    "bank B again": rivals_again,
     "rivals in words": rivals_sentence,
 }
 
