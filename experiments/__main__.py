@@ -40,7 +40,8 @@ PARTS = {  # in the order of the dissertation
     "beam": "5, the beam of example 5.8.2",
     "hammerstein": "6, Hammerstein systems",
 }
-WIDEST = 200  # letters of a cell
+AGREES, DIFFERS, NOT_PRINTED = "agrees", "differs", "not printed"
+WIDEST = 100  # letters of a cell
 Results = dict[str, Any]
 
 
@@ -62,16 +63,19 @@ def run(name: str, *, out: Path, quick: bool) -> Results:
 
 def section(name: str, title: str, results: Results) -> str:
     """Return a script's part of the table, its figures linked."""
-    lines = [
-        f"### {title}: `{name}.py`",
-        "",
-        "| result | printed | ours | agreement |",
-        "|---|---|---|---|",
-    ]
-    for row in results["rows"]:
-        agreement = row["agreement"] + (f"; {row['note']}" if row["note"] else "")
-        cells = [row["result"], short(row["printed"]), short(row["ours"]), agreement]
-        lines.append("| " + " | ".join(map(plain, cells)) + " |")
+    lines = [f"### {title}: `{name}.py`"]
+    if differing := [row for row in results["rows"] if row["agreement"] == DIFFERS]:
+        lines += ["", "| result | printed | ours | because |", "|---|---|---|---|"]
+    for row in differing:
+        cells = (row["result"], short(row["printed"]), short(row["ours"]), row["note"])
+        lines.append(f"| {' | '.join(map(plain, cells))} |")
+    for agreement in (AGREES, NOT_PRINTED):
+        rows = [row for row in results["rows"] if row["agreement"] == agreement]
+        ours = [f": {short(row['ours'])}" if agreement == NOT_PRINTED else "" for row in rows]
+        said = [
+            plain(row["result"] + each + " (note)" * bool(row["note"])) for row, each in zip(rows, ours, strict=True)
+        ]
+        lines += ["", f"**{agreement.capitalize()}**: {' · '.join(said)}." if said else ""]
     figures = [
         f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
     ]
@@ -82,7 +86,10 @@ def overview(parts: dict[str, Results]) -> str:
     """Return how many rows agree, differ, and have nothing printed."""
     said = tally(row["agreement"] for results in parts.values() for row in results["rows"])
     figures = sum(len(results["figures"]) for results in parts.values())
-    return f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`.\n\n"
+    return (
+        f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`, and so "
+        "do both figures where rows agree, and all notes, such as a choice that was made after trying.\n\n"
+    )
 
 
 def short(cell: str) -> str:

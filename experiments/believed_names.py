@@ -42,7 +42,7 @@ from gtmbench.report.tables.markdown import markdown
 from gtmbench.study.score import Truth
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.values.channels import ATTITUDE, GYROS
-from studies.conduct import Campaign, Findings, conducted
+from studies.conduct import DETAILS, Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
@@ -371,9 +371,8 @@ def report(rows: pd.DataFrame, figures: Mapping[str, Mapping[str, float]], size:
 {several_at_once.SAID_QUICK if quick else ""}Bank C, calibrated on {size.calibration} flights of
 {size.calibration_s:g} s, watches {rows["seed"].nunique()} flights (seeds {rows["seed"].min()} to {rows["seed"].max()};
 {", ".join(EXCITATIONS)} in turn). On each,
-every kind of the catalogue breaks a sensor drawn anew, with a size drawn between mild and strong and an onset drawn
-from {ONSET_S[0]:g} to {ONSET_S[1]:g} s; then three strange faults, and several sensors at once. Every judgement
-counts, from the first look at 0.75 s on. The odds were fitted on seeds from {FIT_SEED} on.
+every kind breaks a sensor, by a size and an onset that are drawn; then three strange faults, and several sensors at
+once. Every judgement counts, from the first look at 0.75 s on. The odds were fitted on seeds from {FIT_SEED} on.
 
 ## Targets
 
@@ -407,6 +406,12 @@ Of the catalogue, where the sensor is right. A kind counts as right that has rea
 
 ![What was stated, and how often it came true](reliability.png)
 
+## A healthy sensor named, at any time
+
+{chr(10).join(wrong) or "None."}
+
+{DETAILS}
+
 ## Intervals of 95 %
 
 {markdown(grouped(sizes, {"fault": "fault", "parameter": "parameter"}, SIZE_CELLS))}
@@ -423,10 +428,6 @@ Of strange faults the kind that is told isn't theirs, and so neither is its onse
 Faults of gyros that last {LASTS_S[0]:g} to {LASTS_S[1]:g} s, where the gyro is named.
 
 {markdown(grouped(ended, {"fault": "fault"}, END_CELLS))}
-
-## A healthy sensor named, at any time
-
-{chr(10).join(wrong) or "None."}
 """
 
 

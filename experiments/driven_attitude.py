@@ -240,18 +240,12 @@ def done(task: Task) -> list[Row]:
 # ---- the report
 
 
-INTRODUCTION = """Flights of the GTM (200 s, sensors' noise t2). An estimator makes the attitude of the gyros, broken or
-not, and of references with noise of 0.5 deg at 100 Hz. At 100 s one gyro breaks, in one of nine ways, three gyros each.
-
-- *right*: the broken gyro is named, and no other sensor ever. *wrong*: another one is. *either-or*: nobody is named, or
-  the alarm is doubted ("can't tell"). *missed*: no alarm.
-- *limit*: of quickest detection by whoever knows the estimator, all noise, the fault and the gyro (Lorden 1971), one
-  false alarm in 500 h: references and gyro follow from the log, so that an estimator hides nothing of him.
-- `names`: bank C-filtered, calibrated on 12 flights of the same estimator.
-- `logs`: `gtmbench monitor LOG`, bank auto, which learns on the log's first 80 s. *table*: CSV at 100 Hz, of which
-  nothing is told. *autopilot's*: the attitude at 50 Hz, told to be driven, as ULog and DataFlash document it.
-- `certificate`: faults of a certificate's size at times of their own, put through the estimator, and watched.
-- `own`: the same faults, the attitude of its own: by C, and as tables by auto, told nothing (*auto*) and told so.
+INTRODUCTION = """Flights of the GTM (200 s, noise t2), with an attitude that an estimator makes of the gyros and of
+references with noise of 0.5 deg at 100 Hz; at 100 s one gyro breaks. `names`: bank C-filtered, calibrated on 12
+flights of the same estimator; `logs`: `gtmbench monitor LOG`, which learns on the first 80 s of a table at 100 Hz or of
+an autopilot's attitude at 50 Hz; `certificate`: faults of a certificate's size; `own`: an attitude of its own. *Right*:
+the broken gyro is named, and no other sensor ever; *limit*: of quickest detection by whoever knows all but the onset
+(Lorden 1971), at one false alarm in 500 h.
 """
 
 

@@ -32,7 +32,7 @@ from gtmbench.study.fault_tables import build, fault_specs, resolve
 from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
-from studies.conduct import Campaign, Findings, conducted
+from studies.conduct import DETAILS, Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
@@ -241,9 +241,8 @@ def report(healthy: pd.DataFrame, faults: pd.DataFrame, size: Size) -> str:
 {SAID_QUICK if size is QUICK else ""}Banks C and C-early, calibrated on {size.calibration} flights of
 {size.calibration_s:g} s ({CALIBRATION}, T2 noise), for 0.002 false alarms an hour each, with the attitude as it is and
 late. Faults of gyros on {size.faults} flights of {size.duration_s:g} s
-({", ".join(UNSEEN)} in turn), healthy flights of these and of
-the excitation of the calibration; none of them was used while building. Delays, from onset to first alarm, count
-look-ahead and windows; intervals are 95 % (Clopper-Pearson), bounds on rates 95 % (Poisson).
+({", ".join(UNSEEN)} in turn), and healthy flights; none was used while
+building. Delays count look-ahead and windows; intervals are 95 %.
 
 ## Targets
 
@@ -257,9 +256,11 @@ look-ahead and windows; intervals are 95 % (Clopper-Pearson), bounds on rates 95
 
 {markdown(grouped(faults, WHO, OF_FAULTS))}
 
-{markdown(grouped(faults, {"excitation": "excitation", **WHO}, OF_FAULTS))}
-
 False alarms before the onset: {int(faults["false_alarms"].sum())} in {len(faults)} trials.
+
+{DETAILS}
+
+{markdown(grouped(faults, {"excitation": "excitation", **WHO}, OF_FAULTS))}
 
 ## Fault by fault
 

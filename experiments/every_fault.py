@@ -46,7 +46,7 @@ from gtmbench.study.healthy_records import CalibrationFlights
 from gtmbench.study.score import first_after, score
 from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS, axis_of, unit_of
 from gtmbench.values.record import Span
-from studies.conduct import Campaign, Findings, conducted
+from studies.conduct import DETAILS, Campaign, Findings, conducted
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
@@ -416,24 +416,14 @@ def report(rows: pd.DataFrame, figures: Mapping[str, Mapping[str, float]], size:
 {SAID_QUICK if size is QUICK else ""}Bank C, calibrated on {size.calibration} flights of {size.calibration_s:g} s
 ({CALIBRATION}, T2 noise). Judged on {size.flights} flights of {size.duration_s:g} s, seeds {size.first_seed} and on,
 that calibration never saw and nobody used while building: {", ".join(UNSEEN)}
-in turn. A fault begins at {size.onset_s:g} s and lasts. Every flight meets every fault of p, q, r, phi, theta and psi.
-Beside the bank's channels stand air data and accelerometers, which diagnoses may read and alarms don't.
-Shares of rms, peak and slew are of what the channel does on that flight while it is broken.
-
-Detected: an alarm after the onset; its delay counts look-ahead and windows. All else is of those detected, as judged
-{JUDGED_S:g} s after the alarm. *Right*: the sensor that failed is named (of a swap, either of the two), or an either-or
-between a gyro and the angle of its axis where their faults are physically the same: {same_text()}.
-*Wrong*: another one is named. *Either-or*: any other that holds the right one. *Axis*: all that are
-named or left lie on the axis that failed (p and phi, q and theta, r and psi). *Kind*: as injected, of the sensor that
-failed. *Passed*, *ended*: how often it was said, at any time, that nothing is left to explain, or that the fault had
-gone; it lasts. Intervals are 95 % (Clopper-Pearson).
+in turn; every kind, on p, q, r, phi, theta and psi, from {size.onset_s:g} s on. Names are of those detected, as judged
+{JUDGED_S:g} s after the alarm; *right* is the sensor that failed, or an either-or of an axis where their faults are
+physically the same ({same_text()}), *axis* that all that are left lie on the axis that failed. Intervals
+are 95 % (Clopper-Pearson).
 
 ## Targets
 
 {markdown(held(TARGETS, figures))}
-
-A diagnosis is all that is said of one alarm, horizons to 60 s and looks for an end after them; its CPU time is
-measured around `AlarmLogic._look_at` by `time.process_time`, of alarms with more than 60 s to come, on one thread.
 
 ## All kinds
 
@@ -444,6 +434,8 @@ measured around `AlarmLogic._look_at` by `time.process_time`, of alarms with mor
 {table(catalogue, {"excitation": "excitation"}, OVERALL)}
 
 False alarms before the onset: {int(catalogue["false_alarms"].sum())} in {len(catalogue)} trials.
+
+{DETAILS}
 
 ## Gyros, kind by kind
 
@@ -557,6 +549,7 @@ def conduct_again(campaign: Campaign) -> Findings:
     parts = [
         f"# Every fault again\n\nThe monitor that ships, {size.flights} flights from seed {size.first_seed} on.",
         markdown(grouped(rows, {"sensors": "group"}, OVERALL)),
+        DETAILS,
         markdown(grouped(rows, {"fault": "fault", "severity": "given", "sensors": "group"}, BY_KIND)),
     ]
     return Findings("\n\n".join(parts), missed=False, write=lambda out: rows.to_csv(out / "trials.csv", index=False))

@@ -1,8 +1,9 @@
 """Fill the figures of README and docs in from `results.json`: what a page says of a run is written by nobody.
 
 Run ``python experiments/figures.py``, or ``make figures``. A figure stands between ``<!-- figures: NAME -->`` and
-``<!-- end -->``; `FIGURES` has what is written there. What rests on several results needs them all from one version of
-the code: another digest among them is an error.
+``<!-- end -->``; `FIGURES` has what is written there, and ``table REPORT N`` is the Nth table of a report with the line
+that says of which run it is. What rests on several results needs them all from one version of the code: another digest
+among them is an error.
 """
 
 from __future__ import annotations
@@ -26,6 +27,20 @@ from studies.tables import tables_in
 
 HERE = Path(__file__).parent
 MARKED = re.compile(r"(?P<begin><!-- figures: (?P<name>[\w ]+) -->).*?(?P<end><!-- end -->)", re.DOTALL)
+COLUMNS = {  # of wide tables, what pages show
+    ("which_gyro", 1): (
+        "detector",
+        "detected",
+        "median (s)",
+        "95 % (s)",
+        "right sensor",
+        "wrong sensor",
+        "false alarms an hour",
+    ),
+    ("every_fault_again", 1): ("sensors", "detected", "median (s)", "right", "wrong", "kind"),
+    ("chain_rescue", 1): ("part", "remedy", "flights", "departed", "broken sensor replaced", "healthy sensor replaced"),
+}
+OF_FLIGHTS = {("chain_rescue", 1): "departed"}  # counts of flights, which are shown with an interval
 BESIDE = ("C", "C-early", "B", "dissertation")  # the rivals
 WAYS = {
     "estimated": "one more unknown of each output, one for all records (the default)",
@@ -42,8 +57,48 @@ def results(name: str) -> dict[str, Any]:
 
 def rows_of(name: str, column: str) -> list[dict[str, str]]:
     """Return the rows of a report's first table that has such a column."""
-    tables = tables_in((HERE / "reports" / name / "report.md").read_text(encoding="utf-8"))
-    return next(table for table in tables if column in table[0])
+    return next(rows for rows in tables_of(name) if rows and column in rows[0])
+
+
+def tables_of(name: str) -> list[list[dict[str, str]]]:
+    """Return the tables of a report, of its results or, where `gtmbench benchmark` wrote it, of its text."""
+    folder = HERE / "reports" / name
+    if (folder / "results.json").exists() and "tables" in results(name):
+        return list(results(name)["tables"])
+    return tables_in((folder / "report.md").read_text(encoding="utf-8"))
+
+
+def shown(report: str, number: int) -> str:
+    """Return a table of a report, with the columns that pages show, and below it of which run it is."""
+    rows = tables_of(report)[number - 1]
+    columns = COLUMNS.get((report, number), tuple(rows[0]))
+    if count := OF_FLIGHTS.get((report, number)):
+        rows = [row | {count: with_interval(row[count], row["flights"])} for row in rows]
+    lines = [columns, ["---"] * len(columns), *([row[column] for column in columns] for row in rows)]
+    table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return f"\n{table}\n\n{of_run(report)}\n"
+
+
+def with_interval(hits: str, of: str) -> str:
+    """Write a count of flights with the 95 % interval of its share.
+
+    >>> with_interval("107", "120")
+    '107 (82 to 94 %)'
+    """
+    low, high = exact_interval(int(hits), int(of))
+    return f"{hits} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def of_run(report: str) -> str:
+    """Say which code made a report, or that it is older than the digests.
+
+    >>> of_run("lost_samples").startswith("*`experiments/reports/lost_samples`, by code ")
+    True
+    """
+    read = results(report)
+    digest = read["code"].get("source")
+    made = f"by code {digest[:8]}" if digest else f"of {read['date']}, by older code: not run since"
+    return f"*`experiments/reports/{report}`, {made}.*"
 
 
 def values(name: str, result: str) -> Any:
@@ -223,6 +278,16 @@ def rivals_table() -> str:
     return "\n".join(["", table, *(f"\n{note}" for note in read["notes"]), ""])
 
 
+def rivals_again() -> str:
+    """Say what bank B does by the code that came after the table."""
+    (row,) = results("rivals_B")["table"]
+    right, wrong = row["right / wrong sensor"].split(" / ")
+    return (
+        f"alone, on the same flights, it detects {row['detected']}, names {right} right and {wrong} wrong. "
+        f"{of_run('rivals_B')}"
+    )
+
+
 def rivals_sentence() -> str:
     """Say who shares the first place, and how the other detectors of the literature come out."""
     read = results("rivals")
@@ -237,7 +302,127 @@ def rivals_sentence() -> str:
     )
 
 
+def total(rows: list[dict[str, str]], column: str) -> int:
+    """Return the sum of a column of counts."""
+    return round(sum(float(row[column]) for row in rows))
+
+
+def several_imus() -> str:
+    """Say what comes of a gyro that fails in one of several IMUs, and that the run is of today's code or not."""
+    rows = rows_of("several_imus", "IMUs")
+    put, named, either, wrong, silent = (
+        total(rows, column) for column in ("faults", "named", "either-or", "named wrong", "not accused")
+    )
+    return (
+        f"Of {put} faults on synthetic flights, whose estimator the broken IMU drives or another, {named} are named, "
+        f"{either} either-or, {silent} accuse nobody and {wrong} name a healthy gyro. {of_run('several_imus')}"
+    )
+
+
+def other_sensors() -> str:
+    """Say which of the faults of sensors that no gyro enters are found in logs."""
+    rows = rows_of("other_sensors_in_logs", "channel")
+    put, named, either, late, wrong, silent, clear = (
+        total(rows, column)
+        for column in ("put", "named", "either-or", "late", "wrong", "not accused", "beside a clear row")
+    )
+    return (
+        f"On flights of the GTM of four minutes in turbulence, written as logs, {named} of {put} faults (10 kt, 3 deg, "
+        f"0.2 g, 100 ft, 3 m/s, 20 % of the field, or one value, noise, a blocked tube) are named within 30 s, "
+        f"{either} are either-or, {late} come later, {silent} accuse nobody, {wrong} name another sensor, and {clear} "
+        f"lie beside a sensor that is called clear. {of_run('other_sensors_in_logs')}"
+    )
+
+
+def other_aircraft() -> str:
+    """Say how many of JSBSim's aircraft fly, and of how many all faults are named."""
+    rows = rows_of("other_aircraft", "doublets: right")
+    named = sum(row[column] == "6 of 6" for row in rows for column in ("right", "doublets: right"))
+    return (
+        f"{len(rows)} of JSBSim's aircraft fly five minutes under multisine and moderate turbulence, open loop or in "
+        f"the loop; bank C, calibrated on three such flights, names all six drifts and jams in "
+        f"{share(named, 2 * len(rows))}. "
+        f"{of_run('other_aircraft')}"
+    )
+
+
+def every_kind() -> str:
+    """Say how the monitor that ships meets every kind of fault."""
+    rows = {row["sensors"]: row for row in rows_of("every_fault_again", "axis")}
+    said = [
+        f"{words}: {row['detected']} detected, {row['right']} of these named right, {row['wrong']} wrong"
+        for words, row in (("gyros", rows["gyro"]), ("attitude", rows["attitude"]))
+    ]
+    return "; ".join(said)
+
+
+def real_logs() -> str:
+    """Say what is said of public logs, and of faults that are put on them."""
+    head, *rest = (dict(row) for row in rows_of("real_logs", "unseen7"))
+    figures = {row.pop(""): row for row in (head, *rest)}
+    groups = [name for name in figures["logs"] if "sitl" not in name and name != "gtm"]
+
+    def of(name: str) -> int:
+        return sum(int(figures[name][group].split()[0]) for group in groups)
+
+    last = figures["usual faults, alone: found / named / wrong"]["unseen7"]
+    through = figures["usual faults, 5 s: found / named / wrong"]["unseen7"]
+    logs, accused, quiet, found, open_ = map(
+        of, ("logs", "healthy accused", "end with 0", "a failure found", "can't tell")
+    )
+    return (
+        f"of {logs} logs {accused} are accused that are healthy as far as is known; {quiet} end with nothing found, "
+        f"{open_} with *can't tell*, in {found} a true failure is found. Everyday faults that were put on the logs "
+        f"that were watched last: found / named / wrong in {last} on a gyro alone, in {through} through an estimator"
+    )
+
+
+def surfaces() -> str:
+    """Say how many faults of surfaces and of the throttle are named right."""
+    said = []
+    for what, number in (("a surface", 2), ("the throttle", 3)):
+        rows = tables_of("surface_faults")[number - 1]
+        moved, right, wrong = (total(rows, name) for name in ("move", "of these named right", "named wrong (of all)"))
+        said.append(f"of {what} {right} of {moved} named right, {wrong} wrong")
+    return f"{'; '.join(said)}. {of_run('surface_faults')}"
+
+
+def heading_witness() -> str:
+    """Say whose error a magnetometer between r and psi tells."""
+    rows = rows_of("heading_witness", "asked")
+    lies = [f"{row['size']} {row['r']} of {row['asked']}" for row in rows if row["wrong"].endswith("of r")]
+    healthy = [row for row in rows if not row["wrong"].endswith("of r")]
+    accused = total(healthy, "r")
+    return (
+        f"it named an error of r of {listed(lies)}, and accused r in {accused} of {total(healthy, 'asked')} cases in "
+        f"which r was healthy"
+    )
+
+
+def hard_motion() -> str:
+    """Say how many departures after a broken gyro name a healthy sensor, with the rule about motion and without it."""
+    rows = {row["rule"]: row for row in rows_of("hard_motion", "rule") if row["part"] == "broken gyros"}
+    with_rule, without = (share(int(rows[rule]["a healthy sensor named"]), int(rows[rule]["flights"])) for rule in rows)
+    return f"{with_rule} name a healthy sensor, without that rule {without}. {of_run('hard_motion')}"
+
+
+def next_motions() -> str:
+    """Say how many sensors a motion that was named let be judged as it was promised."""
+    rows = rows_of("next_motions", "attitude")
+    right = round(sum(float(row["sensors"]) * float(row["right"]) for row in rows))
+    return f"{right} of {total(rows, 'sensors')} sensors"
+
+
 FIGURES: dict[str, Callable[[], str]] = {
+    "several imus": several_imus,
+    "other sensors": other_sensors,
+    "other aircraft": other_aircraft,
+    "next motions": next_motions,
+    "hard motion": hard_motion,
+    "surfaces": surfaces,
+    "magnetometer": heading_witness,
+    "every kind": every_kind,
+    "real logs": real_logs,
     "own noise": own_noise,
     "main job": main_job_table,
     "main job in words": main_job_sentence,
@@ -248,17 +433,26 @@ FIGURES: dict[str, Callable[[], str]] = {
     "rescue": rescue,
     "benchmark": benchmark,
     "rivals": rivals_table,
+    "bank B again": rivals_again,
     "rivals in words": rivals_sentence,
 }
+
+
+def figure_of(name: str) -> str:
+    """Return the text of a figure by its name."""
+    match name.split():
+        case ["table", report, number]:
+            return shown(report, int(number))
+    if name not in FIGURES:
+        raise InputError(f"there are no figures '{name}'; there are {', '.join(FIGURES)}, and table REPORT N")
+    return FIGURES[name]()
 
 
 def filled(page: str) -> str:
     """Return a page with all of its figures as the results have them."""
 
     def figure(marked: re.Match[str]) -> str:
-        if marked["name"] not in FIGURES:
-            raise InputError(f"there are no figures '{marked['name']}'; there are {', '.join(FIGURES)}")
-        return f"{marked['begin']}{FIGURES[marked['name']]()}{marked['end']}"
+        return f"{marked['begin']}{figure_of(marked['name'])}{marked['end']}"
 
     return MARKED.sub(figure, page)
 

@@ -27,7 +27,7 @@ from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.channels import ACCELEROMETERS, GYROS
 from recorded.flights import CHANNELS, LogFile, watched
-from studies.conduct import Campaign, Findings, conducted
+from studies.conduct import DETAILS, Campaign, Findings, conducted
 
 COLUMNS = ("log", "rate_hz", "gyros", "residual_p", "residual_q", "residual_r", "remarks", "open_s", "peak_mb")
 RESIDUALS = COLUMNS[3:6]
@@ -118,7 +118,7 @@ def conduct(campaign: Campaign) -> Findings:
     if wrong or not given.folders:
         raise InputError(f"{', '.join(wrong) or 'nothing is given'}; give folders of logs")
     parts = ["# Recorded flights: samples as they are", INTRODUCTION]
-    every = []
+    every, tables = [], []
     against = None if given.against is None else pd.read_csv(given.against)
     for folder in given.folders:
         paths = sorted(path for path in folder.rglob("*") if path.is_file())
@@ -129,7 +129,8 @@ def conduct(campaign: Campaign) -> Findings:
         parts.append(f"## {folder.resolve().name}")
         if len(rows) and against is not None:
             parts.append(ratios(rows, against))
-        parts.append(table(rows, against) if len(rows) else "no flight")
+        tables.append(table(rows, against) if len(rows) else "no flight")
+    parts += [DETAILS, *tables]
 
     def write(out: Path) -> None:
         pd.concat(every).to_csv(out / "samples.csv", index=False)

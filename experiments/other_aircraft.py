@@ -163,9 +163,8 @@ def report(abouts: list[Row], trials: pd.DataFrame, figures: Mapping[str, Mappin
 {quick}Written by `python experiments/other_aircraft.py`, with JSBSim {jsbsim.__version__}: {len(abouts)} of its own
 aircraft, by name, each at the trim that gtmbench knows of it (or finds). Bank C is calibrated on
 {size.calibration} flights of {size.duration_s:g} s ({USUAL}, scaled to the aircraft; T2 noise), and watches two
-others: one of the same kind and one of doublets. An aircraft that leaves its envelope open loop flies in the loop
-instead, where gains are known. From {size.onset_s:g} s on a gyro drifts by {DRIFT_DEG_S2:g} deg/s² or
-is jammed. Trim points were chosen so that aircraft fly, never by what was said of a fault.
+others: one of the same kind and one of doublets; in the loop where an aircraft leaves its envelope open loop. From
+{size.onset_s:g} s on a gyro drifts by {DRIFT_DEG_S2:g} deg/s² or is jammed.
 
 ## Targets
 
@@ -173,10 +172,8 @@ is jammed. Trim points were chosen so that aircraft fly, never by what was said 
 
 ## Those that fly
 
-*Growing*: linear modes that do. *Climbs*: in a minute of still air without excitation, which tells how well the trim
-lasts; and over a calibration flight. RMS: of the gyros on the first of the two flights, noise included. Right: the
-gyro that broke is named in the end, of its six faults; kind: as injected. False alarms: before the onset, in all
-twelve trials; the six of an excitation share a flight, and so an alarm.
+*Growing*: linear modes that do. *Climbs*: in a minute of still air without excitation, and over a calibration flight.
+Right: the gyro that broke is named in the end, of its six faults; kind: as injected.
 
 {markdown(pd.DataFrame([line(about, trials) for about in flown]))}
 

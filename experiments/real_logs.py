@@ -34,7 +34,7 @@ from recorded.flights import CHANNELS, LogFile
 from recorded.study import OF_LOG, QUICK, UNTIL, Row, Size, Task, studied
 from recorded.truths import TRUTHS
 from recorded.whole import ALONE, CANT_TELL, EITHER_OR, NAMED, NOTHING, SLOW, THROUGH, USUAL, WRONG
-from studies.conduct import Campaign, Findings, conducted
+from studies.conduct import DETAILS, Campaign, Findings, conducted
 from studies.tables import grouped
 from studies.targets import Target, held, is_missed
 
@@ -42,32 +42,35 @@ SYNTHETIC, GTM = "synthetic", "gtm"
 SEEDS = 2  # of every mechanism
 GTM_S = 240.0
 SAID_QUICK = "**Quick: few faults and readings of each log. It shows that the script runs, and bounds nothing.**\n\n"
-INTRODUCTION = """All of each log, as `gtmbench monitor LOG` watches it; nobody says what is healthy.
-The logs are in public repositories: PX4/pyulog (`test/`), PX4/flight-review-rs (`crates/converter/tests/fixtures/`),
-dronekit/dronekit-la-testdata, BeastAyyG/ardupilot-log-diagnosis (`sample.bin`, a `log_0036`), erlerobot/logs (a name
-has its folders), huangwen0907/File (`hw_`), ArduPilot/UAVLogViewer (`src/assets/vtol.tlog`), joeydouglas/dataflash_logs
-(`jd_`), AscendEngineering/UpgradeEnergy (`test.ulg`), MarcusUWA/EAICS (`eaics_`, `flight.tlog`), SuWeipeng/ArduPilotLog
-(`suwei_`), Javiercerna/pixhawk-flight-time (`jc_`, `logs/`), ahmadkhanfar/TLOG (`ak_`), jschall/magfit_scaling
-(`jschall_`) and lerlis/RLS-fault-diagnosis-for-RflyMAD (`rfly_`, `data/`: motors that are made to fail). Those of
-DependableSystemsLab/DeLorean (`dl_`, `data/`; some are attacked, and nothing says which), Alexishere01/mavrik-control
-(`mavrik_`, `forwardFlight/logs/`), 1202martin/pymavlink_tutorial (`martin_`, `logs/`), maikbasso/drone-control
-(`maik_`, `logs/`), aiba4531/DarpaTriage (`darpa_`, `logs/`), skapila/Control_Tunning_Project (`skapila_`,
-`ArdupilotRcTraining/logs/`), DaniGitman79/uav-sysid (`dani_`) and Gehtschon/autonomous-soaring (`gehtschon_`) are of
-ArduPilot's simulator. Where those of `look7`, `unseen7` and `sitl7` come from, a table of the report says.
-
-- *exit*: 0 no fault found, 1 a fault, 3 can't tell. *left*: seconds that are logged. *watched*: the share of these in
-  which residuals could alarm; *judged*: in which all gyros are judged.
-- *faults*: on logs that end with 0, of eight kinds, each on one gyro by turns, at one drawn time in what is watched,
-  20 s before a stretch ends;
-  bias and drift in a drawn direction. *alone*: the attitude stays as it is. *5 s*: it follows, through an estimator of
-  that time constant. A broken log goes through every stage of a verdict but learning. *found*: an alarm is left that
-  isn't there without the fault. Then the sensor is *named*, *either-or* with the right one among them, *can't tell*, or
-  *named wrong* (another sensor, or an either-or without the right one). *exit 0*: of those, the log ends with 0.
-  *at a contact*: jam, bias and sign that begin half a second before a contact with the ground that was explained.
-- *judged until a crash*: can't tell, for what follows a crash tells nothing; no fault was found until then.
-- *misread*: in how many of 23 wrong ways a flight is read, by bank C, identified on its first half. Causes that are
-  *right*, and other ones. A flight that fails the self-check as it is, such as one with gyros that are made of its
-  attitude, isn't misread: no cause is right of it.
+REPOSITORIES = {  # of public logs, by how their files are called here
+    "PX4/pyulog": "`test/`",
+    "PX4/flight-review-rs": "`crates/converter/tests/fixtures/`",
+    "dronekit/dronekit-la-testdata": "",
+    "BeastAyyG/ardupilot-log-diagnosis": "`sample.bin`, a `log_0036`",
+    "erlerobot/logs": "a name has its folders",
+    "huangwen0907/File": "`hw_`",
+    "ArduPilot/UAVLogViewer": "`src/assets/vtol.tlog`",
+    "joeydouglas/dataflash_logs": "`jd_`",
+    "AscendEngineering/UpgradeEnergy": "`test.ulg`",
+    "MarcusUWA/EAICS": "`eaics_`, `flight.tlog`",
+    "SuWeipeng/ArduPilotLog": "`suwei_`",
+    "Javiercerna/pixhawk-flight-time": "`jc_`, `logs/`",
+    "ahmadkhanfar/TLOG": "`ak_`",
+    "jschall/magfit_scaling": "`jschall_`",
+    "lerlis/RLS-fault-diagnosis-for-RflyMAD": "`rfly_`, `data/`: motors that are made to fail",
+    "DependableSystemsLab/DeLorean": "`dl_`, `data/`; simulated, some attacked, and nothing says which",
+    "Alexishere01/mavrik-control": "`mavrik_`, `forwardFlight/logs/`; simulated",
+    "1202martin/pymavlink_tutorial": "`martin_`, `logs/`; simulated",
+    "maikbasso/drone-control": "`maik_`, `logs/`; simulated",
+    "aiba4531/DarpaTriage": "`darpa_`, `logs/`; simulated",
+    "skapila/Control_Tunning_Project": "`skapila_`, `ArdupilotRcTraining/logs/`; simulated",
+    "DaniGitman79/uav-sysid": "`dani_`; simulated",
+    "Gehtschon/autonomous-soaring": "`gehtschon_`; simulated",
+}
+INTRODUCTION = """Logs of public repositories, watched from end to end as `gtmbench monitor LOG` does; nobody says
+what is healthy. On those that end with 0 faults of eight kinds are put on a gyro, *alone* and through an estimator of
+5 s; *found* is an alarm that isn't there without the fault, *wrong* the name of another sensor. Flights are misread in
+23 ways; causes should be right, and none may end with 0. Each log, fault and repository: `results.json`.
 """
 COLUMNS = (
     ["group", "log", *OF_LOG],
@@ -349,7 +352,8 @@ def conduct(campaign: Campaign) -> Findings:
     )
     groups = {name: study.of("group", name) for name in dict.fromkeys(task.group for task in todo)}
     head = ["# Recorded flights: verdicts, faults, wrong readings", SAID_QUICK * campaign.quick + INTRODUCTION]
-    first = [markdown(summary(groups)), failures(study.logs)]
+    sources = pd.DataFrame({"repository": REPOSITORIES.keys(), "its files": REPOSITORIES.values()})
+    first = [markdown(summary(groups)), failures(study.logs), DETAILS, markdown(sources)]
     text = "\n\n".join([*head, *filter(None, first), *(section(name, own) for name, own in groups.items())]) + "\n"
     missed = any(is_missed(targets_of(name, own), {name: figures_of(own)}) for name, own in groups.items())
 

@@ -1,9 +1,9 @@
-"""The report of the campaign `rivals`, and what README and docs say of it.
+"""The report of a campaign, such as `rivals`, and what README and docs say of it.
 
 Run ``gtmbench campaign rivals`` first (half an hour of two cores), then ``python experiments/rivals.py FOLDER``: it
-scores what stands in the folder, as ``gtmbench campaign FOLDER --report md`` and ``--report table`` do, into
-`reports/rivals`. `make figures` takes the table of `docs/explanation/who_sees_what.md` from there. An unfinished
-campaign is refused.
+scores what stands in the folder into `reports/rivals`, the comparison as a page and every table of
+``gtmbench campaign FOLDER --report md`` in `results.json`. `make figures` takes the table of
+`docs/explanation/who_sees_what.md` from there. An unfinished campaign is refused.
 """
 
 from __future__ import annotations
@@ -35,14 +35,17 @@ def written(folder: Path, out: Path) -> list[str]:
     (table,) = tables_in(short)
     results = {
         "script": "rivals.py",
-        "command": "gtmbench campaign rivals",
+        "command": f"gtmbench campaign {contents.campaign['name']}",
         "code": contents.facts["versions"],
         "summary": contents.summary,
         "table": table,
         "notes": short.strip().split("\n\n")[1:],
+        "tables": tables_in(FORMATS["md"](contents)),
     }
+    found = "".join(f"- {line}\n" for line in contents.verdict)
+    page = f"# {contents.title}\n\n{contents.summary}.\n\n{found}\n{short}\nMore tables: `results.json`.\n"
     out.mkdir(parents=True, exist_ok=True)
-    for name, text in (("report.md", FORMATS["md"](contents)), ("results.json", dumps(results, indent=1) + "\n")):
+    for name, text in (("report.md", page), ("results.json", dumps(results, indent=1) + "\n")):
         with atomic_write(out / name) as path:
             path.write_text(text, encoding="utf-8")
     return list(contents.verdict)

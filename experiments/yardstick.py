@@ -35,7 +35,7 @@ from scipy.signal import lfilter
 
 import gtmbench as gb
 from gtmbench.values.channels import header_of
-from studies.conduct import write_report
+from studies.conduct import DETAILS, write_report
 
 CHANNELS = ("p", "q", "r", "phi", "theta", "psi")
 DETECTORS = ("C", "C-early", "kinematic-kalman-no-fir")
@@ -329,6 +329,7 @@ PARTS: dict[str, Callable[..., Iterator[Row]]] = {
     "installed": installed,
     "rate": rate,
 }
+SHOWN = ("laws", "limit", "rate")  # in the report; the others' tables stand in results.json
 
 
 def tasks(flights: int, hours: float) -> Iterator[tuple[str, tuple[Any, ...]]]:
@@ -359,7 +360,9 @@ def report(rows: pd.DataFrame) -> str:
         "# The yardstick\n\nMonitors calibrated by default: 60 flights of 500 s, for 0.002 false alarms an hour. "
         "What a table doesn't list wasn't run.\n"
     ]
-    for part in PARTS:
+    for part in (*SHOWN, *(part for part in PARTS if part not in SHOWN)):
+        if part not in SHOWN and DETAILS not in texts:
+            texts.append(DETAILS)
         own = rows[rows["part"] == part]
         if len(own):
             texts.append(f"{titles[part]}\n\n{_table(part, own).reset_index().to_markdown(index=False)}\n")

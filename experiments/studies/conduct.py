@@ -20,6 +20,7 @@ from gtmbench.files.shipped import code_facts
 from gtmbench.jobs.progress import Progress, progress_bar
 from studies.tables import tables_in
 
+DETAILS = "<!-- details -->"  # what a report says behind it stands in results.json alone
 LIBRARIES = ("numpy", "scipy", "pandas", "jsbsim")  # their versions are kept with what they computed
 
 
@@ -64,13 +65,24 @@ def _no_more(parser: argparse.ArgumentParser) -> None:
 
 
 def write_report(folder: Path, text: str, given: argparse.Namespace) -> None:
-    """Write a report, and beside it its tables with what made them: the script, what it was given, versions, digests.
+    """Write a report, and beside it all tables with what made them: the script, what it was given, versions, digests.
 
-    Logs don't ship, so of each folder of them a digest of all that it holds is cited.
+    What stands behind `DETAILS` is in the tables alone. Logs don't ship, so of each folder of them a digest of all that
+    it holds is cited.
     """
-    (folder / "report.md").write_text(text, encoding="utf-8")
+    (folder / "report.md").write_text(short_form(text), encoding="utf-8")
     results = dumps({**_run(given), "tables": tables_in(text)}, indent=1)
     (folder / "results.json").write_text(results + "\n", encoding="utf-8")
+
+
+def short_form(text: str) -> str:
+    """Return a report up to its details, with a line that says where these are.
+
+    >>> short_form("# Report")
+    '# Report'
+    """
+    head, details, _ = text.partition(DETAILS)
+    return f"{head.rstrip()}\n\nMore tables: `results.json`.\n" if details else text
 
 
 def _digests(given: argparse.Namespace) -> dict[str, str]:

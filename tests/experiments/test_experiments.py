@@ -201,9 +201,12 @@ def test_a_folder_of_logs_becomes_a_row_a_flight(tmp_path, run):
     (tmp_path / "logs/notes.csv").write_text("nothing that flies\n")
     done = run("real_logs", "logs", "--quick", "--out", "report")
     assert done.code == 0, done.out + done.err
-    said = (tmp_path / "report/report.md").read_text()
-    assert said.strip() in done.out
-    assert re.search(r"\| flight.csv +\| 25 +\| \d+ +\| [03] ", said)
+    said = (tmp_path / "report/report.md").read_text().partition("\n\nMore tables:")[0]
+    assert said in done.out
+    assert "flight.csv" not in said
+    assert re.search(r"\| flight.csv +\| 25 +\| \d+ +\| [03] ", done.out)
+    tables = json.loads((tmp_path / "report/results.json").read_text())["tables"]
+    assert sum(row.get("log") == "flight.csv" for rows in tables for row in rows) == 1
     faults = pd.read_csv(tmp_path / "report/faults.csv")
     assert not (faults["said"] == "named wrong").any()
     readings = pd.read_csv(tmp_path / "report/readings.csv")

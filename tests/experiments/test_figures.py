@@ -6,7 +6,7 @@ import json
 import pytest
 
 from gtmbench.errors import InputError
-from studies.conduct import write_report
+from studies.conduct import DETAILS, write_report
 from tests.helpers.scripts import script
 
 FIGURES = script("figures")
@@ -29,6 +29,38 @@ def test_what_stands_between_marks_is_written_anew():
     written = FIGURES["filled"](page)
     assert written.startswith("a <!-- figures: other excitation -->0.")
     assert FIGURES["filled"](written) == written
+
+
+REPORTS = sorted(path.parent for path in (FIGURES["HERE"] / "reports").glob("*/report.md"))
+
+
+@pytest.mark.parametrize("folder", [each for each in REPORTS if each.name != "gtmbench-1"], ids=lambda each: each.name)
+def test_a_report_has_results_that_say_what_made_them(folder):
+    """gtmbench-1's says it itself. A run that is older than the digests says when it was."""
+    results = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    assert results["tables"]
+    assert "command" in results or {"script", "given"} <= set(results)
+    source = results["code"]["source"]
+    assert len(source) == 16 if source else results["date"] > "2026-11-01"
+
+
+def test_a_table_of_a_report_is_shown_with_the_run_that_made_it():
+    page = FIGURES["filled"]("<!-- figures: table chained_gains 1 --><!-- end -->")
+    rows = json.loads((FIGURES["HERE"] / "reports/chained_gains/results.json").read_text())
+    lines = [line for line in page.splitlines() if line.startswith("| ")]
+    assert len(lines) == 2 + len(rows["tables"][0])
+    assert all(f" {row['RMS q (deg/s)']} " in line for row, line in zip(rows["tables"][0], lines[2:], strict=True))
+    assert rows["code"]["source"][:8] in page
+
+
+def test_details_stand_in_the_results_alone(tmp_path):
+    text = f"# Report\n\n| a |\n|---|\n| 1 |\n\n{DETAILS}\n\n| b |\n|---|\n| 2 |\n"
+    write_report(tmp_path, text, argparse.Namespace(out=tmp_path))
+    assert json.loads((tmp_path / "results.json").read_text())["tables"] == [[{"a": "1"}], [{"b": "2"}]]
+    report = (tmp_path / "report.md").read_text()
+    assert "| 1 |" in report
+    assert "| 2 |" not in report
+    assert "results.json" in report
 
 
 def test_an_unknown_figure_is_refused():
