@@ -1,4 +1,4 @@
-"""``gtmbench benchmark``: gtmbench-1, whose flights and rules are frozen."""
+"""``gtmbench benchmark``: gtmbench-2, whose flights and rules are frozen."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
-@click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-1.")
+@click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options
 def benchmark_command(
     quick: bool,
@@ -71,7 +71,7 @@ def benchmark_command(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Judge detectors on gtmbench-1: frozen flights, one rule for thresholds, one table.
+    """Judge detectors on gtmbench-2: frozen flights, one rule for thresholds, one table.
 
     Example: gtmbench benchmark --quick --detector C
 
@@ -161,9 +161,9 @@ def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return [
         {
             "name": row.name,
-            "quickness": row.quickness,
-            "spread": None if row.spread is None else list(row.spread),
-            "findable": row.findable,
+            "quickness": None if row.quickness is None else row.quickness.value,
+            "interval": None if row.quickness is None else [row.quickness.low, row.quickness.high],
+            "flights": row.flights,
             "detected": row.detected,
             "right": row.right,
             "wrong": row.wrong,

@@ -12,6 +12,7 @@ from gtmbench.files.logs import write_log
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, PRIVATE, Definition, Flight, secret_digest
+from gtmbench.study.benchmark.entry import ENTRY
 from gtmbench.study.benchmark.flights import make
 
 FLIGHTS, README, LICENCE = "flights.csv", "README.txt", "LICENCE.txt"
@@ -30,8 +31,8 @@ learn: healthy flights, yours to train on. calibration: healthy flights; train o
 them by `gtmbench benchmark --score`. {split}: flights that are judged; some have a fault. By group a detector may be
 another one.
 
-Return a folder of files of the same names with time_s and score, of calibration and {split}. Put a score at the time at
-which it is known. `docs/how_to/benchmark.md` says the rest.
+Return a folder of files of the same names with time_s and score, of calibration and {split}, with a copy of entry.toml.
+Put a score at the time at which it is known. `docs/how_to/benchmark.md` says the rest.
 """
 
 
@@ -66,7 +67,7 @@ def export(
     about = _README.format(
         name=definition.name, digest=definition.digest, private=private, flights=FLIGHTS, suffix=suffix, split=split
     )
-    _claim(folder, about)
+    _claim(folder, about, f'definition = "{definition.digest}"\n')
     for group in definition.groups:
         for of in (LEARN, CALIBRATION, split):
             make_folder(folder / group.name / of)
@@ -77,7 +78,7 @@ def export(
     return flights
 
 
-def _claim(folder: Path, about: str) -> None:
+def _claim(folder: Path, about: str, entry: str) -> None:
     """Begin a folder, or go on with one of the same flights."""
     readme = folder / README
     if folder.exists() and not folder.is_dir():
@@ -87,7 +88,7 @@ def _claim(folder: Path, about: str) -> None:
     if folder.is_dir() and not is_file(readme) and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another folder, or an empty one")
     make_folder(folder)
-    for path, content in ((readme, about), (folder / LICENCE, _LICENCE)):
+    for path, content in ((readme, about), (folder / LICENCE, _LICENCE), (folder / ENTRY, entry)):
         with atomic_write(path) as aside:
             aside.write_text(content, encoding="utf-8")
 
@@ -97,7 +98,7 @@ def _path(folder: Path, flight: Flight, suffix: str) -> Path:
 
 
 def _write(definition: Definition, folder: Path, suffix: str, flight: Flight) -> None:
-    write_log(make(definition, flight).record, _path(folder, flight, suffix))
+    write_log(make(definition, flight), _path(folder, flight, suffix))
 
 
 def _write_list(path: Path, flights: Sequence[Flight]) -> None:
