@@ -54,6 +54,9 @@ if TYPE_CHECKING:
 )
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
+@click.option(
+    "--archive", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as one ZIP file, to be deposited."
+)
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
 @click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options
@@ -66,6 +69,7 @@ def benchmark_command(
     private_seed: Path | None,
     as_csv: bool,
     out: Path | None,
+    archive: Path | None,
     jobs: int | None,
     any_versions: bool,
     as_json: bool,
@@ -111,6 +115,10 @@ def benchmark_command(
         )
     _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
     verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."
+    if archive is not None:
+        from gtmbench.study.benchmark.export import archive as write_archive
+
+        verdict += f" {write_archive(definition, folder, archive)} files are in {archive}."
     own = {"out": str(folder), "rows": _short(rows)}
     _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
     if not as_json and not quiet:

@@ -43,7 +43,7 @@ _GYRO_OF = dict(zip(ATTITUDE, GYROS, strict=True))
 _OPTIMAL = ("bias",)
 _DRAWS = 400
 _BLOCKS = 100  # that log(T / Ts) nats take; an alarm comes after about half of them
-_HISTORY, _HORIZON = 1.0, 2.5  # times those blocks: before the onset, and after it at most
+_HORIZON, _MOST = 3.5, 800  # times those nats, which one in 30,000 flights passes without an alarm; blocks at most
 _GONE = 50.0  # deviations: a sample that is taken away is seen at once
 _THRESHOLDS = np.arange(0.5, 20.0, 0.05)  # nats
 
@@ -225,13 +225,16 @@ class Cusum:
         """Return the CUSUM of a signature whose average run length is that of the rate."""
         period_s = axis.sample_period_s
         asked = math.log(max(3600.0 / (false_alarms_per_hour * period_s), 2.0))
-        reached = np.cumsum(np.square(signature)) / 2.0 >= asked
-        needs = int(np.argmax(reached)) + 1 if reached.any() else len(signature)
+        nats = np.cumsum(np.square(signature)) / 2.0
+        needs, lasts = (
+            int(np.searchsorted(nats, times * asked)) + 1 if nats[-1] >= times * asked else len(nats)
+            for times in (1.0, _HORIZON)
+        )
         block = max(needs // _BLOCKS, 1)
-        blocks = min(math.ceil(_HORIZON * needs / block), -(-len(signature) // block))
+        blocks = min(-(-lasts // block), _MOST)
         kept = np.zeros(blocks * block)
         kept[: len(signature)] = signature[: len(kept)]
-        history = max(math.ceil(_HISTORY * needs / block), 10)
+        history = max(-(-needs // block), 10)
         rule = cls(
             signature=kept.reshape(blocks, block), samples=len(signature), history=history, sample_period_s=period_s
         )

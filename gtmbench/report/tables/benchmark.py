@@ -96,6 +96,7 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
                 "easy": _count(row.easy),
                 "second": _count(row.second),
                 "accused": _count(row.accused),
+                "look-alikes": _count(row.alike),
                 "false alarms an hour": _rate(row),
                 "us a sample": _figure(row.microseconds_a_sample),
                 "tuned on": row.tuned,

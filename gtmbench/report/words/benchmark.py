@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from gtmbench.study.benchmark.definition import (
+    ALIKE,
     CALIBRATION,
     COMMON,
     EASY,
+    HEALTHY,
     LEARN,
     PAIR,
     PRIVATE,
@@ -28,8 +30,9 @@ DIFFER = """\
 Two rows differ where a paired test on the same draws says so (5 % for all pairs together); *place* says which places a
 row may have. *Delay*: by when half of these flights are detected, a dash where fewer are. *Easy*: faults in the
 converter that a repeated or round reading betrays. *Second*: second faults that are named. *Accused*: flights with one
-cause in all gyros on which one sensor is named. False alarms: on healthy flights and before an onset, each again after
-10 s, with the 95 % interval. Cost: median CPU time, all channels of a sample; machines differ."""
+cause in all gyros on which one sensor is named. *Look-alikes*: healthy flights with severe gusts, a gap and up to 0.5 s
+of repeated rows, on which there is an alarm. False alarms: on all other healthy flights and before an onset, each again
+after 10 s, with the 95 % interval. Cost: median CPU time, all channels of a sample; machines differ."""
 
 ROWS = """\
 Rows in italics aren't detectors. *reference*: a CUSUM that knows the fault, its shape and the noise. *oracle*: knows
@@ -47,9 +50,9 @@ def about(definition: Definition, split: str) -> dict[str, Any]:
         "differs": definition.differing,
         "private_seed": secret_digest(definition) if split == PRIVATE else None,
         "gtmbench": __version__,
-        **{role: sum(flight.role == role for flight in flights) for role in (SINGLE, EASY, COMMON, PAIR)},
+        **{role: sum(flight.role == role for flight in flights) for role in (SINGLE, EASY, COMMON, PAIR, ALIKE)},
         "faults": len({(flight.group.name, flight.case) for flight in flights if flight.role == SINGLE}),
-        "healthy_hours": round(sum(not each.faults for each in flights) * definition.duration_s / 3600.0, 2),
+        "healthy_hours": round(sum(flight.role == HEALTHY for flight in flights) * definition.duration_s / 3600.0, 2),
         "false_alarms_per_hour": definition.false_alarms_per_hour,
         "deadline_s": definition.deadline_s,
     }
@@ -68,7 +71,7 @@ def data_sheet(definition: Definition, split: str) -> str:
 **What there is.** Simulated flights of {definition.duration_s:g} s (JSBSim), {facts["healthy_hours"]:g} healthy hours
 and {facts["faults"]} faults of one gyro or attitude sensor, each on {definition.repeats} flights, in split `{split}`;
 beside them {facts["easy"]} flights with a fault in the converter, {facts["common"]} with one cause in all gyros,
-{facts["pair"]} with two faults.
+{facts["pair"]} with two faults, {facts["alike"]} healthy ones that look like one with a fault.
 
 {chr(10).join(lines)}
 
@@ -76,7 +79,7 @@ Channels: {", ".join(definition.channels)}.
 Faults begin from {onset} s on. Kinds, sizes, frequencies, times and signs are drawn from the ranges of the definition,
 readings have a converter's steps, healthy and broken alike. Every flight has noise of its own (level 0.6 to 1.3, a
 quarter autoregressive, a quarter with heavy tails), turbulence from light to severe, surfaces of its own, and may lose
-rows, lose up to a second at once, or repeat a row for up to 0.05 s. What is drawn follows from a SHA-256 of 128 bits by
+rows, or up to a second at once. What is drawn follows from a SHA-256 of 128 bits by
 name, split and group: no two sets share a flight. `private` follows from a secret whose digest is published first.
 Licence of the flights: CC0 1.0.
 

@@ -15,12 +15,14 @@ _LEVELS, _POLES, _DEGREES = (0.6, 1.3), (0.2, 0.8), (4.0, 12.0)  # level times t
 _AMPLITUDES, _SEVERITIES = (0.5, 1.3), (2, 3, 3, 3, 3, 4, 4, 5)  # of surfaces; of turbulence, by MIL-F-8785C
 _MOTIONS = ("turbulence", "multisine+turbulence", "doublets+turbulence")
 _OFTEN, _SELDOM = 0.5, 0.25
-_LOST, _LOST_S, _HELD_S = 0.03, (0.1, 1.0), (0.02, 0.05)
+_LOST, _LOST_S, _HELD_S, _GUSTY = 0.03, (0.1, 1.0), (0.02, 0.5), 5
 
 
 @dataclass(frozen=True)
 class Conditions:
     """The conditions of one flight, drawn from its seed, of healthy and broken ones alike.
+
+    A look-alike of a fault has severe turbulence, a gap, and a stretch in which all sensors repeat their last row.
 
     Attributes
     ----------
@@ -50,8 +52,8 @@ class Conditions:
     held_s: tuple[float, float]
 
     @classmethod
-    def of(cls, seed: int, duration_s: float) -> Conditions:
-        """Return those of a flight."""
+    def of(cls, seed: int, duration_s: float, *, alike: bool = False) -> Conditions:
+        """Return those of a flight, or of a look-alike."""
         draw = np.random.default_rng([seed, 2])
 
         def some(share: float, low: float, high: float) -> float:
@@ -61,13 +63,13 @@ class Conditions:
         return cls(
             motion=str(draw.choice(_MOTIONS)),
             amplitude=some(1.0, *_AMPLITUDES),
-            severity=int(draw.choice(_SEVERITIES)),
+            severity=_GUSTY if alike else int(draw.choice(_SEVERITIES)),
             level=some(1.0, *_LEVELS),
             pole=some(_SELDOM, *_POLES),
             degrees=some(_SELDOM, *_DEGREES) or math.inf,
             lost=some(_OFTEN, _LOST / 30.0, _LOST),
-            gap_s=(float(draw.uniform(0.0, duration_s)), some(_SELDOM, *_LOST_S)),
-            held_s=(float(draw.uniform(0.0, duration_s)), some(_SELDOM, *_HELD_S)),
+            gap_s=(float(draw.uniform(0.0, duration_s)), some(1.0 if alike else _SELDOM, *_LOST_S)),
+            held_s=(float(draw.uniform(0.0, duration_s)), some(float(alike), *_HELD_S)),
         )
 
     def noise(self, seed: int, name: str, count: int) -> FloatArray:

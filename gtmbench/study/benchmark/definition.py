@@ -33,7 +33,7 @@ from gtmbench.values.channels import ATTITUDE, GYROS
 GTMBENCH_2 = "gtmbench-2"
 LEARN, CALIBRATION, DEVELOPMENT, TEST, PRIVATE = "learn", "calibration", "development", "test", "private"
 HEALTHY_SPLITS, JUDGED_SPLITS = (LEARN, CALIBRATION), (DEVELOPMENT, TEST, PRIVATE)
-HEALTHY, SINGLE, EASY, COMMON, PAIR = "healthy", "single", "easy", "common", "pair"
+HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy", "common", "pair"
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
 _SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least
 _LATER_S = (10.0, 20.0)  # a second fault after the first
@@ -52,8 +52,9 @@ class Group:
         Healthy flights of the split; a private split has as many as the test.
     single : int
         Faults that quickness counts, each flown `repeats` times.
-    easy, common, pair : int
-        Flights with a fault that a repeated or round reading betrays, with one cause in all gyros, and with two faults.
+    easy, common, pair, alike : int
+        Flights with a fault that a repeated or round reading betrays, with one cause in all gyros, with two faults, and
+        healthy ones with gusts, gaps and repeated rows that look like faults.
     twins : int
         Flights that are there twice, once cut short.
     """
@@ -70,6 +71,7 @@ class Group:
     easy: int
     common: int
     pair: int
+    alike: int
     twins: int
 
     @property
@@ -97,7 +99,7 @@ class Flight:
     rows : int
         Samples; less than its twin's where it is cut short.
     role : str
-        Healthy, single, easy, common or pair.
+        Healthy, alike, single, easy, common or pair.
     case : int
         Which fault of the group it is a flight of; -1 but for single ones.
     faults : tuple of Fault
@@ -194,7 +196,9 @@ class Definition:
         if split in JUDGED_SPLITS:
             fewer = _DEVELOPED if split == DEVELOPMENT else 1
             kinds += [(SINGLE, case) for case in range(group.single // fewer)] * self.repeats
-            kinds += [(role, case) for role in (EASY, COMMON, PAIR) for case in range(getattr(group, role) // fewer)]
+            kinds += [
+                (role, case) for role in (EASY, COMMON, PAIR, ALIKE) for case in range(getattr(group, role) // fewer)
+            ]
         flights = [
             self._flight(split, group, place, *kinds[of])
             for place, of in enumerate(draw.permutation(len(kinds)).tolist())

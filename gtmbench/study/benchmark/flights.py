@@ -21,7 +21,7 @@ from gtmbench.files.shipped import shipped_benchmarks
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.conditions import Conditions
-from gtmbench.study.benchmark.definition import EASY, SINGLE, Definition, Flight
+from gtmbench.study.benchmark.definition import ALIKE, EASY, SINGLE, Definition, Flight
 from gtmbench.study.reference import Axis, Cusum, axis_of, changed_readings
 from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS, SENSORS
 from gtmbench.values.clock import even_times_s
@@ -46,7 +46,8 @@ def make(definition: Definition, flight: Flight) -> Record:
     >>> len(record), record.channels == short.channels, digest_of(make(short, flight)) == digest_of(record)
     (801, True, True)
     """
-    group, conditions = flight.group, Conditions.of(flight.seed, definition.duration_s)
+    group = flight.group
+    conditions = Conditions.of(flight.seed, definition.duration_s, alike=flight.role == ALIKE)
     motion = _motion(definition, flight, conditions)
     in_element = flight.faults if flight.role != EASY else ()
     moved = inject(motion, in_element) if in_element else motion

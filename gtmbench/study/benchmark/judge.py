@@ -8,8 +8,8 @@ over the sum of log(T/r); d and r are at least 0.1 s. The reference has 1, who m
 - *threshold*: by group, from the greatest scores of the minutes of its calibration flights, whose tail is extrapolated
   (`detectors/statistics/thresholds.py`), for the allowed rate.
 - *alarm*: a score that rises above its threshold, having been at or below it.
-- *false alarm*: before the onset or on a healthy flight; the next counts again after 10 s. Who certainly raises more
-  than is allowed (the lower bound of the rate is above) has no quickness.
+- *false alarm*: before the onset or on a healthy flight but a look-alike; the next counts again after 10 s. Who
+  certainly raises more than is allowed (the lower bound of the rate is above) has no quickness.
 - *detected*: the first alarm at or after the onset comes within T.
 - *named*: by names within 20 s of that alarm, the last of them; without names by the channels whose own scores stand
   above their own thresholds at any time in the second from the alarm on.
@@ -28,7 +28,17 @@ import numpy as np
 
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, ScoreMaxima, block_maxima
 from gtmbench.method.windowed_alarms import rising
-from gtmbench.study.benchmark.definition import CALIBRATION, COMMON, EASY, PAIR, SINGLE, Definition, Flight, Group
+from gtmbench.study.benchmark.definition import (
+    ALIKE,
+    CALIBRATION,
+    COMMON,
+    EASY,
+    PAIR,
+    SINGLE,
+    Definition,
+    Flight,
+    Group,
+)
 from gtmbench.study.benchmark.entry import Entry, Said, Scores, score_files
 from gtmbench.study.benchmark.flights import Told, horizon_s
 from gtmbench.study.scores.intervals import Estimate, IntArray, Rate, rate
@@ -104,9 +114,9 @@ class Row:
         With its 95 % interval; None for who raises certainly more false alarms than are allowed.
     flights, detected, right, wrong, either, unnamed : int
         Flights with a fault that quickness counts, and what was made of them.
-    easy, second, accused : (int, int)
+    easy, second, accused, alike : (int, int)
         How many of how many: easy faults detected, second faults named, flights of a common cause on which a sensor is
-        named alone.
+        named alone, healthy look-alikes with an alarm.
     median_delay_s, reference_s : float
         Medians over these flights, a missed one infinitely late.
     false_alarms : Rate
@@ -133,6 +143,7 @@ class Row:
     easy: tuple[int, int]
     second: tuple[int, int]
     accused: tuple[int, int]
+    alike: tuple[int, int]
     median_delay_s: float
     reference_s: float
     false_alarms: Rate
@@ -193,6 +204,7 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
         easy=_of(outcomes, EASY, (RIGHT, WRONG, EITHER, UNNAMED)),
         second=_of(outcomes, PAIR, (RIGHT, EITHER)),
         accused=_of(outcomes, COMMON, (RIGHT, WRONG)),
+        alike=_alarmed([each for each in heard if each.flight.role == ALIKE]),
         median_delay_s=_median([each.delay_s for each in counted]),
         reference_s=_median([each.reference_s for each in counted]),
         false_alarms=false,
@@ -205,12 +217,16 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
         delays_s=delays_s,
     )
     keeps = false.low <= definition.false_alarms_per_hour
-    return replace(row, quickness=_estimate(row)) if keeps and counted else row
+    return replace(row, quickness=estimated(row)) if keeps and counted else row
 
 
 def _of(outcomes: Sequence[Outcome], role: str, told: Sequence[str]) -> tuple[int, int]:
     own = [each.told for each in outcomes if each.role == role]
     return sum(each in told for each in own), len(own)
+
+
+def _alarmed(heard: Sequence[_Heard]) -> tuple[int, int]:
+    return sum(len(each.times_s[0]) > 0 for each in heard), len(heard)
 
 
 def quickness_of(delays_s: FloatArray, reference_s: FloatArray, horizon_s: FloatArray, cases: IntArray) -> float:
@@ -236,7 +252,7 @@ def _drawn_quickness(
     d, r, most = (
         ((weights * each) @ sums) / there for each in (np.minimum(delays_s, horizon_s), reference_s, horizon_s)
     )
-    short, best = (np.log(most / np.maximum(each, SHORTEST_S)) for each in (d, r))
+    short, best = (np.log(np.maximum(most, SHORTEST_S) / np.maximum(each, SHORTEST_S)) for each in (d, r))
     return np.asarray((often * short).sum(axis=1) / (often * best).sum(axis=1))
 
 
@@ -265,7 +281,8 @@ def _draws(row: Row) -> FloatArray:
     return _drawn_quickness(row.delays_s[calibrations], reference_s, horizon_s, cases, weights)
 
 
-def _estimate(row: Row) -> Estimate:
+def estimated(row: Row) -> Estimate:
+    """Return quickness of a row with its 95 % interval."""
     low, high = np.quantile(_draws(row), [0.025, 0.975])
     return Estimate(
         value=_quickness(row.delays_s[0], [each for each in row.outcomes if each.role == SINGLE]),
@@ -389,6 +406,7 @@ def _verdict(named: Sequence[str], channel: str) -> str:
 
 def _false_alarms(heard: Sequence[_Heard], place: int) -> Rate:
     """Return the rate of false alarms, of healthy flights and of what lies before an onset."""
+    heard = [each for each in heard if each.flight.role != ALIKE]
     ends_s = [each.flight.onset_s for each in heard]
     events = [_counted(each.times_s[place], end_s) for each, end_s in zip(heard, ends_s, strict=True)]
     return rate(np.array(events, dtype=int), np.array(ends_s) / 3600.0, np.arange(len(heard)))
