@@ -35,6 +35,7 @@ class WindowedGlr(gb.ScoreDetector):
     loud: float = LOUD
     level_s: float = LEVEL_S
     longest_s: float = LONGEST_S
+    tuned: str = "nothing: settings as first written"
 
     def learn(self, records: Sequence[gb.Record]) -> dict[str, object]:
         """Return taps of the FIR filters with a constant, autoregressions and deviations, an axis each."""

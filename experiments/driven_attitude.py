@@ -6,8 +6,8 @@ Flights of the GTM (200 s, noise t2), whose attitude an estimator makes of the g
 filters of 1, 5 and 20 s, a Kalman filter with states for the gyros' biases; references with noise of 0.5 deg at 100 Hz.
 At 100 s one gyro breaks, in one of nine ways.
 
-- ``names``: by bank C-filtered, calibrated on 12 flights of the same estimator; delays beside the limit of quickest
-  detection of the same signals.
+- ``names``: by bank C-filtered, calibrated on 12 flights of the same estimator; delays beside a first-order figure of
+  what is possible of the same signals.
 - ``logs``: by ``gb.watch_log(..., "auto")`` on tables (CSV) and on PX4's logs (ULog, attitude at 50 Hz), which learn
   on their own first 80 s; healthy logs too.
 - ``certificate``: faults of the certificate's size at onsets of their own, put through the estimator, and watched.
@@ -100,7 +100,7 @@ def read(task: Task) -> gb.Record:
             references = references.between(references.start_s, references.end_s - 5.0)
 
 
-# ---- the limit of quickest detection
+# ---- a first-order figure of what is possible
 
 
 def quickest_s(task: Task) -> float:
@@ -245,8 +245,8 @@ not, and of references with noise of 0.5 deg at 100 Hz. At 100 s one gyro breaks
 
 - *right*: the broken gyro is named, and no other sensor ever. *wrong*: another one is. *either-or*: nobody is named, or
   the alarm is doubted ("can't tell"). *missed*: no alarm.
-- *limit*: of quickest detection by whoever knows the estimator, all noise, the fault and the gyro (Lorden 1971), one
-  false alarm in 500 h: references and gyro follow from the log, so that an estimator hides nothing of him.
+- *limit*: a first-order figure, no bound, of whoever knows the estimator, all noise, the fault and the gyro, one false
+  alarm in 500 h: references and gyro follow from the log, so that an estimator hides nothing of him.
 - `names`: bank C-filtered, calibrated on 12 flights of the same estimator.
 - `logs`: `gtmbench monitor LOG`, bank auto, which learns on the log's first 80 s. *table*: CSV at 100 Hz, of which
   nothing is told. *autopilot's*: the attitude at 50 Hz, told to be driven, as ULog and DataFlash document it.

@@ -126,7 +126,7 @@ def benchmark_command(
 
 
 def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
-    from gtmbench.study.benchmark.run import DETECTORS
+    from gtmbench.study.benchmark.detectors import DETECTORS
     from gtmbench.study.watchers import resolved
 
     if not sources and not by_default:

@@ -25,6 +25,11 @@ from gtmbench.study.benchmark.flights import digest_of, make
 from gtmbench.values.channels import SENSORS
 from gtmbench.values.record import FloatArray, Record
 
+_OWN, _SOURCES = "flights of gtmbench-1's kind; not on gtmbench-2", "its source's settings; not on gtmbench-2"
+DETECTORS = {  # those that enter unless others are named, and what they were tuned on
+    **dict.fromkeys(("C", "C-early"), _OWN),
+    **dict.fromkeys(("kinematic-kalman", "kalman", "cusum", "pca", "limits"), _SOURCES),
+}
 _NO_SCORE = 0.0  # where a statistic doesn't exist: the least that a ratio of statistic and threshold can have
 _MONITORS, _NAMES, _COSTS, DIGEST = "monitors", "said", "costs", "digest"
 _READ: dict[Path, Monitor] = {}
@@ -224,7 +229,7 @@ def _write_facts(
     costs = [_attributes(folder / f"{flight.path}.parquet").get(_COSTS, np.nan) / flight.rows for flight in flights]
     title = str(getattr(detector, "title", "")) or str(getattr(getattr(detector, "bank", None), "title", ""))
     facts: dict[str, object] = {"definition": definition.digest, "name": name, "title": title[:150]}
-    facts |= {"machine": machine(), "tuned": str(getattr(detector, "tuned", ""))}
+    facts |= {"machine": machine(), "tuned": str(getattr(detector, "tuned", DETECTORS.get(name, "")))}
     lines = [f'{key} = "{value}"' for key, value in facts.items() if value]
     with atomic_write(folder / ENTRY) as aside:
         aside.write_text("\n".join([*lines, f"microseconds_a_sample = {1e6 * np.median(costs):.3g}"]) + "\n", "utf-8")

@@ -22,7 +22,6 @@ from gtmbench.study.benchmark.flights import Told, references
 from gtmbench.study.benchmark.judge import Row, judge, ranked
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading, write_yardsticks
 
-DETECTORS = ("C", "C-early", "kinematic-kalman", "kalman", "cusum", "pca", "limits")
 RUN = "run.json"
 
 
