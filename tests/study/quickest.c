@@ -69,7 +69,7 @@ int main(int count, char **given) {
     expected *= -period * bias / gain / deviation; /* where a bias takes the innovations' mean */
     threshold = log(wanted * expected * expected / 2.0 + 2.0) + rule * log(2.0 / expected / expected);
     for (int k = 0; k < 6; k++) { /* the run length grows with e to the threshold */
-        length = run_length(threshold, samples);
+        length = run_length(threshold, k < 5 ? samples / 10.0 * (k == 4 ? 3.0 : 1.0) : samples);
         if (k < 5) threshold += log(wanted / length);
     }
     for (double flight = 0; flight < flights; flight++) {

@@ -37,7 +37,7 @@ HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
 _SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least
 _LATER_S = (10.0, 20.0)  # a second fault after the first
-_DEVELOPED = 4  # development has one in so many of the test's faults
+_DEVELOPED = 8  # development has one in so many of the test's faults
 
 
 @dataclass(frozen=True, kw_only=True)

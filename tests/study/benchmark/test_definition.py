@@ -24,7 +24,7 @@ from gtmbench.study.benchmark.definition import (
 from gtmbench.study.benchmark.flights import digest_of, make, shipped_digests
 from tests.helpers.small_benchmark import tiny
 
-FROZEN = "79fea2a25e48c6a3"
+FROZEN = "5c6a94c6239a0671"
 PUBLIC = ("learn", "calibration", "development", "test")
 FULL, QUICK = load_definition(), load_definition(quick=True)
 
