@@ -7,7 +7,7 @@ filters of 1, 5 and 20 s, a Kalman filter with states for the gyros' biases; ref
 At 100 s one gyro breaks, in one of nine ways.
 
 - ``names``: by bank C-filtered, calibrated on 12 flights of the same estimator; delays beside a first-order figure of
-  what is possible of the same signals.
+  theory of the same signals.
 - ``logs``: by ``gb.watch_log(..., "auto")`` on tables (CSV) and on PX4's logs (ULog, attitude at 50 Hz), which learn
   on their own first 80 s; healthy logs too.
 - ``certificate``: faults of the certificate's size at onsets of their own, put through the estimator, and watched.
@@ -100,7 +100,7 @@ def read(task: Task) -> gb.Record:
             references = references.between(references.start_s, references.end_s - 5.0)
 
 
-# ---- a first-order figure of what is possible
+# ---- a first-order figure of theory
 
 
 def quickest_s(task: Task) -> float:

@@ -81,9 +81,9 @@ def detection_reference(
     noise: Mapping[str, float] | None = None,
     seed: int = 1,
 ) -> Reference:
-    """Return how soon a CUSUM detects a fault that knows it, its shape and the noise, but for its onset.
+    """Return the detection delay of a CUSUM that knows a fault, its shape and the noise, but not its onset.
 
-    For a constant change in white noise no detector with as few false alarms is sooner in the worst case (Lorden 1971,
+    For a constant change in white noise, no detector with as few false alarms is sooner in the worst case (Lorden 1971,
     "Procedures for reacting to a change in distribution", Annals of Mathematical Statistics 42; Moustakides 1986,
     "Optimal stopping times for detecting changes in distributions", Annals of Statistics 14); on average over onsets
     another rule may be by about 1 %. For drifts, transients, sensors with a chain and kinds that draw random numbers

@@ -79,18 +79,18 @@ Channels: {", ".join(definition.channels)}.
 Faults begin from {onset} s on. Kinds, sizes, frequencies, times and signs are drawn from the ranges of the definition,
 readings have a converter's steps, healthy and broken alike. Every flight has noise of its own (level 0.6 to 1.3, a
 quarter autoregressive, a quarter with heavy tails), turbulence from light to severe, surfaces of its own, and may lose
-rows, or up to a second at once. What is drawn follows from a SHA-256 of 128 bits by
-name, split and group: no two sets share a flight. `private` follows from a secret whose digest is published first.
+rows, or up to a second at once. All draws follow from a SHA-256 of 128 bits by name,
+split and group: no two sets share a flight. `private` follows from a secret whose digest is published first.
 Licence of the flights: CC0 1.0.
 
-**What it measures.** How soon after its onset a fault of one sensor is detected in open-loop flight, beside a reference
-that knows all but the onset; whom a detector names; whether its thresholds keep the rate that they are set for.
+**What it measures.** The detection delay of a fault of one sensor in open-loop flight, beside a reference that knows
+all but the onset; whom a detector names; whether its thresholds keep the rate that they are set for.
 
 **What it doesn't.** Faults in the loop (an autopilot that flies on the broken gyro), an attitude that an estimator
 makes of the gyros, aircraft that nobody calibrated for, real flights.
 
 **Known artefacts.** The reference is optimal for constant changes in white noise, a reference only for all others. It
-knows what draws random numbers to the last bit. On a chain and where rows are missing it is that of ideal sensors, and
+knows random numbers of a fault to the last bit. On a chain and where rows are missing it is that of ideal sensors, and
 of heavy tails it makes no use. It uses gyro and angle of one axis alone. Turbulence is JSBSim's Milspec model, whose
 seed has 31 bits: who flies 2^31 flights for it finds the motion of one private flight, but not its noise or fault. Who
 compares the bits of files finds the twins that are cut short; that is cheating, and not by accident.
