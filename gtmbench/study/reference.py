@@ -118,7 +118,7 @@ def detection_reference(
     >>> faults = [gb.Bias(channel="p", onset_s=5.0, size=size) for size in sizes]
     >>> found = [gb.detection_reference(fault, flight, false_alarms_per_hour=0.1) for fault in faults]
     >>> [float(f"{each.mean_s:.1g}") for each in found], found[0].optimal
-    ([6.0, 0.8, 0.02], True)
+    ([5.0, 0.8, 0.007], True)
     """
     check_record(record)
     gyro = axis_of(fault)
