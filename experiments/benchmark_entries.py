@@ -1,4 +1,4 @@
-"""Rivals that enter gtmbench-1 as anybody's do: flights' files in, score files out, no line of gtmbench.
+"""Rivals that enter gtmbench-2 as anybody's do: flights' files in, score files out, no line of gtmbench.
 
     gtmbench benchmark --quick --export flights
     python experiments/benchmark_entries.py flights entries [NAME ...]
@@ -235,7 +235,8 @@ def enter(
             path = out / name / place(flight)
             path.parent.mkdir(parents=True, exist_ok=True)
             frame.to_parquet(path, index=False)
-    facts = f'name = "{name}"\nmicroseconds_a_sample = {1e6 * spent_s / samples:.3g}\n'
+    definition = (source / "entry.toml").read_text(encoding="utf-8")
+    facts = definition + f'name = "{name}"\nmicroseconds_a_sample = {1e6 * spent_s / samples:.3g}\n'
     (out / name / "entry.toml").write_text(facts, encoding="utf-8")
 
 

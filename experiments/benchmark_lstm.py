@@ -1,4 +1,4 @@
-"""A learnt rival enters gtmbench-1 by files: a recurrent network predicts the sensors, its smoothed errors are scores.
+"""A learnt rival enters gtmbench-2 by files: a recurrent network predicts the sensors, its smoothed errors are scores.
 
     pip install 'gtmbench[learnt]'
     gtmbench benchmark --quick --export flights

@@ -6,8 +6,8 @@ Flights of the GTM (200 s, noise t2), whose attitude an estimator makes of the g
 filters of 1, 5 and 20 s, a Kalman filter with states for the gyros' biases; references with noise of 0.5 deg at 100 Hz.
 At 100 s one gyro breaks, in one of nine ways.
 
-- ``names``: by bank C-filtered, calibrated on 12 flights of the same estimator; delays beside the limit of quickest
-  detection of the same signals.
+- ``names``: by bank C-filtered, calibrated on 12 flights of the same estimator; delays beside a first-order figure of
+  theory of the same signals.
 - ``logs``: by ``gb.watch_log(..., "auto")`` on tables (CSV) and on PX4's logs (ULog, attitude at 50 Hz), which learn
   on their own first 80 s; healthy logs too.
 - ``certificate``: faults of the certificate's size at onsets of their own, put through the estimator, and watched.
@@ -100,7 +100,7 @@ def read(task: Task) -> gb.Record:
             references = references.between(references.start_s, references.end_s - 5.0)
 
 
-# ---- the limit of quickest detection
+# ---- a first-order figure of theory
 
 
 def quickest_s(task: Task) -> float:
@@ -244,8 +244,8 @@ INTRODUCTION = """Flights of the GTM (200 s, noise t2), with an attitude that an
 references with noise of 0.5 deg at 100 Hz; at 100 s one gyro breaks. `names`: bank C-filtered, calibrated on 12
 flights of the same estimator; `logs`: `gtmbench monitor LOG`, which learns on the first 80 s of a table at 100 Hz or of
 an autopilot's attitude at 50 Hz; `certificate`: faults of a certificate's size; `own`: an attitude of its own. *Right*:
-the broken gyro is named, and no other sensor ever; *limit*: of quickest detection by whoever knows all but the onset
-(Lorden 1971), at one false alarm in 500 h.
+the broken gyro is named, and no other sensor ever; *limit*: a first-order figure of theory and no bound,
+log(T/Ts) nats for whoever knows all but the onset, at one false alarm in 500 h.
 """
 
 

@@ -5,7 +5,7 @@
 Parts, each a table of the report:
 
 - ``laws``: healthy flights of 200 s, three excitations, noise of thirteen laws; none may have a sensor named.
-- ``limit``: delays of faults over the limit of quickest detection (Lorden 1971) of whoever knows kinematics, noise, the
+- ``limit``: delays of faults over log(T/Ts) nats (first order; no bound) of whoever knows kinematics, noise, the
   fault's shape and which sensor; with the default calibration, one of 6 flights of 200 s, one of the log itself.
 - ``learnt``: delays by a monitor that 120 s of the log itself were learnt on, over those of the default calibration.
 - ``rates``: healthy logs of 50 to 1000 Hz, even, jittered, 2 % lost, by monitors calibrated at 100 Hz, which refuse
@@ -176,7 +176,7 @@ def quickest(change: np.ndarray, channel: str, law: str) -> float:
 
 
 def limit(folder: str, law: str, channel: str, seed: int) -> Iterator[Row]:
-    """Delays over the limit of quickest detection; of C, its look-ahead of 0.11 s taken off beside it."""
+    """Delays over a first-order figure, log(T/Ts) nats, which is no bound; of C, its look-ahead taken off beside it."""
     record = sensed(flown("doublets+turbulence", 150.0, seed), law, seed)
     watchers = {(name, "default"): monitor(folder, name) for name in DETECTORS}
     if law == "white":

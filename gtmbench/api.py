@@ -112,12 +112,12 @@ if TYPE_CHECKING:
     from gtmbench.report.recording.read import read_recording
     from gtmbench.study.campaign.conduct import campaign
     from gtmbench.study.campaign.plan import Campaign, load_campaign
-    from gtmbench.study.limit import detection_limit
     from gtmbench.study.log.injection import ChangedColumn, inject_log
     from gtmbench.study.log.live_watch import watch_live
     from gtmbench.study.log.truth import ScoredLog, score_log
     from gtmbench.study.log.watch import bank_between, watch_log
     from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.study.reference import detection_reference
     from gtmbench.study.run import run, run_study
     from gtmbench.study.scenario import Scenario, load_scenario
     from gtmbench.study.score import Verdict, score
@@ -292,7 +292,7 @@ __all__ = [
     "decimate",
     "derivable",
     "derive",
-    "detection_limit",
+    "detection_reference",
     "export_c",
     "fault",
     "filtered_attitude",

@@ -27,11 +27,10 @@ from gtmbench.values.record import FloatArray, Record, Span
 LONGEST_S = 24 * 3600.0
 FLOWN = tuple(channel for channel in CHANNELS.values() if channel.role is not Role.COMMAND)  # what is read each step
 
-# Moderate turbulence, JSBSim's Milspec model: type 3, severity 3, 25 ft/s wind at 20 ft above ground.
+# JSBSim's Milspec model: type 3, 25 ft/s wind at 20 ft above ground; severity 3 is moderate.
 _TURBULENCE = {
     "atmosphere/turb-type": 3,
     "atmosphere/turbulence/milspec/windspeed_at_20ft_AGL-fps": 25.0,
-    "atmosphere/turbulence/milspec/severity": 3,
 }
 _SUMMED = ("psi", "north", "east")  # made of what is read when all has been flown
 _BREATH_FT_S = 1e-9  # a wind too weak to be felt, and far above what rounding leaves (1e-13)
@@ -184,7 +183,7 @@ def take_off(
     else:
         fdm, trimmed = standing_again(craft, known, altitude_ft=altitude_ft, tas_kt=tas_kt)
     if moved.turbulence:
-        _set_turbulence(fdm, craft.psi_deg, seed)
+        _set_turbulence(fdm, craft.psi_deg, seed, moved.severity)
     still = np.zeros(len(time_s))
     properties = fdm.get_property_manager()
     nodes = [properties.get_node(channel.jsbsim) for channel in FLOWN]
@@ -212,7 +211,7 @@ def _moved(
     return excitations.excitation(excitation, time_s, seed).scaled(aircraft.excitation)
 
 
-def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> None:
+def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int, severity: int) -> None:
     """Make the air turbulent, with the gusts' axes along and across the track, as MIL-F-8785C means them.
 
     JSBSim turns the gusts' axes by the heading of the steady wind. In still air that is the heading of what rounding
@@ -226,3 +225,4 @@ def _set_turbulence(fdm: jsbsim.FGFDMExec, heading_deg: float, seed: int) -> Non
     fdm["simulation/randomseed"] = seed
     for name, value in _TURBULENCE.items():
         fdm[name] = value
+    fdm["atmosphere/turbulence/milspec/severity"] = severity

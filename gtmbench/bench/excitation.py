@@ -7,7 +7,7 @@ An excitation adds to the trimmed commands. Its name is one of `EXCITATIONS`, or
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from gtmbench.values.record import FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Excitation:
-    """Surface deflections about trim in degrees, by channel, and whether the air is turbulent.
+    """Surface deflections about trim in degrees, by channel, whether the air is turbulent, and how much (MIL, 1 to 7).
 
     Examples
     --------
@@ -34,11 +34,12 @@ class Excitation:
 
     surfaces: dict[str, FloatArray] = field(default_factory=dict)
     turbulence: bool = False
+    severity: int = 3
 
     def scaled(self, factors: Mapping[str, float]) -> Excitation:
         """Return the excitation with every deflection multiplied by a factor; turbulence is unchanged."""
         moved = {surface: values * factors[surface] for surface, values in self.surfaces.items()}
-        return Excitation(surfaces=moved, turbulence=self.turbulence)
+        return replace(self, surfaces=moved)
 
 
 def excitation(name: str, time_s: FloatArray, seed: int) -> Excitation:

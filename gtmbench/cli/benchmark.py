@@ -1,4 +1,4 @@
-"""``gtmbench benchmark``: gtmbench-1, whose flights and rules are frozen."""
+"""``gtmbench benchmark``: gtmbench-2, whose flights and rules are frozen."""
 
 from __future__ import annotations
 
@@ -54,8 +54,11 @@ if TYPE_CHECKING:
 )
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
 @click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
+@click.option(
+    "--archive", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as one ZIP file, to be deposited."
+)
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
-@click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-1.")
+@click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options
 def benchmark_command(
     quick: bool,
@@ -66,12 +69,13 @@ def benchmark_command(
     private_seed: Path | None,
     as_csv: bool,
     out: Path | None,
+    archive: Path | None,
     jobs: int | None,
     any_versions: bool,
     as_json: bool,
     quiet: bool,
 ) -> None:
-    """Judge detectors on gtmbench-1: frozen flights, one rule for thresholds, one table.
+    """Judge detectors on gtmbench-2: frozen flights, one rule for thresholds, one table.
 
     Example: gtmbench benchmark --quick --detector C
 
@@ -111,6 +115,10 @@ def benchmark_command(
         )
     _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
     verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."
+    if archive is not None:
+        from gtmbench.study.benchmark.export import archive as write_archive
+
+        verdict += f" {write_archive(definition, folder, archive)} files are in {archive}."
     own = {"out": str(folder), "rows": _short(rows)}
     _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
     if not as_json and not quiet:
@@ -118,7 +126,7 @@ def benchmark_command(
 
 
 def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
-    from gtmbench.study.benchmark.run import DETECTORS
+    from gtmbench.study.benchmark.detectors import DETECTORS
     from gtmbench.study.watchers import resolved
 
     if not sources and not by_default:
@@ -162,9 +170,9 @@ def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
     return [
         {
             "name": row.name,
-            "quickness": row.quickness,
-            "spread": None if row.spread is None else list(row.spread),
-            "findable": row.findable,
+            "quickness": None if row.quickness is None else row.quickness.value,
+            "interval": None if row.quickness is None else [row.quickness.low, row.quickness.high],
+            "flights": row.flights,
             "detected": row.detected,
             "right": row.right,
             "wrong": row.wrong,

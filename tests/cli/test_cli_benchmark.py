@@ -2,12 +2,15 @@
 
 import csv
 import json
+import zipfile
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.study.benchmark.definition import PRIVATE, TEST, with_secret
+from gtmbench.study.benchmark.definition import PRIVATE, TEST, load_definition, with_secret
 from tests.helpers.small_benchmark import finds, tiny, write_scores
 
 SQUARED = """
@@ -30,7 +33,7 @@ class Squared(gb.ScoreDetector):
 def definition(tmp_path, monkeypatch):
     found = tiny(tmp_path)
     monkeypatch.setattr(
-        "gtmbench.study.benchmark.definition.shipped_benchmarks", lambda: {"gtmbench-1": tmp_path / "tiny.toml"}
+        "gtmbench.study.benchmark.definition.shipped_benchmarks", lambda: {"gtmbench-2": tmp_path / "tiny.toml"}
     )
     return found
 
@@ -52,15 +55,24 @@ def awk_like(folder, out):
 @pytest.mark.nightly
 def test_flights_go_out_scores_come_back_and_a_table_is_made(cli, tmp_path):
     code, said, _ = cli("benchmark", "--export", "flights", "--csv", "--jobs", "1")
-    assert (code, said) == (0, "Wrote 27 flights of tiny, split test: flights.\n")
+    assert (code, said) == (0, "Wrote 28 flights of tiny, split test: flights.\n")
     assert "CC0 1.0" in (tmp_path / "flights/LICENCE.txt").read_text()
     everything = " ".join(path.read_text() for path in (tmp_path / "flights").glob("*.*"))
-    assert not any(word in everything for word in ("bias", "onset", "4000001"))
+    assert not any(word in everything for word in ("bias", "onset", "jam"))
     awk_like(tmp_path / "flights", tmp_path / "squares")
-    code, _, err = cli("benchmark", "--score", "squares", "--out", "table", "--jobs", "1", "--quiet")
+    line = ("benchmark", "--score", "squares", "--out", "table", "--jobs", "1", "--quiet", "--archive", "run.zip")
+    code, _, err = cli(*line)
+    assert (code, err.count("\n")) == (2, 1)
+    assert "squares: it names no definition, and that of tiny is" in err
+    (tmp_path / "squares/entry.toml").write_bytes((tmp_path / "flights/entry.toml").read_bytes())
+    code, _, err = cli(*line)
     assert (code, err) == (0, "")
     results = json.loads((tmp_path / "table/results.json").read_text())
-    assert [row["name"] for row in results["rows"]][:2] == ["limit", "oracle"]
+    schema = json.loads((Path(gb.__file__).parent / "benchmarks/results.schema.json").read_text())
+    jsonschema.validate(results, schema)
+    with zipfile.ZipFile(tmp_path / "run.zip") as packed:
+        assert {"tiny/results.json", "tiny/report.md", "tiny/CITATION.cff"} <= set(packed.namelist())
+    assert {row["name"] for row in results["rows"][:2]} == {"reference", "oracle"}
     assert "squares" in [row["name"] for row in results["rows"]]
     page = (tmp_path / "table/report.md").read_text()
     assert all(word in page for word in ("Quickness", "Data sheet", "What it doesn't", "| squares"))
@@ -102,17 +114,26 @@ def test_a_detector_of_a_file_is_known_to_other_processes(cli, tmp_path):
 
 
 def test_a_private_split_is_judged_by_its_secret_alone(cli, tmp_path, definition):
-    (tmp_path / "seed").write_bytes(b"a secret of sixteen bytes, and more")
+    (tmp_path / "seed").write_bytes(b"a secret, of more than sixteen bytes")
     private = with_secret(definition, tmp_path / "seed")
     write_scores(tmp_path / "mine", private, PRIVATE, finds)
     line = ("benchmark", "--score", "mine", "--private-seed", "seed", "--out", "table", "--jobs", "1", "--json")
     code, said, _ = cli(*line)
     told = json.loads(said)
     assert (code, told["split"], len(told["private_seed"])) == (0, "private", 64)
-    assert next(row for row in told["rows"] if row["name"] == "mine")["quickness"] > 0.5
+    row = next(row for row in told["rows"] if row["name"] == "mine")
+    assert row["detected"] == row["flights"] == 6
     code, _, err = cli("benchmark", "--score", "mine", "--out", "other", "--jobs", "1")
     assert code == 2
     assert "flights have no score file" in err
+
+
+def test_files_of_another_definition_are_refused_in_one_line(cli, tmp_path, definition):
+    folder = write_scores(tmp_path / "mine", definition, TEST, finds)
+    (folder / "entry.toml").write_text(f'definition = "{"eb081dc7c72c04d0" * 4}"\n')  # that of gtmbench-1
+    code, said, err = cli("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
+    assert (code, said, err.count("\n")) == (2, "", 1)
+    assert "its definition is 'eb081dc7c72c04d0', and that of tiny is" in err
 
 
 def test_a_score_file_that_lacks_a_flight_ends_with_one_line_and_nothing_written(cli, tmp_path, definition):
@@ -141,10 +162,10 @@ def test_bad_input_ends_with_one_line(cli, line, said):
     assert err.count("\n") == 1
 
 
-def test_other_versions_are_refused_or_called_otherwise(cli, tmp_path, definition):
+def test_other_versions_are_refused_or_called_otherwise(cli, tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(path.read_text().replace("[versions]\n", '[versions]\nnumpy = "1.0"\n'))
-    write_scores(tmp_path / "mine", definition, TEST, finds)
+    write_scores(tmp_path / "mine", load_definition(path), TEST, finds)
     line = ("benchmark", "--score", "mine", "--out", "table", "--jobs", "1")
     code, _, err = cli(*line)
     assert code == 2

@@ -169,7 +169,7 @@ def printed(folder, cli, monkeypatch, request):
         ]
         monkeypatch.setattr(demo, "COMMANDS", shorter)
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
-        monkeypatch.setattr(definition, "shipped_benchmarks", lambda: {"gtmbench-1": folder / "frozen.toml"})
+        monkeypatch.setattr(definition, "shipped_benchmarks", lambda: {"gtmbench-2": folder / "frozen.toml"})
         monkeypatch.setattr("gtmbench.check.reference_run.run_reference", lambda *_, **__: groups())
         monkeypatch.setattr("gtmbench.report.viewer._rerun", lambda *_: ["true"])
         monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)

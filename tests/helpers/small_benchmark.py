@@ -15,38 +15,47 @@ onset_s = [15.0, 20.0]
 deadline_s = 15.0
 false_alarms_per_hour = 6.0
 other_rates_per_hour = [2.0, 60.0]
+repeats = 3
 channels = ["p", "q", "r", "phi", "theta", "psi"]
 
-[versions]
+[quanta]
+p = 0.0078125
 
-[seeds]
-learn = 1000000
-calibration = 2000000
-development = 3000000
-test = 4000000
+[versions]
 
 [[groups]]
 name = "gtm"
 aircraft = "gtm"
-excitations = ["turbulence"]
-noise = ["white", "ar1"]
-lost = [0.0, 0.02]
 learn = 4
 calibration = 8
 development = 2
-test = 6
-every_fault = 1
+test = 4
+single = 2
+easy = 1
+common = 1
+pair = 1
+alike = 1
 twins = 2
 
-[[faults]]
+[[single]]
 kind = "bias"
 channels = ["p", "q", "r"]
-size = [0.3, 3.0]
+size = [0.5, 3.0]
+signed = true
 
-[[faults]]
+[[single]]
 kind = "noise"
 channels = ["p"]
-deviation = [3.0]
+deviation = [3.0, 3.5]
+
+[[easy]]
+kind = "jam"
+channels = ["q"]
+
+[[common]]
+kind = "drift"
+channels = ["p", "q", "r"]
+slope = [0.1, 1.0]
 
 [quick]
 groups = ["gtm"]
@@ -69,10 +78,16 @@ def write_scores(folder, definition, split, score, suffix=".csv", channels=()):
             time_s = np.arange(flight.rows) * flight.group.sample_period_s
             frame = pd.DataFrame({"time_s": time_s, "score": score(flight, time_s)})
             for name in channels:
-                own = flight.fault is not None and flight.fault.channel == name
+                own = name in [fault.channel for fault in flight.faults]
                 frame[f"score_{name}"] = frame["score"] if own else 0.0
             frame.to_csv(path, index=False) if suffix == ".csv" else frame.to_parquet(path, index=False)
+    describe(folder, definition)
     return folder
+
+
+def describe(folder, definition, extra=""):
+    """Write an entry's description: for which definition it is."""
+    (folder / "entry.toml").write_text(f'definition = "{definition.digest}"\n{extra}')
 
 
 def noise_of(flight, time_s):
@@ -83,6 +98,6 @@ def noise_of(flight, time_s):
 def finds(flight, time_s, late_s=1.0):
     """Noise, and far more from a second after the onset on."""
     score = noise_of(flight, time_s)
-    if flight.fault is not None:
-        score[time_s >= flight.fault.onset_s + late_s - 1e-9] += 1000.0
+    for fault in flight.faults:
+        score[time_s >= fault.onset_s + late_s - 1e-9] += 1000.0
     return score

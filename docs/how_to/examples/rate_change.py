@@ -1,4 +1,4 @@
-"""A detector for gtmbench-1 in 18 lines: gtmbench benchmark --quick --detector rate_change.py:RateChange."""
+"""A detector for gtmbench-2 in 18 lines: gtmbench benchmark --quick --detector rate_change.py:RateChange."""
 
 from dataclasses import dataclass
 

@@ -19,11 +19,11 @@ _BINS_S = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
 
 
 def benchmark_curves(rows: Sequence[Row], definition: Definition) -> Figure:
-    """Draw median delay against the measured rate of false alarms, and the share detected against the limit.
+    """Draw median delay against the measured rate of false alarms, and the share detected against the reference.
 
     A marker stands where thresholds are set for the benchmark's own rate: on its curve, at the rate that was measured.
-    A rate of zero is drawn at the upper bound that the flights allow. The limit stands for a fault's size, which makes
-    kinds comparable: the smaller a fault, the later anybody can tell.
+    A rate of zero is drawn at the upper bound that the flights allow. The reference's delay stands for a fault's size,
+    which makes kinds comparable: the smaller a fault, the later it can be told.
     """
     from matplotlib.figure import Figure
 
@@ -40,7 +40,7 @@ def benchmark_curves(rows: Sequence[Row], definition: Definition) -> Figure:
     sizes.set(
         xscale="log",
         xlim=(_BINS_S[0] / 3.0, 2.0 * _BINS_S[-1]),
-        xlabel="limit of quickest detection (s): large faults left",
+        xlabel="mean delay of the reference (s): large faults left",
         ylabel="share detected",
     )
     sizes.set_ylim(-0.03, 1.03)
@@ -62,7 +62,7 @@ def _draw_delays(axis: Axes, row: Row, definition: Definition, style: dict[str, 
 def _draw_sizes(axis: Axes, row: Row, style: dict[str, object]) -> None:
     places, shares = [], []
     for low, high in zip((0.0, *_BINS_S), (*_BINS_S, math.inf), strict=True):
-        within = [outcome.told != MISSED for outcome in row.outcomes if low <= outcome.limit_s < high]
+        within = [outcome.told != MISSED for outcome in row.outcomes if low <= outcome.reference_s < high]
         if within:
             places.append(math.sqrt(max(low, 0.03) * min(high, 200.0)))
             shares.append(sum(within) / len(within))

@@ -10,24 +10,43 @@ from typing import Any
 import pandas as pd
 
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.benchmark import DIFFER, QUICKNESS, ROWS, about, data_sheet
-from gtmbench.study.benchmark.definition import Definition
-from gtmbench.study.benchmark.judge import MISSED, Outcome, Row, places
+from gtmbench.report.words.benchmark import (
+    DIFFER,
+    QUICKNESS,
+    ROWS,
+    about,
+    data_sheet,
+)
+from gtmbench.study.benchmark.definition import EASY, SINGLE, Definition
+from gtmbench.study.benchmark.judge import MISSED, Row, differences, places
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading
+from gtmbench.study.scores.intervals import Estimate
+from gtmbench.values.channels import GYROS
 from gtmbench.version import __version__
 
-_SIZES = ("kind", "size", "faults", "limit (s)")
+SCHEMA = "gtmbench-results-2"
+_KINDS = ("kind", "flights", "reference (s)")
 
 
 def benchmark_results(rows: Sequence[Row], definition: Definition, split: str) -> dict[str, Any]:
-    """Return every figure of a run as plain values; what is infinite or unknown is None."""
-    ranks = places(rows)
+    """Return every figure of a run as plain values; what is infinite or unknown is None.
+
+    ``benchmarks/results.schema.json`` says what stands where.
+    """
+    told = differences(rows)
+    ranks = places(rows, told)
+    left_out = ("outcomes", "delays_s")
     return {
+        "schema": SCHEMA,
         **about(definition, split),
         "rows": [
-            {"place": list(ranks[row.name]), **{key: value for key, value in asdict(row).items() if key != "outcomes"}}
+            {
+                "place": list(ranks[row.name]),
+                **{key: value for key, value in asdict(row).items() if key not in left_out},
+            }
             for row in rows
         ],
+        "differences": [asdict(each) for each in told],
         "outcomes": {row.name: [asdict(outcome) for outcome in row.outcomes] for row in rows},
     }
 
@@ -48,9 +67,9 @@ def benchmark_page(rows: Sequence[Row], definition: Definition, split: str, comm
         "## At other allowed rates",
         "Thresholds are set for each rate. The bold one is the benchmark's own, at the rate that was measured for it.",
         markdown(rates_table(rows, definition)),
-        "## By size of fault",
-        "Share of faults detected before the deadline; the limit is the median's, a dash where nobody can tell.",
-        markdown(sizes_table(rows)),
+        "## By kind of fault",
+        "Flights on which it is detected, and the reference's median delay; kinds of one column are the easy ones.",
+        markdown(kinds_table(rows)),
         data_sheet(definition, split),
     ]
     return "\n\n".join(parts) + "\n"
@@ -58,21 +77,23 @@ def benchmark_page(rows: Sequence[Row], definition: Definition, split: str, comm
 
 def table(rows: Sequence[Row]) -> pd.DataFrame:
     """Return the table of a run, a row an entry."""
-    ranks = places(rows)
+    ranks = places(rows, differences(rows))
     return pd.DataFrame(
         [
             {
                 "place": _place(ranks[row.name]),
                 "entry": f"*{row.name}*" if row.name in (*YARDSTICKS, RawReading.name) else row.name,
-                "quickness": "-" if row.quickness is None else f"{row.quickness:.3f}",
-                "spread": "" if row.spread is None else f"{row.spread[0]:.3f} to {row.spread[1]:.3f}",
+                "quickness": "-" if row.quickness is None else f"{row.quickness.value:.3f} {_interval(row.quickness)}",
                 "delay (s)": _figure(row.median_delay_s),
-                "limit (s)": _figure(row.median_limit_s),
-                "times the limit": _figure(row.times_limit),
-                "missed": f"{row.findable - row.detected} of {row.findable}",
+                "missed": f"{row.flights - row.detected} of {row.flights}",
                 "named right / wrong / either-or": f"{row.right} / {row.wrong} / {row.either}",
+                "easy": _count(row.easy),
+                "second": _count(row.second),
+                "accused": _count(row.accused),
+                "look-alikes": _count(row.alike),
                 "false alarms an hour": _rate(row),
                 "us a sample": _figure(row.microseconds_a_sample),
+                "tuned on": row.tuned,
             }
             for row in rows
         ]
@@ -96,25 +117,31 @@ def rates_table(rows: Sequence[Row], definition: Definition) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def sizes_table(rows: Sequence[Row]) -> pd.DataFrame:
-    """Return, by kind and size of fault, how many faults each row detects; yardsticks that know nothing left out."""
-    shown = [row for row in rows if row.name not in ("never", "always", "oracle", "limit")]
+def kinds_table(rows: Sequence[Row]) -> pd.DataFrame:
+    """Return, by kind of fault, on how many flights each row detects it; yardsticks that know left out."""
+    shown = [row for row in rows if row.name not in ("never", "always", "oracle")]
     if not shown:
-        return pd.DataFrame(columns=_SIZES)
-    cases: dict[tuple[str, str], list[int]] = {}
-    for place, outcome in enumerate(rows[0].outcomes):
-        cases.setdefault((outcome.kind, _size(outcome)), []).append(place)
+        return pd.DataFrame(columns=_KINDS)
+    cases: dict[tuple[str, str, str], list[int]] = {}
+    for place, outcome in enumerate(shown[0].outcomes):
+        if outcome.role in (SINGLE, EASY):
+            sensor = "gyro" if outcome.channel in GYROS else "angle"
+            cases.setdefault((outcome.role, outcome.kind, sensor), []).append(place)
     lines = []
-    for (kind, size), of in sorted(cases.items()):
-        limits = sorted(rows[0].outcomes[place].limit_s for place in of)
+    for (role, kind, sensor), of in sorted(cases.items(), reverse=True):
+        reference_s = sorted(shown[0].outcomes[place].reference_s for place in of)[len(of) // 2]
         found = {row.name: sum(row.outcomes[place].told != MISSED for place in of) for row in shown}
-        lines.append(dict(zip(_SIZES, (kind, size, len(of), _figure(limits[len(limits) // 2])), strict=True)) | found)
+        name = f"{kind}, {sensor}" + " (easy)" * (role == EASY)
+        lines.append(dict(zip(_KINDS, (name, len(of), _figure(reference_s)), strict=True)) | found)
     return pd.DataFrame(lines)
 
 
-def _size(outcome: Outcome) -> str:
-    unit = "deg" if outcome.channel in ("phi", "theta", "psi") else "deg/s"
-    return ", ".join(f"{name} {value:g}" for name, value in outcome.sizes.items()) + f" ({unit})"
+def _count(of: tuple[int, int]) -> str:
+    return f"{of[0]} of {of[1]}"
+
+
+def _interval(estimate: Estimate) -> str:
+    return f"({estimate.low:.3f} to {estimate.high:.3f})"
 
 
 def _place(place: tuple[int, int]) -> str:

@@ -2,13 +2,16 @@
 
 A *group* is one aircraft, one sample rate and one kind of sensors; detectors learn and get their thresholds by group.
 A *split* says what flights are for: `learn` to train on, `calibration` to set thresholds on, `development` to look at,
-`test` to be judged on. `private` is a second test split, whose seeds follow from a secret.
+`test` to be judged on. `private` is a second test split, which follows from a secret.
+
+A *case* is one fault, drawn from the ranges of a table; it is flown `repeats` times, each time on another flight. What
+is drawn follows from the SHA-256 of the benchmark's name, split and group: no two sets share a flight.
 """
 
 from __future__ import annotations
 
 import hashlib
-import itertools
+import hmac
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -25,13 +28,16 @@ from gtmbench.faults.registry import find_fault
 from gtmbench.files.disk import check_size, is_file, no_such
 from gtmbench.files.seals import digest_of
 from gtmbench.files.shipped import read_shipped, shipped_benchmarks
+from gtmbench.values.channels import ATTITUDE, GYROS
 
-GTMBENCH_1 = "gtmbench-1"
+GTMBENCH_2 = "gtmbench-2"
 LEARN, CALIBRATION, DEVELOPMENT, TEST, PRIVATE = "learn", "calibration", "development", "test", "private"
 HEALTHY_SPLITS, JUDGED_SPLITS = (LEARN, CALIBRATION), (DEVELOPMENT, TEST, PRIVATE)
-_GROUP_SEEDS = 100_000  # between the first flights of two groups
+HEALTHY, ALIKE, SINGLE, EASY, COMMON, PAIR = "healthy", "alike", "single", "easy", "common", "pair"
 _CUT = (0.4, 0.8)  # where a flight is cut short, of its length
-_SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes
+_SHORTEST_SECRET, _LARGEST_SECRET = 16, 65536  # bytes: 128 bits at least
+_LATER_S = (10.0, 20.0)  # a second fault after the first
+_DEVELOPED = 8  # development has one in so many of the test's faults
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,14 +48,13 @@ class Group:
     ----------
     name, aircraft, sensors : str
     rate_hz : float
-    excitations, noise : tuple of str
-        Which the flights have in turn.
-    lost : tuple of float
-        Share of rows that are missing, in turn.
     learn, calibration, development, test : int
         Healthy flights of the split; a private split has as many as the test.
-    every_fault : int
-        Every so many faults of the definition's list is flown.
+    single : int
+        Faults that quickness counts, each flown `repeats` times.
+    easy, common, pair, alike : int
+        Flights with a fault that a repeated or round reading betrays, with one cause in all gyros, with two faults, and
+        healthy ones with gusts, gaps and repeated rows that look like faults.
     twins : int
         Flights that are there twice, once cut short.
     """
@@ -58,14 +63,15 @@ class Group:
     aircraft: str
     sensors: str = "ideal"
     rate_hz: float = 100.0
-    excitations: tuple[str, ...]
-    noise: tuple[str, ...] = ("white",)
-    lost: tuple[float, ...] = (0.0,)
     learn: int
     calibration: int
     development: int = 0
     test: int
-    every_fault: int
+    single: int
+    easy: int
+    common: int
+    pair: int
+    alike: int
     twins: int
 
     @property
@@ -80,7 +86,7 @@ class Group:
 
 @dataclass(frozen=True, kw_only=True)
 class Flight:
-    """One flight of the benchmark: all that it takes to fly it, and its fault.
+    """One flight of the benchmark: all that it takes to fly it, and its faults.
 
     Attributes
     ----------
@@ -89,12 +95,14 @@ class Flight:
     group : Group
     split : str
     seed : int
-        Of excitation, turbulence, noise and losses.
-    excitation, noise : str
-    lost : float
+        Of all that is drawn; 128 bits.
     rows : int
         Samples; less than its twin's where it is cut short.
-    fault : Fault or None
+    role : str
+        Healthy, alike, single, easy, common or pair.
+    case : int
+        Which fault of the group it is a flight of; -1 but for single ones.
+    faults : tuple of Fault
     twin : str
         The id of the same flight in full; empty for others.
     """
@@ -103,11 +111,10 @@ class Flight:
     group: Group
     split: str
     seed: int
-    excitation: str
-    noise: str
-    lost: float
     rows: int
-    fault: Fault | None = None
+    role: str = HEALTHY
+    case: int = -1
+    faults: tuple[Fault, ...] = ()
     twin: str = ""
 
     @property
@@ -119,6 +126,11 @@ class Flight:
     def end_s(self) -> float:
         """The time of its last sample."""
         return (self.rows - 1) * self.group.sample_period_s
+
+    @property
+    def onset_s(self) -> float:
+        """When its first fault begins; its end where there is none."""
+        return self.faults[0].onset_s if self.faults else self.end_s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,21 +145,24 @@ class Definition:
     duration_s, deadline_s, false_alarms_per_hour : float
     other_rates_per_hour : tuple of float
     onset_s : (float, float)
+    repeats : int
+        Flights of a fault.
     channels : tuple of str
-    versions, seeds : mapping
+    quanta : mapping of channel to float
+        The step of its readings, in its unit.
+    versions : mapping
     groups : tuple of Group
-    faults : tuple of mapping
-        Of each its kind, channel and parameters.
+    single, easy, common : tuple of mapping
+        Tables of faults: kind, channels, and of each parameter a value or a range, even in the logarithm.
 
     Examples
     --------
     >>> full, quick = load_definition(), load_definition(quick=True)
-    >>> len(full.faults), [group.name for group in full.groups], [group.name for group in quick.groups]
-    (138, ['gtm', 'gtm-chain', 'gtm-50hz', 'gtm-25hz', 'A320', 'c172p'], ['gtm'])
-    >>> flights = list(full.flights(TEST))
-    >>> healthy = [flight for flight in flights if flight.fault is None and not flight.twin]
-    >>> sum(flight.rows * flight.group.sample_period_s for flight in healthy) / 3600.0 > 50.0
-    True
+    >>> [group.name for group in full.groups], [group.name for group in quick.groups]
+    (['gtm', 'gtm-chain', 'gtm-50hz', 'gtm-25hz', 'A320', 'c172p'], ['gtm'])
+    >>> seeds = [{flight.seed for flight in of.flights(TEST)} for of in (full, quick)]
+    >>> len(seeds[0] & seeds[1])
+    0
     """
 
     name: str
@@ -158,70 +173,105 @@ class Definition:
     deadline_s: float
     false_alarms_per_hour: float
     other_rates_per_hour: tuple[float, ...]
+    repeats: int
     channels: tuple[str, ...]
+    quanta: Mapping[str, float]
     versions: Mapping[str, str]
-    seeds: Mapping[str, int]
     groups: tuple[Group, ...]
-    faults: tuple[Mapping[str, Any], ...] = field(repr=False)
+    single: tuple[Mapping[str, Any], ...] = field(repr=False)
+    easy: tuple[Mapping[str, Any], ...] = field(repr=False)
+    common: tuple[Mapping[str, Any], ...] = field(repr=False)
     secret: bytes = field(default=b"", repr=False)
 
     def flights(self, split: str) -> Iterator[Flight]:
         """Yield the flights of a split, group by group, in an order that tells nothing; twins come last."""
-        for number in range(len(self.groups)):
-            yield from self._flights(split, number)
+        for group in self.groups:
+            yield from self._flights(split, group)
 
-    def _flights(self, split: str, number: int) -> Iterator[Flight]:
-        group, first = self.groups[number], self._first_seed(split, number)
-        broken = self.faults[number % group.every_fault :: group.every_fault] if split in JUDGED_SPLITS else ()
+    def _flights(self, split: str, group: Group) -> Iterator[Flight]:
         if split == DEVELOPMENT and not group.development:
             return
-        draw = np.random.default_rng([first, 0])
-        cases = [*broken, *[None] * group.healthy(split)]
-        flights = []
-        for place, case in enumerate(draw.permutation(len(cases)).tolist()):
-            flights.append(self._flight(group, split, first + 1 + place, place, cases[case]))
+        draw = np.random.default_rng(self._seed(split, group, "order"))
+        kinds = [(HEALTHY, -1)] * group.healthy(split)
+        if split in JUDGED_SPLITS:
+            fewer = _DEVELOPED if split == DEVELOPMENT else 1
+            kinds += [(SINGLE, case) for case in range(group.single // fewer)] * self.repeats
+            kinds += [
+                (role, case) for role in (EASY, COMMON, PAIR, ALIKE) for case in range(getattr(group, role) // fewer)
+            ]
+        flights = [
+            self._flight(split, group, place, *kinds[of])
+            for place, of in enumerate(draw.permutation(len(kinds)).tolist())
+        ]
         yield from flights
         if split in JUDGED_SPLITS:
             for place in draw.permutation(len(flights))[: group.twins].tolist():
-                rows = int(draw.uniform(*_CUT) * flights[place].rows)
-                yield replace(
-                    flights[place], id=self._id(first, split, f"twin {place}"), rows=rows, twin=flights[place].id
-                )
+                full, rows = flights[place], int(draw.uniform(*_CUT) * flights[place].rows)
+                yield replace(full, id=self._id(split, full.seed, "twin"), rows=rows, twin=full.id)
 
-    def _flight(self, group: Group, split: str, seed: int, place: int, case: Mapping[str, Any] | None) -> Flight:
-        turn = {name: getattr(group, name) for name in ("excitations", "noise", "lost")}
-        excitation, noise, lost = (values[place % len(values)] for values in turn.values())
+    def _flight(self, split: str, group: Group, place: int, role: str, case: int) -> Flight:
+        seed = self._seed(split, group, place)
         return Flight(
-            id=self._id(seed, split, split),
+            id=self._id(split, seed, "flight"),
             group=group,
             split=split,
             seed=seed,
-            excitation=excitation,
-            noise=noise,
-            lost=lost,
             rows=round(self.duration_s * group.rate_hz) + 1,
-            fault=None if case is None else self._fault(case, seed),
+            role=role,
+            case=case if role == SINGLE else -1,
+            faults=self._faults(split, group, role, case, seed),
         )
 
-    def _fault(self, case: Mapping[str, Any], seed: int) -> Fault:
-        given, cls = dict(case), find_fault(case["kind"])
-        del given["kind"]
-        onset_s = round(float(np.random.default_rng([seed, 1]).uniform(*self.onset_s)), 2)
+    def _faults(self, split: str, group: Group, role: str, case: int, seed: int) -> tuple[Fault, ...]:
+        """Return the faults of a case, with the onset of a flight."""
+        draw = np.random.default_rng([seed, 1])
+        onset_s = round(float(draw.uniform(*self.onset_s)), 2)
+        if role in (SINGLE, EASY):
+            return (self._fault(split, group, role, case, onset_s, seed),)
+        if role == COMMON:
+            first = self._fault(split, group, role, case, onset_s, seed)
+            seeds = {"seed": first.seed + 1} if hasattr(first, "seed") else {}
+            return first, *(replace(first, channel=name, **seeds) for name in GYROS if name != first.channel)
+        if role == PAIR:
+            first = self._fault(split, group, PAIR, 2 * case, min(onset_s, self.onset_s[1] - _LATER_S[1]), seed)
+            second = self._fault(split, group, PAIR, 2 * case + 1, first.onset_s + float(draw.uniform(*_LATER_S)), seed)
+            if axis_index(second.channel) == axis_index(first.channel):
+                names = GYROS if second.channel in GYROS else ATTITUDE
+                second = replace(second, channel=names[(axis_index(first.channel) + 1) % len(names)])
+            return first, replace(second, onset_s=round(second.onset_s, 2))
+        return ()
+
+    def _fault(self, split: str, group: Group, role: str, case: int, onset_s: float, seed: int) -> Fault:
+        """Return the fault of a case: the tables in turn, and of a table's ranges one part after the other."""
+        tables = self.single if role == PAIR else getattr(self, role)
+        turn = case + self.groups.index(group)
+        given, part = dict(tables[turn % len(tables)]), case // len(tables)
+        parts = -(-getattr(group, SINGLE if role == PAIR else role) // len(tables))
+        draw = np.random.default_rng(self._seed(split, group, f"{role} {case}"))
+        cls, channels = find_fault(given.pop("kind")), given.pop("channels")
+        signed, first = given.pop("signed", False), True
+        for key, value in given.items():
+            if isinstance(value, list):
+                low, high = np.log(value)
+                share = (part % parts + draw.random()) / parts if first else draw.random()
+                sign = draw.choice([-1.0, 1.0]) if signed and first else 1.0
+                given[key], first = float(sign * np.exp(low + share * (high - low))), False
         if any(each.name == "seed" for each in fields(cls)):
-            given["seed"] = seed
-        return cls(onset_s=onset_s, **given)
+            given["seed"] = seed % 2**31
+        return cls(channel=str(draw.choice(channels)), onset_s=onset_s, **given)
 
-    def _first_seed(self, split: str, number: int) -> int:
-        if split == PRIVATE:
-            if not self.secret:
-                raise InputError("a private split follows from a secret; give --private-seed FILE")
-            return _whole(self.secret + f"/{number}".encode()) % 2**30
-        return self.seeds[split] + number * _GROUP_SEEDS
+    def _seed(self, split: str, group: Group, what: object) -> int:
+        """Return 128 bits that follow from what is drawn, and in a private split from the secret, too."""
+        if split == PRIVATE and not self.secret:
+            raise InputError("a private split follows from a secret; give --private-seed FILE")
+        secret = self.secret if split == PRIVATE else b""
+        told = f"{self.name}/{split}/{group.name}/{what}".encode()
+        return int.from_bytes(hmac.digest(secret, told, "sha256")[:16], "big")  # of the secret, not of its digest
 
-    def _id(self, seed: int, split: str, what: str) -> str:
+    def _id(self, split: str, seed: int, what: str) -> str:
         """Return the name of a flight; of a private one it takes the secret to find the seed in it."""
         secret = self.secret if split == PRIVATE else b""
-        return hashlib.sha256(secret + f"{self.name}/{seed}/{what}".encode()).hexdigest()[:12]
+        return hashlib.sha256(secret + f"{seed}/{what}".encode()).hexdigest()[:12]
 
     @cached_property
     def differing(self) -> str:
@@ -243,7 +293,7 @@ class Definition:
             )
 
 
-def load_definition(name: str | Path = GTMBENCH_1, *, quick: bool = False) -> Definition:
+def load_definition(name: str | Path = GTMBENCH_2, *, quick: bool = False) -> Definition:
     """Return a benchmark's definition by its name, or of a TOML file of the same layout.
 
     Parameters
@@ -270,31 +320,18 @@ def load_definition(name: str | Path = GTMBENCH_1, *, quick: bool = False) -> De
 def _definition(tables: Mapping[str, Any], *, quick: bool) -> Definition:
     given = dict(tables)
     small = given.pop("quick", {})
-    groups = [Group(**{key: _tuples(value) for key, value in group.items()}) for group in given.pop("groups")]
+    groups = [Group(**group) for group in given.pop("groups")]
     if quick:
         chosen, counts = small["groups"], {key: value for key, value in small.items() if key != "groups"}
         groups = [replace(group, **counts) for group in groups if group.name in chosen]
         given |= {"name": f"{given['name']}-quick"}
-    faults = tuple(case for table in given.pop("faults") for case in _cases(table))
-    plain = {key: _tuples(value) for key, value in given.items()}
-    return Definition(digest=digest_of(tables), groups=tuple(groups), faults=faults, **plain)
+    plain: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+    return Definition(digest=digest_of(tables), groups=tuple(groups), **plain)
 
 
-def _cases(table: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the faults of a table: every channel with every combination of the values that it lists."""
-    settings = {key: value for key, value in table.items() if key != "channels"}
-    lists = {key: value if isinstance(value, list) else [value] for key, value in settings.items()}
-    for channel in table["channels"]:
-        for values in itertools.product(*lists.values()):
-            yield {"channel": channel, **dict(zip(lists, values, strict=True))}
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(value) if isinstance(value, list) else value
-
-
-def _whole(content: bytes) -> int:
-    return int.from_bytes(hashlib.sha256(content).digest()[:8], "big")
+def axis_index(channel: str) -> int:
+    """Return which axis a gyro or an angle is of: 0, 1 or 2."""
+    return (GYROS if channel in GYROS else ATTITUDE).index(channel)
 
 
 def with_secret(definition: Definition, path: Path) -> Definition:

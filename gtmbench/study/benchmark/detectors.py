@@ -21,12 +21,17 @@ from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, Definition, Flight
 from gtmbench.study.benchmark.entry import ENTRY, NAMES
-from gtmbench.study.benchmark.flights import make
+from gtmbench.study.benchmark.flights import digest_of, make
 from gtmbench.values.channels import SENSORS
 from gtmbench.values.record import FloatArray, Record
 
+_OWN, _SOURCES = "flights of gtmbench-1's kind; not on gtmbench-2", "its source's settings; not on gtmbench-2"
+DETECTORS = {  # those that enter unless others are named, and what they were tuned on
+    **dict.fromkeys(("C", "C-early"), _OWN),
+    **dict.fromkeys(("kinematic-kalman", "kalman", "cusum", "pca", "limits"), _SOURCES),
+}
 _NO_SCORE = 0.0  # where a statistic doesn't exist: the least that a ratio of statistic and threshold can have
-_MONITORS, _NAMES, _COSTS = "monitors", "said", "costs"
+_MONITORS, _NAMES, _COSTS, DIGEST = "monitors", "said", "costs", "digest"
 _READ: dict[Path, Monitor] = {}
 
 
@@ -73,7 +78,7 @@ def write_entries(
     spread(work, todo, processes=processes, step="watch", progress=progress, begin=begin)
     for name, detector in detectors.items():
         _write_names(folder / name, [flight for flight in flights if flight.split == split])
-        _write_facts(folder / name, name, detector, flights)
+        _write_facts(folder / name, name, detector, definition, flights)
     return [folder / name for name in detectors]
 
 
@@ -116,7 +121,7 @@ def _calibrated(detector: Detector, records: Sequence[Record], definition: Defin
 
 
 def _record(definition: Definition, flight: Flight) -> Record:
-    return make(definition, flight).record
+    return make(definition, flight)
 
 
 def _monitor(folder: Path, name: str, group: str) -> Path:
@@ -136,7 +141,7 @@ def _loaded(path: Path, detector: Detector) -> Monitor:
 
 def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detector], flight: Flight) -> None:
     """Fly a flight and write what every detector makes of it."""
-    record = make(definition, flight).record
+    record = make(definition, flight)
     for name, detector in detectors.items():
         path = _score(folder, name, flight)
         if is_file(path):
@@ -150,7 +155,7 @@ def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detecto
                 f"'{name}' shows no test statistic, so no threshold can be set; write an alarms.csv instead"
             )
         frame = pd.DataFrame({"time_s": np.arange(flight.rows) * flight.group.sample_period_s, **scores_of(watch)})
-        frame.attrs = {_NAMES: _said(watch), _COSTS: cost_s}  # Parquet keeps them
+        frame.attrs = {_NAMES: _said(watch), _COSTS: cost_s, DIGEST: digest_of(record)}  # Parquet keeps them
         with atomic_write(path) as aside:
             frame.to_parquet(aside, index=False, compression="zstd")
 
@@ -217,11 +222,14 @@ def _write_names(folder: Path, flights: Sequence[Flight]) -> None:
             aside.write_text("\n".join(["flight,time_s,sensor", *lines]) + "\n", encoding="utf-8")
 
 
-def _write_facts(folder: Path, name: str, detector: Detector, flights: Sequence[Flight]) -> None:
+def _write_facts(
+    folder: Path, name: str, detector: Detector, definition: Definition, flights: Sequence[Flight]
+) -> None:
     """Write the description of an entry, with what a sample cost: median over the flights."""
     costs = [_attributes(folder / f"{flight.path}.parquet").get(_COSTS, np.nan) / flight.rows for flight in flights]
     title = str(getattr(detector, "title", "")) or str(getattr(getattr(detector, "bank", None), "title", ""))
-    facts: dict[str, object] = {"name": name, "title": title[:150], "machine": machine()}
+    facts: dict[str, object] = {"definition": definition.digest, "name": name, "title": title[:150]}
+    facts |= {"machine": machine(), "tuned": str(getattr(detector, "tuned", DETECTORS.get(name, "")))}
     lines = [f'{key} = "{value}"' for key, value in facts.items() if value]
     with atomic_write(folder / ENTRY) as aside:
         aside.write_text("\n".join([*lines, f"microseconds_a_sample = {1e6 * np.median(costs):.3g}"]) + "\n", "utf-8")

@@ -7,7 +7,8 @@ A folder of either
 - or ``alarms.csv``: ``flight, time_s[, sensor]``, one alarm a row; `flight` is the ID.
 
 Beside score files ``names.csv``, of the same columns, may say from when on which sensor is named: ``p``, ``p|phi``
-where it is one or the other, empty where nobody. ``entry.toml`` may say what it is (`Facts`).
+where it is one or the other, empty where nobody. ``entry.toml`` says for which definition it was made, and may say what
+it is (`Facts`).
 """
 
 from __future__ import annotations
@@ -42,22 +43,26 @@ Said = tuple[float, tuple[str, ...]]  # when, and which sensors are named
 
 @dataclass(frozen=True, kw_only=True)
 class Facts:
-    """What an entry says of itself, all of it optional.
+    """What an entry says of itself, all of it optional but the definition.
 
     Attributes
     ----------
-    name, title, source, machine : str
-        `machine`: what the cost was measured on.
+    definition : str
+        The digest of the benchmark's definition, as exported flights have it.
+    name, title, source, machine, tuned : str
+        `machine`: what the cost was measured on; `tuned`: on which flights its settings were chosen.
     microseconds_a_sample : float
         What a sample costs, of all channels.
     bound : float
         What no score can reach, where there is such a thing (1 for a probability): the tail then ends there.
     """
 
+    definition: str = ""
     name: str = ""
     title: str = ""
     source: str = ""
     machine: str = ""
+    tuned: str = ""
     microseconds_a_sample: float = math.nan
     bound: float = math.inf
 
@@ -133,6 +138,12 @@ def read_entry(folder: str | Path, definition: Definition, split: str) -> Entry:
         )
     flights = {flight.id: flight for flight in definition.flights(split)}
     facts = _facts(folder)
+    if facts.definition != definition.digest:
+        given = f"its definition is {shown(facts.definition[:16])}" if facts.definition else "it names no definition"
+        raise InputError(
+            f"{folder}: {given}, and that of {definition.name} is {definition.digest[:16]}; make scores of flights "
+            f"that --export writes now, and copy the {ENTRY} beside these"
+        )
     if is_file(folder / ALARMS):
         said = _said(folder / ALARMS, flights)
         names = {name: [each for each in rows if each[1]] for name, rows in said.items()}

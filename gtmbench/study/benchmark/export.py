@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
@@ -9,11 +10,22 @@ from pathlib import Path
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.logs import write_log
+from gtmbench.files.shipped import shipped_benchmarks
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, PRIVATE, Definition, Flight, secret_digest
+from gtmbench.study.benchmark.definition import (
+    CALIBRATION,
+    GTMBENCH_2,
+    LEARN,
+    PRIVATE,
+    Definition,
+    Flight,
+    secret_digest,
+)
+from gtmbench.study.benchmark.entry import ALARMS, ENTRY, NAMES
 from gtmbench.study.benchmark.flights import make
 
+RESULTS, SCHEMA = "results.json", "results.schema.json"
 FLIGHTS, README, LICENCE = "flights.csv", "README.txt", "LICENCE.txt"
 _LICENCE = """\
 These flights were simulated by gtmbench with JSBSim. To the extent possible under law, the gtmbench authors have
@@ -30,8 +42,8 @@ learn: healthy flights, yours to train on. calibration: healthy flights; train o
 them by `gtmbench benchmark --score`. {split}: flights that are judged; some have a fault. By group a detector may be
 another one.
 
-Return a folder of files of the same names with time_s and score, of calibration and {split}. Put a score at the time at
-which it is known. `docs/how_to/benchmark.md` says the rest.
+Return a folder of files of the same names with time_s and score, of calibration and {split}, with a copy of entry.toml.
+Put a score at the time at which it is known. `docs/how_to/benchmark.md` says the rest.
 """
 
 
@@ -66,7 +78,7 @@ def export(
     about = _README.format(
         name=definition.name, digest=definition.digest, private=private, flights=FLIGHTS, suffix=suffix, split=split
     )
-    _claim(folder, about)
+    _claim(folder, about, f'definition = "{definition.digest}"\n')
     for group in definition.groups:
         for of in (LEARN, CALIBRATION, split):
             make_folder(folder / group.name / of)
@@ -77,7 +89,7 @@ def export(
     return flights
 
 
-def _claim(folder: Path, about: str) -> None:
+def _claim(folder: Path, about: str, entry: str) -> None:
     """Begin a folder, or go on with one of the same flights."""
     readme = folder / README
     if folder.exists() and not folder.is_dir():
@@ -87,7 +99,7 @@ def _claim(folder: Path, about: str) -> None:
     if folder.is_dir() and not is_file(readme) and any(folder.iterdir()):
         raise InputError(f"{folder} holds other files; give another folder, or an empty one")
     make_folder(folder)
-    for path, content in ((readme, about), (folder / LICENCE, _LICENCE)):
+    for path, content in ((readme, about), (folder / LICENCE, _LICENCE), (folder / ENTRY, entry)):
         with atomic_write(path) as aside:
             aside.write_text(content, encoding="utf-8")
 
@@ -97,7 +109,7 @@ def _path(folder: Path, flight: Flight, suffix: str) -> Path:
 
 
 def _write(definition: Definition, folder: Path, suffix: str, flight: Flight) -> None:
-    write_log(make(definition, flight).record, _path(folder, flight, suffix))
+    write_log(make(definition, flight), _path(folder, flight, suffix))
 
 
 def _write_list(path: Path, flights: Sequence[Flight]) -> None:
@@ -105,3 +117,28 @@ def _write_list(path: Path, flights: Sequence[Flight]) -> None:
     lines = ["flight,group,split,samples,sample_period_s", *rows]
     with atomic_write(path) as aside:
         aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def archive(definition: Definition, folder: Path, path: Path) -> int:
+    """Write a run's folder as one ZIP file, to be deposited, and return how many files it holds.
+
+    In it are the page, the results with their schema, the citation, the definition with its flights' digests, and what
+    every entry says of itself. Score files aren't: whoever has the detector makes them again.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no results.
+    """
+    if not is_file(folder / RESULTS):
+        raise InputError(f"{folder} holds no {RESULTS}; give the folder that a run wrote")
+    shipped = next(iter(shipped_benchmarks().values())).parent
+    own = [path for path in folder.iterdir() if path.is_file()]
+    told = [each for of in (ENTRY, NAMES, ALARMS) for each in folder.glob(f"entries/*/{of}")]
+    frozen = [shipped / f"{GTMBENCH_2}.toml", shipped / f"{definition.name}.csv", shipped / SCHEMA]
+    files = {each.relative_to(folder).as_posix(): each for each in (*own, *told)}
+    files |= {f"definition/{each.name}": each for each in frozen if is_file(each)}
+    with atomic_write(path) as aside, zipfile.ZipFile(aside, "w", zipfile.ZIP_DEFLATED) as into:
+        for name, each in sorted(files.items()):
+            into.writestr(zipfile.ZipInfo(f"{definition.name}/{name}"), each.read_bytes(), zipfile.ZIP_DEFLATED)
+    return len(files)

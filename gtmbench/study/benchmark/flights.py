@@ -1,157 +1,187 @@
-"""The benchmark's flights: flown, measured, broken, thinned out; their digests, and how soon anybody could tell."""
+"""The benchmark's flights: flown, broken, measured, thinned out; their digests, and how soon the reference tells."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
+from gtmbench.bench.excitation import excitation
 from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.sensor_chain import IDEAL
-from gtmbench.bench.sensors import measure
+from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
 from gtmbench.files.shipped import shipped_benchmarks
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.study.benchmark.definition import Definition, Flight
-from gtmbench.study.benchmark.noise_laws import LAWS, with_noise
-from gtmbench.study.limit import changed_readings, limit_of
-from gtmbench.values.channels import CHANNELS, SENSORS
-from gtmbench.values.record import Record
+from gtmbench.study.benchmark.conditions import Conditions
+from gtmbench.study.benchmark.definition import ALIKE, EASY, SINGLE, Definition, Flight
+from gtmbench.study.reference import Axis, Cusum, axis_of, changed_readings
+from gtmbench.values.channels import ATTITUDE, CHANNELS, GYROS, SENSORS
+from gtmbench.values.clock import even_times_s
+from gtmbench.values.record import FloatArray, Record
 
 _DIGITS = 16  # of a digest: enough against an accident
+_DRAWS = 48  # simulated flights for the reference's mean: with the six of a fault, 300
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Made:
-    """A flight that has been flown.
-
-    Attributes
-    ----------
-    record : Record
-        What the sensors read, with the fault and without the rows that were lost.
-    limit_s : float
-        The delay of quickest detection of its fault; NaN without one, infinite where nobody can tell within the flight.
-    """
-
-    record: Record = field(repr=False)
-    limit_s: float
-
-    @property
-    def digest(self) -> str:
-        """Of every bit of the record."""
-        record = self.record
-        told = f"{','.join(record.channels)} {record.sample_period_s!r} {len(record)} ".encode()
-        return hashlib.sha256(told + np.ascontiguousarray(record.values).tobytes()).hexdigest()[:_DIGITS]
-
-
-def make(definition: Definition, flight: Flight) -> Made:
+def make(definition: Definition, flight: Flight) -> Record:
     """Fly a flight of the benchmark, and return what its sensors read.
+
+    A fault changes what the sensor's element makes of the motion, before noise and converter; one that lives in the
+    converter (`EASY`) changes the reading. All readings have the converter's steps.
 
     Examples
     --------
-    >>> from dataclasses import replace
     >>> from gtmbench.study.benchmark.definition import load_definition
-    >>> short = replace(load_definition(quick=True), duration_s=8.0, onset_s=(2.0, 4.0))
-    >>> flight = next(each for each in short.flights("test") if each.fault)
-    >>> made = make(short, flight)
-    >>> len(made.record), made.record.channels == short.channels, make(short, flight).digest == made.digest
+    >>> short = replace(load_definition(quick=True), duration_s=8.0, onset_s=(2.0, 4.0), deadline_s=5.0)
+    >>> flight = next(each for each in short.flights("test") if each.role == SINGLE)
+    >>> record = make(short, flight)
+    >>> len(record), record.channels == short.channels, digest_of(make(short, flight)) == digest_of(record)
     (801, True, True)
     """
     group = flight.group
-    truth = fly(group.aircraft, flight.excitation, definition.duration_s, flight.seed).select(definition.channels)
+    conditions = Conditions.of(flight.seed, definition.duration_s, alike=flight.role == ALIKE)
+    motion = _motion(definition, flight, conditions)
+    in_element = flight.faults if flight.role != EASY else ()
+    moved = inject(motion, in_element) if in_element else motion
+    noise = np.column_stack([conditions.noise(flight.seed, name, len(moved)) for name in moved.channels])
     chain = load_aircraft(group.aircraft).chain_of(group.sensors)
     if chain is None:
-        read = with_noise(truth, flight.noise, flight.seed)
+        values = moved.values + noise
     else:
-        read = measure(truth, noise="t2", seed=flight.seed, commands=True, sensors=chain).select(definition.channels)
-    healthy = _thinned(read, round(group.sample_period_s / SAMPLE_PERIOD_S))
-    broken = healthy if flight.fault is None else inject(healthy, flight.fault)
-    return Made(record=_lost(broken, flight).part(range(flight.rows)), limit_s=_limit_s(definition, flight, healthy))
+        values = chain.readings(moved.values, noise, moved.sample_period_s, moved.channels)
+    step = round(group.sample_period_s / SAMPLE_PERIOD_S)
+    read = _like(moved, values)
+    read = inject(read, flight.faults) if flight.role == EASY else read
+    quanta = np.array([definition.quanta.get(name, 0.0) for name in read.channels])
+    converted = np.where(quanta > 0.0, np.round(read.values / np.maximum(quanta, 1e-300)) * quanta, read.values)
+    thinned = Record(converted[::step], channels=read.channels, sample_period_s=group.sample_period_s)
+    return _thinned_out(thinned, flight, conditions).part(range(flight.rows))
 
 
-def _thinned(record: Record, step: int) -> Record:
-    """Return every so many samples: sensors that sample more slowly, with all aliases."""
-    values = record.values[::step]
-    return Record(values, channels=record.channels, sample_period_s=step * record.sample_period_s)
+def digest_of(record: Record) -> str:
+    """Return a digest of every bit of a record."""
+    told = f"{','.join(record.channels)} {record.sample_period_s!r} {len(record)} ".encode()
+    return hashlib.sha256(told + np.ascontiguousarray(record.values).tobytes()).hexdigest()[:_DIGITS]
 
 
-def _lost(record: Record, flight: Flight) -> Record:
-    """Return a record some of whose rows no sensor has; the first is always there."""
-    if not flight.lost:
-        return record
-    gone = np.random.default_rng([flight.seed, 2]).random(len(record)) < flight.lost
-    gone[0] = False
-    columns = [name in SENSORS for name in record.channels]
-    values = np.where(gone[:, np.newaxis] & np.array(columns), np.nan, record.values)
+def _motion(definition: Definition, flight: Flight, conditions: Conditions) -> Record:
+    """Fly, in weaker turbulence where an aircraft would leave its envelope."""
+    aircraft, seed = flight.group.aircraft, flight.seed
+    times_s = even_times_s(0.0, SAMPLE_PERIOD_S, range(round(definition.duration_s / SAMPLE_PERIOD_S) + 1))
+    scale = {name: conditions.amplitude * by for name, by in load_aircraft(aircraft).excitation.items()}
+    wanted = excitation(conditions.motion, times_s, seed).scaled(scale)
+    for severity in range(conditions.severity, -1, -1):
+        given = replace(wanted, turbulence=severity > 0, severity=severity)
+        try:
+            return fly(aircraft, given, definition.duration_s, seed % 2**31).select(definition.channels)
+        except EnvelopeError:
+            if not severity:
+                raise
+    raise AssertionError
+
+
+def _like(record: Record, values: FloatArray) -> Record:
     return Record(values, channels=record.channels, sample_period_s=record.sample_period_s)
 
 
-def _limit_s(definition: Definition, flight: Flight, healthy: Record) -> float:
-    """Return the limit of a flight's fault, for its law of noise; on a chain it is that of ideal sensors, a bound."""
-    if flight.fault is None:
-        return math.nan
-    law = LAWS[flight.noise if flight.group.sensors == IDEAL else "white"]
-    return limit_of(
-        changed_readings(flight.fault, healthy),
-        flight.fault.channel,
-        {name: law.level * CHANNELS[name].noise for name in CHANNELS},
-        flight.group.sample_period_s,
-        definition.false_alarms_per_hour,
-        pole=law.pole,
-        information=law.information,
-    )
+def _thinned_out(record: Record, flight: Flight, conditions: Conditions) -> Record:
+    """Return a record with the rows that sensors hold, and without those that are lost; the first is always there."""
+    values, sensors = np.array(record.values), [name in SENSORS for name in record.channels]
+
+    def rows(stretch: tuple[float, float]) -> slice:
+        first = 1 + round(stretch[0] / record.sample_period_s)
+        return slice(first, first + round(stretch[1] / record.sample_period_s))
+
+    held = rows(conditions.held_s)
+    values[held] = np.where(sensors, values[held.start - 1], values[held]) if held.start < len(values) else values[held]
+    gone = np.random.default_rng([flight.seed, 3]).random(len(values)) < conditions.lost
+    gone[rows(conditions.gap_s)] = True
+    gone[0] = False
+    return _like(record, np.where(gone[:, np.newaxis] & np.array(sensors), np.nan, values))
 
 
-Facts = Mapping[str, tuple[str, float]]  # by id: digest, and limit in seconds
+@dataclass(frozen=True)
+class Told:
+    """What the reference makes of a flight with a fault.
+
+    Attributes
+    ----------
+    mean_s : float
+        Mean delay of simulated flights with this fault, at most up to the horizon; NaN where none is known.
+    delay_s : float
+        On the flight's own noise; infinite where it misses.
+    false_s : tuple of float
+        Its alarms before the onset.
+    """
+
+    mean_s: float
+    delay_s: float
+    false_s: tuple[float, ...] = ()
+
+
+def horizon_s(definition: Definition, flight: Flight) -> float:
+    """Return how long after its onset a fault may be detected: up to the deadline, or the flight's end."""
+    return min(definition.deadline_s, flight.end_s - flight.onset_s)
+
+
+def reference_of(definition: Definition, flight: Flight) -> tuple[str, Told]:
+    """Fly a flight, and return its id and what the reference makes of its first fault.
+
+    On a chain, where rows are missing and in a converter the reference is that of ideal sensors with the flight's
+    noise.
+    """
+    conditions = Conditions.of(flight.seed, definition.duration_s)
+    motion, fault = _motion(definition, flight, conditions), flight.faults[0]
+    gyro = axis_of(fault)
+    angle = ATTITUDE[GYROS.index(gyro)]
+    step = round(flight.group.sample_period_s / SAMPLE_PERIOD_S)
+    thinned = Record(motion.values[::step], channels=motion.channels, sample_period_s=flight.group.sample_period_s)
+    change = changed_readings(fault, thinned)
+    levels = [conditions.level * CHANNELS[name].noise for name in (gyro, angle)]
+    axis = Axis(levels[0], levels[1], flight.group.sample_period_s, conditions.pole**step)
+    noise = [conditions.noise(flight.seed, name, len(motion))[::step] for name in (gyro, angle)]
+    signature = axis.signature(change, of_gyro=fault.channel in GYROS)
+    most_s = horizon_s(definition, flight)
+    rule = Cusum.of(signature, axis, definition.false_alarms_per_hour, draws=_DRAWS)
+    innovations, onset = axis.innovations(*noise), len(thinned) - len(change)
+    innovations[onset:] += signature
+    early, delay_s = rule.alarms(innovations, onset)
+    mean_s = float(np.minimum(rule.simulated(_DRAWS, flight.seed % 2**31), most_s).mean())
+    false_s = tuple(((onset + early) * axis.sample_period_s).tolist())
+    return flight.id, Told(mean_s, delay_s if delay_s < most_s else np.inf, false_s)
+
+
+def references(
+    definition: Definition, flights: Sequence[Flight], *, processes: int = 1, progress: Progress = silent
+) -> dict[str, Told]:
+    """Return what the reference makes of every flight that quickness counts, by its id."""
+    counted = [flight for flight in flights if flight.role == SINGLE and not flight.twin]
+    work = partial(reference_of, definition)
+    return dict(spread(work, counted, processes=processes, step="reference", progress=progress))
 
 
 @cache
-def shipped_facts(name: str) -> Facts:
-    """Return digest and limit of a benchmark's public flights, as they ship; empty where they don't.
+def shipped_digests(name: str) -> Mapping[str, str]:
+    """Return the digests of a benchmark's public flights by id, as they ship; empty where they don't.
 
-    >>> shipped_facts("nobody's")
+    >>> shipped_digests("nobody's")
     {}
     """
     path = next(iter(shipped_benchmarks().values())).with_name(f"{name}.csv")
     if not path.is_file():
         return {}
     with path.open(encoding="utf-8", newline="") as file:
-        return {row["id"]: (row["digest"], _number(row["limit_s"])) for row in csv.DictReader(file)}
+        return {row["id"]: row["digest"] for row in csv.DictReader(file)}
 
 
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
-
-
-def facts_of(definition: Definition, flight: Flight) -> tuple[str, str, float]:
-    """Fly a flight, and return its id, digest and limit."""
-    made = make(definition, flight)
-    return flight.id, made.digest, made.limit_s
-
-
-def limits_s(
-    definition: Definition, flights: Sequence[Flight], *, processes: int = 1, progress: Progress = silent
-) -> dict[str, float]:
-    """Return the limit of every flight with a fault by its id: those that ship, and others by flying."""
-    shipped = shipped_facts(definition.name)
-    broken = [flight for flight in flights if flight.fault is not None and not flight.twin]
-    unknown = [flight for flight in broken if flight.id not in shipped]
-    flown = spread(partial(facts_of, definition), unknown, processes=processes, step="limits", progress=progress)
-    return {flight.id: shipped[flight.id][1] for flight in broken if flight.id in shipped} | {
-        name: limit_s for name, _, limit_s in flown
-    }
-
-
-def write_facts(path: Path, facts: Sequence[tuple[str, str, float]]) -> None:
-    """Write digests and limits of flights, a line each, as they ship."""
-    lines = [f"{name},{digest},{'' if math.isnan(limit_s) else f'{limit_s:.2f}'}" for name, digest, limit_s in facts]
-    path.write_text("\n".join(["id,digest,limit_s", *lines]) + "\n", encoding="utf-8")
+def write_digests(path: Path, digests: Mapping[str, str]) -> None:
+    """Write digests of flights, a line each, as they ship."""
+    path.write_text("\n".join(["id,digest", *(f"{name},{digest}" for name, digest in digests.items())]) + "\n", "utf-8")

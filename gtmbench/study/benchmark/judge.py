@@ -1,40 +1,55 @@
 """The judge: thresholds, alarms and a row of the table, by one rule for all entries.
 
-*Quickness*, the one number that rows are sorted by. A fault that is detected d seconds after its onset, and by the
-limit of quickest detection after L, counts log(T/d)/log(T/L) (at most 1; d and L at least 0.1 s); a missed one 0. T is
-the deadline; faults whose limit lies beyond it are left out. Quickness is the mean, for who keeps the allowed rate.
+*Quickness*, the one number that rows are sorted by. A fault has some flights; d is the mean of its delays over these, r
+that of the reference (`gtmbench/study/reference.py`) and T that of how long a fault could have been detected: up to the
+deadline, or the flight's end. A missed one counts with all of that. Quickness is the sum of log(T/d) over all faults,
+over the sum of log(T/r); d and r are at least 0.1 s. The reference has 1, who misses all has 0.
 
 - *threshold*: by group, from the greatest scores of the minutes of its calibration flights, whose tail is extrapolated
   (`detectors/statistics/thresholds.py`), for the allowed rate.
 - *alarm*: a score that rises above its threshold, having been at or below it.
-- *false alarm*: before the onset or on a healthy flight; those within a minute of a counted one are that one. Who
+- *false alarm*: before the onset or on a healthy flight but a look-alike; the next counts again after 10 s. Who
   certainly raises more than is allowed (the lower bound of the rate is above) has no quickness.
-- *detected*: the first alarm at or after the onset comes before the deadline.
+- *detected*: the first alarm at or after the onset comes within T.
 - *named*: by names within 20 s of that alarm, the last of them; without names by the channels whose own scores stand
   above their own thresholds at any time in the second from the alarm on.
-- *spread*: lowest and highest quickness over calibrations whose flights are drawn anew, with replacement.
+- *interval*: 95 % of quickness when faults, their flights and the calibration are drawn anew, with replacement. Two
+  rows differ where their difference does, on the same draws (5 % for all pairs together, by Holm's steps).
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from gtmbench.detectors.statistics.thresholds import HealthyMaxima, ScoreMaxima, block_maxima
-from gtmbench.faults.fault import Fault
 from gtmbench.method.windowed_alarms import rising
-from gtmbench.study.benchmark.definition import CALIBRATION, Definition, Flight, Group
+from gtmbench.study.benchmark.definition import (
+    ALIKE,
+    CALIBRATION,
+    COMMON,
+    EASY,
+    PAIR,
+    SINGLE,
+    Definition,
+    Flight,
+    Group,
+)
 from gtmbench.study.benchmark.entry import Entry, Said, Scores, score_files
-from gtmbench.study.scores.intervals import Rate, rate
+from gtmbench.study.benchmark.flights import Told, horizon_s
+from gtmbench.study.scores.intervals import Estimate, IntArray, Rate, rate
+from gtmbench.study.scores.ranking import LEVEL, holm
 from gtmbench.values.record import FloatArray
 
-CALIBRATIONS = 10  # drawn anew, for the spread
-SHORTEST_S = 0.1  # below that a delay counts no less
+CALIBRATIONS = 20  # drawn anew, for the interval
+DRAWS = 2000
+SHORTEST_S = 0.1  # below that a mean delay counts no less
 _BLOCK_S = 60.0  # of which the greatest scores are kept
-_SAME_ALARM_S = 60.0
+_HOLD_S = 10.0
 _NAMED_WITHIN_S, _RISE_TOGETHER_S = 20.0, 1.0
 _TIE_S = 1e-6
 RIGHT, WRONG, EITHER, UNNAMED, MISSED = "right", "wrong", "either-or", "unnamed", "missed"
@@ -46,21 +61,32 @@ class Outcome:
 
     Attributes
     ----------
-    flight, group, kind, channel : str
+    flight, group, role : str
+    case : int
+        Which of the group's faults it is; -1 but for those that quickness counts.
+    kind, channel : str
+        Of the first fault.
     sizes : mapping of str to float
-        The fault's severities.
-    limit_s, delay_s : float
-        Infinite where nobody can tell within the flight, and where it is missed.
+        Its severities.
+    horizon_s : float
+        How long after the onset it may be detected.
+    reference_s : float
+        Mean delay of the reference, at most the horizon; NaN where it isn't counted.
+    delay_s : float
+        Infinite where it is missed.
     told : str
-        Right, wrong, either-or, unnamed, missed.
+        Right, wrong, either-or, unnamed, missed: of a pair whether the second is named after its onset.
     """
 
     flight: str
     group: str
+    role: str
+    case: int
     kind: str
     channel: str
     sizes: Mapping[str, float]
-    limit_s: float
+    horizon_s: float
+    reference_s: float
     delay_s: float
     told: str
 
@@ -82,58 +108,60 @@ class Row:
 
     Attributes
     ----------
-    name, title, source, machine : str
+    name, title, source, machine, tuned : str
     microseconds_a_sample : float
-    quickness : float or None
-        None for who raises certainly more false alarms than are allowed.
-    spread : (float, float) or None
-        None of a table of alarms, which has no calibration.
-    findable : int
-        Faults whose limit is below the deadline.
-    detected, right, wrong, either, unnamed : int
-        Of these.
-    luck : int
-        Alarms in time on the others, which nobody can find.
-    median_delay_s, median_limit_s, times_limit : float
-        Medians: of all findable faults, a missed one infinitely late; of delay over limit where detected.
+    quickness : Estimate or None
+        With its 95 % interval; None for who raises certainly more false alarms than are allowed.
+    flights, detected, right, wrong, either, unnamed : int
+        Flights with a fault that quickness counts, and what was made of them.
+    easy, second, accused, alike : (int, int)
+        How many of how many: easy faults detected, second faults named, flights of a common cause on which a sensor is
+        named alone, healthy look-alikes with an alarm.
+    median_delay_s, reference_s : float
+        Medians over these flights, a missed one infinitely late.
     false_alarms : Rate
     curve : tuple of Point
         Rising in the allowed rate; the benchmark's own among them.
     outcomes : tuple of Outcome
+    delays_s : shape (calibrations, flights)
+        Of the flights that quickness counts: with the calibration as it is, and drawn anew.
     """
 
     name: str
     title: str
     source: str
     machine: str
+    tuned: str
     microseconds_a_sample: float
-    quickness: float | None
-    spread: tuple[float, float] | None
-    findable: int
+    quickness: Estimate | None
+    flights: int
     detected: int
     right: int
     wrong: int
     either: int
     unnamed: int
-    luck: int
+    easy: tuple[int, int]
+    second: tuple[int, int]
+    accused: tuple[int, int]
+    alike: tuple[int, int]
     median_delay_s: float
-    median_limit_s: float
-    times_limit: float
+    reference_s: float
     false_alarms: Rate
     curve: tuple[Point, ...]
     outcomes: tuple[Outcome, ...] = field(repr=False)
+    delays_s: FloatArray = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Heard:
-    """The alarms of one flight at every set of thresholds, and whom each first one after the onset would name."""
+    """The alarms of one flight at every set of thresholds, and whom its first one after the last onset would name."""
 
     flight: Flight
     times_s: list[FloatArray]
     named: tuple[str, ...]  # at the benchmark's own thresholds
 
 
-def judge(entry: Entry, definition: Definition, split: str, limits_s: Mapping[str, float]) -> Row:
+def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[str, Told]) -> Row:
     """Return the row of an entry.
 
     Parameters
@@ -142,8 +170,8 @@ def judge(entry: Entry, definition: Definition, split: str, limits_s: Mapping[st
     definition : Definition
     split : str
         Which is judged.
-    limits_s : mapping of id to float
-        The limit of every flight with a fault.
+    reference : mapping of id to Told
+        What the reference makes of every flight that quickness counts.
     """
     rates = sorted({*definition.other_rates_per_hour, definition.false_alarms_per_hour})
     flights = [flight for flight in definition.flights(split) if not flight.twin]
@@ -151,71 +179,124 @@ def judge(entry: Entry, definition: Definition, split: str, limits_s: Mapping[st
         heard = [each for group in definition.groups for each in _heard(entry, definition, group, flights, rates)]
     else:
         heard = [_told(flight, entry.alarms[flight.id], entry.names) for flight in flights]
-    outcomes = tuple(_outcome(each, 0, definition, limits_s) for each in heard if each.flight.fault is not None)
-    false = _false_alarms(heard, 0)
+    outcomes = tuple(_outcome(each, definition, reference) for each in heard if each.flight.faults)
+    counted = [each for each in outcomes if each.role == SINGLE]
     scored = entry.alarms is None
-    redrawn = range(1, 1 + CALIBRATIONS) if scored else ()
-    of_draws = [_quickness(_outcomes(heard, place, definition, limits_s), definition) for place in redrawn]
-    curve = [_point(heard, 1 + CALIBRATIONS + i, each, definition, limits_s) for i, each in enumerate(rates)]
-    return _row(entry, outcomes, false, definition, of_draws, curve if scored else [])
-
-
-def _row(
-    entry: Entry,
-    outcomes: tuple[Outcome, ...],
-    false: Rate,
-    definition: Definition,
-    of_draws: Sequence[float],
-    curve: Sequence[Point],
-) -> Row:
-    findable = [each for each in outcomes if each.limit_s < definition.deadline_s]
-    told = [each.told for each in findable]
-    found = [each for each in findable if each.told != MISSED]
-    ratios = [max(each.delay_s, SHORTEST_S) / max(each.limit_s, SHORTEST_S) for each in found]
-    keeps = false.low <= definition.false_alarms_per_hour
-    return Row(
+    singles = [each for each in heard if each.flight.role == SINGLE]
+    draws = range(1 + CALIBRATIONS if scored else 1)
+    delays_s = np.array([[_delay_s(each, place, definition) for each in singles] for place in draws])
+    false = _false_alarms(heard, 0)
+    told = [each.told for each in counted]
+    row = Row(
         name=entry.facts.name,
         title=entry.facts.title,
         source=entry.facts.source,
         machine=entry.facts.machine,
+        tuned=entry.facts.tuned,
         microseconds_a_sample=entry.facts.microseconds_a_sample,
-        quickness=_quickness(outcomes, definition) if keeps else None,
-        spread=(min(of_draws), max(of_draws)) if of_draws else None,
-        findable=len(findable),
-        detected=len(found),
+        quickness=None,
+        flights=len(counted),
+        detected=len(counted) - told.count(MISSED),
         right=told.count(RIGHT),
         wrong=told.count(WRONG),
         either=told.count(EITHER),
         unnamed=told.count(UNNAMED),
-        luck=sum(each.told != MISSED for each in outcomes) - len(found),
-        median_delay_s=_median([each.delay_s for each in findable]),
-        median_limit_s=_median([each.limit_s for each in findable]),
-        times_limit=_median(ratios),
+        easy=_of(outcomes, EASY, (RIGHT, WRONG, EITHER, UNNAMED)),
+        second=_of(outcomes, PAIR, (RIGHT, EITHER)),
+        accused=_of(outcomes, COMMON, (RIGHT, WRONG)),
+        alike=_alarmed([each for each in heard if each.flight.role == ALIKE]),
+        median_delay_s=_median([each.delay_s for each in counted]),
+        reference_s=_median([each.reference_s for each in counted]),
         false_alarms=false,
-        curve=tuple(curve),
+        curve=tuple(
+            _point(heard, place, each, definition, counted) for place, each in enumerate(rates, 1 + CALIBRATIONS)
+        )
+        if scored
+        else (),
         outcomes=outcomes,
+        delays_s=delays_s,
+    )
+    keeps = false.low <= definition.false_alarms_per_hour
+    return replace(row, quickness=estimated(row)) if keeps and counted else row
+
+
+def _of(outcomes: Sequence[Outcome], role: str, told: Sequence[str]) -> tuple[int, int]:
+    own = [each.told for each in outcomes if each.role == role]
+    return sum(each in told for each in own), len(own)
+
+
+def _alarmed(heard: Sequence[_Heard]) -> tuple[int, int]:
+    return sum(len(each.times_s[0]) > 0 for each in heard), len(heard)
+
+
+def quickness_of(delays_s: FloatArray, reference_s: FloatArray, horizon_s: FloatArray, cases: IntArray) -> float:
+    """Return quickness: of flights' delays, the reference's means, how long each could be detected, and the faults.
+
+    >>> cases, horizon_s, reference_s = np.array([0, 0, 1, 1]), np.full(4, 50.0), np.full(4, 0.5)
+    >>> delays_s = (reference_s, np.full(4, np.inf), np.array([0.5, 0.5, np.inf, np.inf]))
+    >>> [quickness_of(each, reference_s, horizon_s, cases) for each in delays_s]
+    [1.0, 0.0, 0.5]
+    """
+    weights = np.ones((1, len(cases)))
+    return float(_drawn_quickness(delays_s[np.newaxis], reference_s, horizon_s, cases, weights)[0])
+
+
+def _drawn_quickness(
+    delays_s: FloatArray, reference_s: FloatArray, horizon_s: FloatArray, cases: IntArray, weights: FloatArray
+) -> FloatArray:
+    """Return quickness of some draws: delays and how often a flight counts, each of shape (draws, flights)."""
+    sums = np.zeros((len(cases), int(cases.max()) + 1))
+    sums[np.arange(len(cases)), cases] = 1.0
+    often = weights @ sums
+    there = np.maximum(often, 1e-12)
+    d, r, most = (
+        ((weights * each) @ sums) / there for each in (np.minimum(delays_s, horizon_s), reference_s, horizon_s)
+    )
+    short, best = (np.log(np.maximum(most, SHORTEST_S) / np.maximum(each, SHORTEST_S)) for each in (d, r))
+    return np.asarray((often * short).sum(axis=1) / (often * best).sum(axis=1))
+
+
+def _draws(row: Row) -> FloatArray:
+    """Return quickness with faults, flights and calibration drawn anew; of all rows alike, so that they pair.
+
+    A kind of fault keeps its number of faults, as the definition deals them out.
+    """
+    counted = [each for each in row.outcomes if each.role == SINGLE]
+    draw = np.random.default_rng(len(counted))
+    _, cases = np.unique([f"{each.group} {each.case}" for each in counted], return_inverse=True)
+    flights = [np.flatnonzero(cases == case) for case in range(int(cases.max()) + 1)]
+    kinds = np.array([counted[own[0]].kind for own in flights])
+    weights = np.zeros((DRAWS, len(cases)))
+    for kind in np.unique(kinds):
+        alike = np.flatnonzero(kinds == kind)
+        times = draw.multinomial(len(alike), np.full(len(alike), 1.0 / len(alike)), size=DRAWS)
+        for case, often in zip(alike.tolist(), times.T, strict=True):
+            own = flights[case]
+            within = draw.multinomial(len(own), np.full(len(own), 1.0 / len(own)), size=DRAWS)
+            weights[:, own] = within * often[:, np.newaxis]
+    calibrations = draw.integers(0, len(row.delays_s), DRAWS)
+    reference_s, horizon_s = (
+        np.array([getattr(each, key) for each in counted]) for key in ("reference_s", "horizon_s")
+    )
+    return _drawn_quickness(row.delays_s[calibrations], reference_s, horizon_s, cases, weights)
+
+
+def estimated(row: Row) -> Estimate:
+    """Return quickness of a row with its 95 % interval."""
+    low, high = np.quantile(_draws(row), [0.025, 0.975])
+    return Estimate(
+        value=_quickness(row.delays_s[0], [each for each in row.outcomes if each.role == SINGLE]),
+        low=float(low),
+        high=float(high),
     )
 
 
-def quickness_of(delay_s: float, limit_s: float, deadline_s: float) -> float:
-    """Return what a detected fault counts: 1 at the limit, 0 at the deadline, by the logarithm in between.
-
-    >>> [round(quickness_of(delay_s, 1.0, 60.0), 2) for delay_s in (0.5, 1.0, 7.7, 60.0, float("inf"))]
-    [1.0, 1.0, 0.5, 0.0, 0.0]
-    """
-    if delay_s >= deadline_s:
-        return 0.0
-    share = math.log(deadline_s / max(delay_s, SHORTEST_S)) / math.log(deadline_s / max(limit_s, SHORTEST_S))
-    return min(share, 1.0)
-
-
-def _quickness(outcomes: Sequence[Outcome], definition: Definition) -> float:
-    counted = [
-        quickness_of(each.delay_s, each.limit_s, definition.deadline_s)
-        for each in outcomes
-        if each.limit_s < definition.deadline_s
-    ]
-    return float(np.mean(counted)) if counted else 0.0
+def _quickness(delays_s: FloatArray, counted: Sequence[Outcome]) -> float:
+    reference_s, horizon_s = (
+        np.array([getattr(each, key) for each in counted]) for key in ("reference_s", "horizon_s")
+    )
+    _, cases = np.unique([f"{each.group} {each.case}" for each in counted], return_inverse=True)
+    return quickness_of(delays_s, reference_s, horizon_s, cases)
 
 
 def _median(values: Sequence[float]) -> float:
@@ -235,7 +316,7 @@ def _heard(
     for flight, scores in score_files(entry, [flight for flight in flights if flight.group == group]):
         period_s = group.sample_period_s
         times_s = [np.asarray(rising(scores.score, threshold) * period_s, dtype=np.float64) for threshold in thresholds]
-        alarm_s = _first(times_s[0], flight.fault)
+        alarm_s = _first(times_s[0], flight)
         if entry.names:
             named = _named(entry.names.get(flight.id, ()), alarm_s)
         else:
@@ -263,15 +344,13 @@ def _maxima(entry: Entry, flights: Sequence[Flight]) -> tuple[HealthyMaxima, Hea
 def _told(flight: Flight, alarms: Sequence[Said], names: Mapping[str, list[Said]]) -> _Heard:
     """Return the alarms of a table: the same at all thresholds."""
     times_s = np.array([time_s for time_s, _ in alarms], dtype=np.float64)
-    named = _named(names.get(flight.id, ()), _first(times_s, flight.fault))
+    named = _named(names.get(flight.id, ()), _first(times_s, flight))
     return _Heard(flight=flight, times_s=[times_s], named=named)
 
 
-def _first(times_s: FloatArray, fault: Fault | None) -> float:
-    """Return the first alarm at or after the onset; infinite where there is none, or no fault."""
-    if fault is None:
-        return math.inf
-    after = times_s[times_s >= fault.onset_s - _TIE_S]
+def _first(times_s: FloatArray, flight: Flight, onset: int = -1) -> float:
+    """Return the first alarm at or after the last onset; infinite where there is none, or no fault."""
+    after = times_s[times_s >= flight.faults[onset].onset_s - _TIE_S] if flight.faults else times_s[:0]
     return float(after[0]) if len(after) else math.inf
 
 
@@ -290,28 +369,30 @@ def _above(scores: Scores, thresholds: Mapping[str, float], alarm_s: float, peri
     return tuple(name for name, values in scores.by_channel.items() if (values[rows] > thresholds[name]).any())
 
 
-def _outcomes(
-    heard: Sequence[_Heard], place: int, definition: Definition, limits_s: Mapping[str, float]
-) -> list[Outcome]:
-    return [_outcome(each, place, definition, limits_s) for each in heard if each.flight.fault is not None]
-
-
-def _outcome(heard: _Heard, place: int, definition: Definition, limits_s: Mapping[str, float]) -> Outcome:
-    """Return what became of a fault, at one of the sets of thresholds."""
+def _delay_s(heard: _Heard, place: int, definition: Definition, onset: int = 0) -> float:
+    """Return the delay at one of the sets of thresholds; infinite where a fault is missed."""
     flight = heard.flight
-    fault = flight.fault
-    assert fault is not None
-    delay_s = round(max(_first(heard.times_s[place], fault) - fault.onset_s, 0.0), 6)
-    missed = delay_s > definition.deadline_s
+    delay_s = round(max(_first(heard.times_s[place], flight, onset) - flight.faults[onset].onset_s, 0.0), 6)
+    return delay_s if delay_s <= horizon_s(definition, flight) else math.inf
+
+
+def _outcome(heard: _Heard, definition: Definition, reference: Mapping[str, Told]) -> Outcome:
+    """Return what became of a flight with a fault."""
+    flight = heard.flight
+    first, last = flight.faults[0], flight.faults[-1]
+    delay_s = _delay_s(heard, 0, definition, -1 if flight.role == PAIR else 0)
     return Outcome(
         flight=flight.id,
         group=flight.group.name,
-        kind=fault.kind,
-        channel=fault.channel,
-        sizes=fault.severities,
-        limit_s=limits_s[flight.id],
-        delay_s=math.inf if missed else delay_s,
-        told=MISSED if missed else _verdict(heard.named, fault.channel),
+        role=flight.role,
+        case=flight.case,
+        kind=first.kind,
+        channel=first.channel,
+        sizes=first.severities,
+        horizon_s=horizon_s(definition, flight),
+        reference_s=reference[flight.id].mean_s if flight.role == SINGLE else math.nan,
+        delay_s=delay_s,
+        told=MISSED if math.isinf(delay_s) else _verdict(heard.named, last.channel),
     )
 
 
@@ -325,61 +406,91 @@ def _verdict(named: Sequence[str], channel: str) -> str:
 
 def _false_alarms(heard: Sequence[_Heard], place: int) -> Rate:
     """Return the rate of false alarms, of healthy flights and of what lies before an onset."""
-    ends_s = [each.flight.end_s if each.flight.fault is None else each.flight.fault.onset_s for each in heard]
+    heard = [each for each in heard if each.flight.role != ALIKE]
+    ends_s = [each.flight.onset_s for each in heard]
     events = [_counted(each.times_s[place], end_s) for each, end_s in zip(heard, ends_s, strict=True)]
     return rate(np.array(events, dtype=int), np.array(ends_s) / 3600.0, np.arange(len(heard)))
 
 
 def _counted(times_s: FloatArray, end_s: float) -> int:
-    """Return how many alarms come before a time, those within a minute of a counted one left out.
+    """Return how many alarms come before a time, those within 10 s of a counted one left out.
 
-    >>> _counted(np.array([1.0, 2.0, 70.0, 99.0]), 90.0)
+    >>> _counted(np.array([1.0, 2.0, 12.0, 99.0]), 90.0)
     2
     """
     count, last_s = 0, -math.inf
     for time_s in times_s.tolist():
-        if last_s + _SAME_ALARM_S <= time_s < end_s - _TIE_S:
+        if last_s + _HOLD_S <= time_s < end_s - _TIE_S:
             count, last_s = count + 1, time_s
     return count
 
 
 def _point(
-    heard: Sequence[_Heard], place: int, allowed: float, definition: Definition, limits_s: Mapping[str, float]
+    heard: Sequence[_Heard], place: int, allowed: float, definition: Definition, counted: Sequence[Outcome]
 ) -> Point:
-    if len(heard[0].times_s) <= place:  # a table of alarms is the same at any rate
-        place = 0
-    outcomes = _outcomes(heard, place, definition, limits_s)
-    findable = [each.delay_s for each in outcomes if each.limit_s < definition.deadline_s]
+    delays_s = np.array([_delay_s(each, place, definition) for each in heard if each.flight.role == SINGLE])
     return Point(
         allowed_per_hour=allowed,
         false_alarms=_false_alarms(heard, place),
-        quickness=_quickness(outcomes, definition),
-        detected=sum(math.isfinite(delay_s) for delay_s in findable),
-        median_delay_s=_median(findable),
+        quickness=_quickness(delays_s, counted) if counted else 0.0,
+        detected=int(np.isfinite(delays_s).sum()),
+        median_delay_s=_median(delays_s.tolist()),
     )
 
 
 def ranked(rows: Sequence[Row]) -> list[Row]:
     """Return rows by quickness, those without one last."""
-    return sorted(rows, key=lambda row: (row.quickness is None, -(row.quickness or 0.0), row.name))
+    return sorted(rows, key=lambda row: (row.quickness is None, -_value(row), row.name))
 
 
-def places(rows: Sequence[Row]) -> dict[str, tuple[int, int]]:
-    """Return the places that each row may have: two rows differ where their spreads don't overlap.
+def _value(row: Row) -> float:
+    return -1.0 if row.quickness is None else row.quickness.value
 
-    A row without quickness comes after all that have one. A table of alarms has its number as its spread.
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """How much quicker the first of two rows is, on the same faults.
+
+    Attributes
+    ----------
+    first, second : str
+    quickness : Estimate
+        The difference, with its 95 % interval.
+    p : float
+        Of no difference, corrected for all pairs by Holm's steps.
     """
-    ends = {row.name: _ends(row) for row in rows}
-    found = {}
-    for name, (low, high) in ends.items():
-        better = sum(other[0] > high for other in ends.values())
-        worse = sum(other[1] < low for other in ends.values())
-        found[name] = (1 + better, len(rows) - worse)
+
+    first: str
+    second: str
+    quickness: Estimate
+    p: float
+
+
+def differences(rows: Sequence[Row]) -> list[Difference]:
+    """Return every pair of rows that have quickness, the better one first."""
+    those = [row for row in ranked(rows) if row.quickness is not None]
+    drawn = {row.name: _draws(row) for row in those}
+    found = []
+    for first, second in itertools.combinations(those, 2):
+        off = drawn[first.name] - drawn[second.name]
+        low, high = np.quantile(off, [0.025, 0.975])
+        beyond = 2.0 * min(float((off <= 0.0).mean()), float((off >= 0.0).mean()))
+        # draws that never cross 0 tell less than the many pairs ask for: there the tail is the normal distribution's
+        p = max(beyond, math.erfc(abs(float(off.mean())) / max(math.sqrt(2.0) * float(off.std()), 1e-300)))
+        estimate = Estimate(value=_value(first) - _value(second), low=float(low), high=float(high))
+        found.append(Difference(first=first.name, second=second.name, quickness=estimate, p=min(p, 1.0)))
+    return [replace(each, p=p) for each, p in zip(found, holm([each.p for each in found]), strict=True)]
+
+
+def places(rows: Sequence[Row], told: Sequence[Difference]) -> dict[str, tuple[int, int]]:
+    """Return the places that each row may have: those that no test tells apart share theirs.
+
+    A row without quickness comes after all that have one.
+    """
+    differ = {(each.first, each.second) for each in told if each.p <= LEVEL}
+    numbered = [row.name for row in rows if row.quickness is not None]
+    found = {row.name: (len(numbered) + 1, len(rows)) for row in rows}
+    for name in numbered:
+        better, worse = (sum(pair[of] == name for pair in differ) for of in (1, 0))
+        found[name] = (1 + better, len(numbered) - worse)
     return found
-
-
-def _ends(row: Row) -> tuple[float, float]:
-    if row.quickness is None:
-        return (-1.0, -1.0)
-    low, high = row.spread or (row.quickness, row.quickness)
-    return min(low, row.quickness), max(high, row.quickness)

@@ -18,11 +18,10 @@ from gtmbench.jobs.progress import Progress, silent
 from gtmbench.study.benchmark.definition import PRIVATE, Definition, secret_digest
 from gtmbench.study.benchmark.detectors import write_entries
 from gtmbench.study.benchmark.entry import Entry, read_entry
-from gtmbench.study.benchmark.flights import limits_s
+from gtmbench.study.benchmark.flights import Told, references
 from gtmbench.study.benchmark.judge import Row, judge, ranked
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading, write_yardsticks
 
-DETECTORS = ("C", "C-early", "kinematic-kalman-no-fir", "kalman", "cusum", "pca", "limits")
 RUN = "run.json"
 
 
@@ -62,18 +61,18 @@ def run_benchmark(
     _check_names([*YARDSTICKS, *own, *(entry.facts.name for entry in given)])
     _claim(folder, definition, split, digests_of(files_of(own.values())))
     flights = list(definition.flights(split))
-    limits = limits_s(definition, flights, processes=processes, progress=progress)
-    folders = write_yardsticks(folder / "entries", definition, split, limits)
+    told = references(definition, flights, processes=processes, progress=progress)
+    folders = write_yardsticks(folder / "entries", definition, split, told)
     if own:
         folders += write_entries(own, definition, split, folder / "entries", processes=processes, progress=progress)
-    work = partial(_judged, definition, split, limits)
+    work = partial(_judged, definition, split, told)
     rows = spread(work, [*folders, *map(Path, entries)], processes=processes, step="judge", progress=progress)
     return ranked(rows)
 
 
-def _judged(definition: Definition, split: str, limits: Mapping[str, float], folder: Path) -> Row:
+def _judged(definition: Definition, split: str, told: Mapping[str, Told], folder: Path) -> Row:
     entry: Entry = read_entry(folder, definition, split)
-    return judge(entry, definition, split, limits)
+    return judge(entry, definition, split, told)
 
 
 def _check_names(names: Sequence[str]) -> None:

@@ -89,11 +89,7 @@ def imu_claims(judged: Judged, claims: Sequence[Claim]) -> ImuClaims:
     )
 
 
-<<<<<<< HEAD
-def _judged(judged: Judged, imu: Imu, failures: Mapping[str, Sequence[Failure]]) -> ImuClaims:
-=======
-def _judged(judged: Judged, imu: FlightImu, failures: Mapping[str, Sequence[Failure]]) -> Told:
->>>>>>> house-a
+def _judged(judged: Judged, imu: FlightImu, failures: Mapping[str, Sequence[Failure]]) -> ImuClaims:
     flight = judged.flight.by(imu)
     own = {gyro: failures.get(name, ()) for gyro, name in zip(GYROS, imu.columns, strict=True)}
     beside = {angle: failures.get(angle, ()) for angle in ATTITUDE}
@@ -121,11 +117,7 @@ def _installed(judged: Judged, imu: FlightImu) -> Iterator[str]:
         yield f"{imu.name} is {1e3 * abs(late_s):.0f} ms {'late' if late_s > 0.0 else 'early'}."
 
 
-<<<<<<< HEAD
-def _askew(judged: Judged, imu: Imu) -> ImuClaims:
-=======
-def _askew(judged: Judged, imu: FlightImu) -> Told:
->>>>>>> house-a
+def _askew(judged: Judged, imu: FlightImu) -> ImuClaims:
     """Return what is told of an IMU whose axes lie along none of the aircraft's."""
     span_s = judged.flight.blocks.start_s, judged.flight.blocks.end_s
     reason, to_do = f"is mounted turned by {imu.mounting.turned_deg:.0f} deg", "give its columns with --map to judge it"

@@ -8,7 +8,7 @@ import gtmbench as gb
 from gtmbench.study.benchmark.definition import CALIBRATION, TEST
 from gtmbench.study.benchmark.entry import read_entry
 from tests.helpers.night import by_day
-from tests.helpers.small_benchmark import finds, noise_of, tiny, write_scores
+from tests.helpers.small_benchmark import describe, finds, noise_of, tiny, write_scores
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def read_all(folder, definition):
 
 
 def test_a_good_one_is_read(folder, definition):
-    (folder / "entry.toml").write_text('title = "mine"\nmicroseconds_a_sample = 3\n')
+    describe(folder, definition, 'title = "mine"\nmicroseconds_a_sample = 3\n')
     entry = read_all(folder, definition)
     assert (entry.facts.name, entry.facts.title, entry.facts.microseconds_a_sample) == ("mine", "mine", 3.0)
     assert list(entry.scores(next(iter(definition.flights(TEST)))).by_channel) == ["p", "q", "r"]
@@ -74,7 +74,7 @@ def huge(path):
 BAD = {
     "missing": (
         lambda path: path.unlink(),
-        r"1 of 23 flights have no score file, gtm/test/.*\.csv the first; write one",
+        r"1 of 24 flights have no score file, gtm/test/.*\.csv the first; write one",
     ),
     "nan": (spoil("score", 6, np.nan), r"\.csv: score is nan in row 7; where there is no score, write the least one"),
     "infinite": (spoil("score", 6, np.inf), "score is inf in row 7"),
@@ -152,16 +152,19 @@ def test_a_score_that_sees_the_future_is_found(tmp_path, definition, score):
         read_entry(folder, definition, TEST)
 
 
-def table(folder, text):
+def table(folder, text, definition):
     folder.mkdir(exist_ok=True)
     (folder / "alarms.csv").write_text(text)
+    describe(folder, definition)
     return folder
 
 
 def test_a_table_of_alarms_is_read(tmp_path, definition):
     flight = next(iter(definition.flights(TEST)))
     entry = read_entry(
-        table(tmp_path / "a", f"flight,time_s,sensor\n{flight.id},9.5,p|phi\n{flight.id},3,\n"), definition, TEST
+        table(tmp_path / "a", f"flight,time_s,sensor\n{flight.id},9.5,p|phi\n{flight.id},3,\n", definition),
+        definition,
+        TEST,
     )
     assert entry.alarms[flight.id] == [(3.0, ()), (9.5, ("p", "phi"))]
 
@@ -169,7 +172,7 @@ def test_a_table_of_alarms_is_read(tmp_path, definition):
 def test_alarms_that_differ_in_a_flight_that_is_cut_short_are_found(tmp_path, definition):
     twin = next(each for each in definition.flights(TEST) if each.twin)
     with pytest.raises(gb.InputError, match=r"it sees the future.*alarms of gtm/test"):
-        read_entry(table(tmp_path / "a", f"flight,time_s\n{twin.twin},3\n"), definition, TEST)
+        read_entry(table(tmp_path / "a", f"flight,time_s\n{twin.twin},3\n", definition), definition, TEST)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +191,7 @@ def test_alarms_that_differ_in_a_flight_that_is_cut_short_are_found(tmp_path, de
 def test_a_bad_table_is_refused_in_one_line(tmp_path, definition, rows, said):
     flight = next(iter(definition.flights(TEST)))
     with pytest.raises(gb.InputError, match=said) as caught:
-        read_entry(table(tmp_path / "a", rows.replace("FLIGHT", flight.id)), definition, TEST)
+        read_entry(table(tmp_path / "a", rows.replace("FLIGHT", flight.id), definition), definition, TEST)
     assert "\n" not in str(caught.value)
 
 
