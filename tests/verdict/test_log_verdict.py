@@ -153,3 +153,30 @@ def test_failures_and_suspicions_are_listed_in_time():
 def test_a_scope_keeps_what_it_isnt_asked():
     scope = Scope(sensors=("q",))
     assert verdict_of(laid_out((0.0, END_S), clear()), scope).scope is scope
+
+
+def test_a_sensor_at_its_limits_is_judged_and_clear():
+    """A limit of 5 deg/s lets 5 deg/s pass; three quarters of the motion are enough."""
+    at_limit = span(State.CLEAR, 0.0, 135.0, sizes=Sizes(error=5.0, within_s=60.0))
+    assert verdict({"q": [at_limit]}, asked=("q",)).exit_code == 0
+    above = span(State.CLEAR, 0.0, 135.0, sizes=Sizes(error=5.1, within_s=60.0))
+    assert verdict({"q": [above]}, asked=("q",)).exit_code == 3
+
+
+def test_the_share_that_is_judged_is_the_least_of_some_sensors_and_none_of_no_sensor():
+    judged = verdict({"p": [*clear(0.0, 90.0)["p"]], "q": [*clear(0.0, 45.0)["q"]]})
+    assert judged.judged_share("p", "q") == 0.25
+    assert judged.judged_share() == 0.0
+
+
+def test_the_sizes_of_a_sensor_are_the_worst_of_its_clear_spans():
+    small = Sizes(error=0.5, within_s=20.0, factors=(0.8, 1.2), noise=0.4)
+    large = Sizes(error=2.0, within_s=60.0, factors=(0.6, 1.1), noise=1.5)
+    own = [span(State.CLEAR, 0.0, 90.0, sizes=small), span(State.CLEAR, 90.0, END_S, sizes=large)]
+    assert verdict({"q": own}).sizes_of("q") == Sizes(error=2.0, within_s=60.0, factors=(0.6, 1.2), noise=1.5)
+
+
+def test_why_a_sensor_isnt_judged_is_told_by_what_costs_most_of_the_motion_then_most_of_the_log():
+    own = [unjudged("stands", 0.0, 60.0), unjudged("gap", 60.0, 70.0), unjudged("stands longer", 100.0, END_S)]
+    judged = verdict({"q": [*own, *clear(70.0, 100.0)["q"]]}, motion_s=[(60.0, 100.0)])
+    assert judged.reasons_of("q") == ("gap", "stands longer", "stands")
