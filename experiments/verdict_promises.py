@@ -31,12 +31,12 @@ import gtmbench as gb
 from every_fault import KINDS, fault_of
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.benchmark.noise_laws import LAWS, with_noise
 from gtmbench.values.attitude import ESTIMATORS, OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from studies.conduct import Campaign, Findings, conducted
+from studies.noise_laws import LAWS, with_noise
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 

@@ -104,6 +104,7 @@ def test_a_log_is_held_by_its_path_and_as_a_flight_log():
         assert_detects(log, sensor="q", from_s=60, within_s=2)
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("folder")
 def test_a_failure_names_log_verdict_and_recording():
     with pytest.raises(AssertionError, match=r"broken\.csv: The pitch gyro \(q\) failed from .*recording: .*\.rrd"):

@@ -93,6 +93,7 @@ def test_exported_flights_are_the_benchmarks_and_an_export_goes_on(cli, tmp_path
     assert (code, err) == (2, "gtmbench: flights holds other flights, by its README.txt; give another folder\n")
 
 
+@pytest.mark.nightly
 def test_a_detector_of_a_dozen_lines_enters(cli, tmp_path):
     (tmp_path / "mine.py").write_text(SQUARED)
     code, _, err = cli("benchmark", "--detector", "mine.py:Squared", "--out", "table", "--jobs", "1", "--quiet")

@@ -50,6 +50,7 @@ def test_no_wrong_reading_ends_with_an_all_clear_or_accuses(rows):
     assert not wrong["exit"].isin([0, 1]).any()
 
 
+@pytest.mark.nightly
 def test_the_report_counts_every_reading_of_every_rate(rows):
     told = "\n".join(study.report(rows))
     assert "0 of 3 wrong readings end with 0" in told

@@ -398,6 +398,7 @@ def test_a_line_that_never_ends_is_dropped():
     assert (link.counts.read, link.counts.broken) == (200 - 1, 1)
 
 
+@pytest.mark.nightly
 def test_a_monitor_is_learnt_from_the_first_span():
     record = gb.inject(monitors.record(3200, seed=21), BIAS)
     events, link = links.said(gb.live(Given(links.packets(record)), None, learn_s=30.0))

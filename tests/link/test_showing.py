@@ -69,6 +69,7 @@ def test_a_link_is_recorded_with_what_was_said_and_each_clock_has_a_file(tmp_pat
     assert link.verdict in second[second["entity"] == "/verdict"]["text"].tolist()
 
 
+@pytest.mark.nightly
 def test_a_watch_goes_on_where_nobody_draws(flight, tmp_path):
     """A process that hangs takes nothing: rows are left out, counted, and handing them over takes no time."""
     showing = Showing(monitors.monitor(), tmp_path / "live.rrd", waits=False)

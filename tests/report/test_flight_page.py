@@ -60,6 +60,7 @@ def test_the_verdict_is_the_title_and_every_part_is_there(watched, page):
     assert places == sorted(places)
 
 
+@pytest.mark.nightly
 def test_lines_keep_every_sample_about_a_fault_to_what_can_be_seen(watched, page):
     record = watched.log.segments[0]
     (path,) = re.findall(

@@ -33,6 +33,7 @@ def test_the_viewer_opens_a_study_of_a_bank_with_the_decision(recording_of):
     assert not missing({**COLOURS, "virtual sensor": (214, 64, 159)}, recording_of(study), 70.0)
 
 
+@pytest.mark.nightly
 def test_the_viewer_opens_a_study_of_several_detectors(recording_of):
     """The first one's tab, whose norms lie on each other but that of r."""
     assert not missing({name: COLOURS[name] for name in ("r", "threshold")}, recording_of(several), 70.0)

@@ -243,6 +243,7 @@ def test_detectors_are_calibrated_once_for_each_attitude(campaign):
     assert [bank_of(folder, name).bank.attitude_from_gyros for name in (None, "filter 1 s")] == [False, True]
 
 
+@pytest.mark.nightly
 def test_a_search_breaks_what_the_estimator_bends(campaign):
     _, rows = campaign
     # a bias shows less where the attitude has bent with it: only what the reference pulls back

@@ -65,6 +65,7 @@ def test_its_threshold_is_that_of_siegmunds_approximation():
     assert math.log(length_s / 36000.0) == pytest.approx(0.0, abs=0.2)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "fault",
     [
@@ -88,6 +89,7 @@ def test_on_readings_it_takes_as_long_as_it_says(fault):
     assert mean_s == pytest.approx(told_s, abs=4.0 * np.std(delays_s) / math.sqrt(150.0) + PERIOD_S)
 
 
+@pytest.mark.nightly
 def test_it_falls_with_the_size_and_rises_with_what_is_asked():
     means_s = [reference(gb.Bias(channel="q", onset_s=5.0, size=size)).mean_s for size in (0.2, 0.5, 1.0, 5.0)]
     assert means_s == sorted(means_s, reverse=True)

@@ -86,6 +86,7 @@ def test_a_bias_stays_a_bias(monitor, healthy):
     assert (judged.sensor, judged.kind) == ("p", "bias")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("size", by_day([1, 7, 100]))
 def test_a_stream_says_what_watch_says(monitor, healthy, size):
     broken = leaking(healthy)

@@ -68,6 +68,7 @@ def test_a_healthy_flight_raises_nothing(flight, monitor):
     assert monitor.watch(flight).alarms == ()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("channel", by_day(GYROS))
 def test_a_gyro_that_drives_the_attitude_is_laid_on_nobody(truth, monitor, channel):
     fault = gb.Bias(channel=channel, onset_s=ONSET_S, size=4.0)

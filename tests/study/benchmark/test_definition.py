@@ -134,6 +134,7 @@ def statistics(definition, record):
     return np.max(found, axis=0)
 
 
+@pytest.mark.nightly
 def test_no_reading_that_repeats_is_zero_or_lies_on_a_grid_betrays_a_fault_but_in_the_column_of_easy_ones():
     """Flights with their fault and the very same ones without it, so that no luck of other motions enters."""
 

@@ -194,6 +194,7 @@ def faults_drawn(draw, count):
     return draw.exponential(np.repeat(means_s, 6)), np.repeat(np.arange(count), 6)
 
 
+@pytest.mark.nightly
 def test_an_interval_holds_what_all_faults_would_give_as_often_as_it_says(row_of):
     row, draw = row_of(finds), np.random.default_rng(1)
     delays_s, cases = faults_drawn(draw, 20_000)

@@ -123,6 +123,7 @@ def test_rows_are_what_public_functions_say(rows, monitor):
         assert row.false_alarms == told["before"] == 0
 
 
+@pytest.mark.nightly
 def test_it_finds_and_names_them_and_lays_no_gyros_fault_on_them(rows):
     own = rows[rows["fault"].notna() & (rows["channel"] != "q")]
     jams = own[own["fault"] == "jam"]
