@@ -56,7 +56,9 @@ class HeadedCommand(click.Command):
         for option in self.get_params(ctx):
             record = option.get_help_record(ctx) if isinstance(option, click.Option) else None
             if record is not None:
-                sections[apart.get(option.opts[0], "Options")].append(record)
+                # click keeps the names of --help in a set: either may come first
+                headings = [apart[name] for name in option.opts if name in apart]
+                sections[headings[0] if headings else "Options"].append(record)
         for heading, records in sections.items():
             if records:
                 with formatter.section(heading):
