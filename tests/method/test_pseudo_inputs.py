@@ -218,13 +218,14 @@ def test_on_a_real_flight_in_still_air_the_velocity_turns_as_the_gyros_say(name)
     assert np.std(error) < 0.04 * np.std(gyro)
 
 
+@pytest.mark.parametrize("beta", [0.0, 8.0, -5.0])
 @pytest.mark.parametrize("name", ["q_air", "r_air"])
-def test_a_steady_turn_is_what_forces_and_gravity_make_of_the_velocity(name):
-    record = steady(turn=12.0, phi=35.0, theta=4.0, alpha=3.0, beta=0.0, tas=100.0)
-    bank, pitch, attack = np.deg2rad([35.0, 4.0, 3.0])
+def test_a_steady_turn_is_what_forces_and_gravity_make_of_the_velocity(name, beta):
+    record = steady(turn=12.0, phi=35.0, theta=4.0, alpha=3.0, beta=beta, tas=100.0)
+    bank, pitch, attack, slip = np.deg2rad([35.0, 4.0, 3.0, beta])
     p, q, r = (np.deg2rad(record[each][0]) for each in "pqr")
-    u, w = 100.0 * KT * np.cos(attack), 100.0 * KT * np.sin(attack)
-    force = np.array([q * w, r * u - p * w, -q * u]) / G  # of a velocity that stands still in the body
+    along = np.array([np.cos(attack) * np.cos(slip), np.sin(slip), np.sin(attack) * np.cos(slip)])
+    force = np.cross([p, q, r], 100.0 * KT * along) / G  # of a velocity that stands still in the body
     gravity = np.array([-np.sin(pitch), np.cos(pitch) * np.sin(bank), np.cos(pitch) * np.cos(bank)])
     nx, ny, nz = (force - gravity) * [1.0, 1.0, -1.0]
     values = np.column_stack([record.values, np.full(5, nx), np.full(5, nz)])

@@ -1,9 +1,13 @@
 """Mutants of a source change what it does, each in one place, and the tests that execute its line are found."""
 
 import ast
+import subprocess
+import sys
+from pathlib import Path
 
 from tests.mutation.mutants import mutants
 
+ROOT = Path(__file__).parents[2]
 SOURCE = '''
 """A number of 3 in prose."""
 LEAST, MOST = 2, 5.0
@@ -49,3 +53,15 @@ def test_every_mutant_can_be_read_and_differs_in_one_place():
         assert ast.dump(ast.parse(text)) != whole
         assert text[: each.begin] == SOURCE[: each.begin]
         assert text[each.begin + len(each.after) :] == SOURCE[each.end :]
+
+
+def test_the_module_that_a_trial_imports_is_the_changed_one(tmp_path):
+    """Although pytest imports packages that ship a plugin by itself."""
+    file = Path("gtmbench/method/selection/inputs.py")
+    text = (ROOT / file).read_text()
+    (tmp_path / "source").write_text(text.replace("np.argmin(bic)", "np.argmax(bic)"))
+    (tmp_path / "tests").write_text(f"{file}::gtmbench.method.selection.inputs.select_inputs")
+    command = [sys.executable, "-m", "tests.mutation.trial", file, tmp_path / "source", tmp_path / "tests", "0"]
+    assert subprocess.run(command, cwd=ROOT, check=False, capture_output=True).returncode == 1
+    (tmp_path / "source").write_text(text)
+    assert subprocess.run(command, cwd=ROOT, check=False, capture_output=True).returncode == 0
