@@ -114,4 +114,5 @@ def test_a_sensor_without_a_motion_or_a_row_is_judged_for_no_share_of_it():
     assert laid_out((0.0, END_S), clear()).judged_share("q") == 0.0
     moving = laid_out((0.0, END_S), clear(0.0, 45.0), motion_s=[(0.0, END_S)])
     assert moving.judged_share("tas") == 0.0
+    assert laid_out((0.0, END_S), clear(), motion_s=[(5.0, 5.5)]).judged_share("q") == 1.0  # however short it is
     assert moving.judged_share("q") == 0.25
