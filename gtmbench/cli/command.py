@@ -57,8 +57,7 @@ class HeadedCommand(click.Command):
             record = option.get_help_record(ctx) if isinstance(option, click.Option) else None
             if record is not None:
                 # click keeps the names of --help in a set: either may come first
-                headings = [apart[name] for name in option.opts if name in apart]
-                sections[headings[0] if headings else "Options"].append(record)
+                sections[next((apart[name] for name in option.opts if name in apart), "Options")].append(record)
         for heading, records in sections.items():
             if records:
                 with formatter.section(heading):
