@@ -29,14 +29,15 @@ import pandas as pd
 
 import gtmbench as gb
 from every_fault import KINDS, fault_of
+from gtmbench.bench.sensors import stream
 from gtmbench.jobs.processes import spread
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.values.attitude import ESTIMATORS, OWN
-from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS, SENSORS
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from studies.conduct import Campaign, Findings, conducted
-from studies.noise_laws import LAWS, with_noise
+from studies.noise_laws import LAWS as OF_STUDIES
 from studies.tables import grouped, share_text
 from studies.targets import Target, held, is_missed
 
@@ -124,6 +125,24 @@ class Put(NamedTuple):
 
 
 # ---- logs ----
+
+# what logs are called by, and the law; streams of noise are drawn by the former
+LAWS = {
+    "white": "white",
+    "white x0.6": "level x0.6",
+    "white x1.3": "level x1.3",
+    "ar1": "AR(1) 0.7",
+    "t4": "Student t4",
+}
+
+
+def with_noise(truth: gb.Record, law: str, seed: int) -> gb.Record:
+    """Return a record whose sensors have noise of a law, times the T2's, each channel from a stream of its own."""
+    for name in truth.channels:
+        if name in SENSORS:
+            drawn = OF_STUDIES[LAWS[law]](stream(seed, f"{name}\0{law}"), len(truth))
+            truth = truth.replace(name, truth[name] + gb.CHANNELS[name].noise * drawn)
+    return truth
 
 
 def any_log(number: int, seed: int) -> Log:

@@ -1,4 +1,4 @@
-"""Laws of sensor noise that studies draw: the T2's deviations, white, coloured or with heavy tails."""
+"""Laws of sensor noise that studies draw: white, coloured, with heavy tails, with a level that wanders."""
 
 from __future__ import annotations
 
@@ -8,45 +8,38 @@ from collections.abc import Callable
 import numpy as np
 from scipy.signal import lfilter
 
-from gtmbench.bench.sensors import stream
-from gtmbench.values.channels import CHANNELS, SENSORS
-from gtmbench.values.record import FloatArray, Record
-
-_POLE = 0.7  # v(k) = 0.7 v(k-1) + w(k)
+from gtmbench.values.record import FloatArray
 
 
-def _white(draw: np.random.Generator, count: int) -> FloatArray:
-    return draw.standard_normal(count)
+def wandering(draw: np.random.Generator, count: int, pole: float, size: float) -> FloatArray:
+    """Return noise whose level's logarithm is an AR(1), of deviation `size`."""
+    slow = lfilter([1.0], [1.0, -pole], draw.standard_normal(count)) * math.sqrt(1.0 - pole * pole)
+    noise = draw.standard_normal(count) * np.exp(size * slow)
+    return np.asarray(noise / noise.std())
 
 
-def _ar1(draw: np.random.Generator, count: int) -> FloatArray:
-    return np.asarray(lfilter([math.sqrt(1.0 - _POLE**2)], [1.0, -_POLE], draw.standard_normal(count)))
+def flicker(draw: np.random.Generator, count: int) -> FloatArray:
+    """Return noise of deviation 1 whose spectral density falls as 1/f."""
+    frequency = np.fft.rfftfreq(count)
+    frequency[0] = frequency[1]
+    noise = np.fft.irfft(np.fft.rfft(draw.standard_normal(count)) / np.sqrt(frequency), count)
+    return np.asarray((noise - noise.mean()) / noise.std())
 
 
-def _t4(draw: np.random.Generator, count: int) -> FloatArray:
-    return draw.standard_t(4, count) / math.sqrt(2.0)  # its variance is 2
-
-
-LAWS: dict[str, tuple[Callable[[np.random.Generator, int], FloatArray], float]] = {  # and times the T2's deviation
-    "white": (_white, 1.0),
-    "white x0.6": (_white, 0.6),
-    "white x1.3": (_white, 1.3),
-    "ar1": (_ar1, 1.0),
-    "t4": (_t4, 1.0),
+LAWS: dict[str, Callable[[np.random.Generator, int], FloatArray]] = {  # of deviation 1 but for the levels
+    "white": lambda draw, n: draw.standard_normal(n),
+    "level x0.6": lambda draw, n: 0.6 * draw.standard_normal(n),
+    "level x0.3": lambda draw, n: 0.3 * draw.standard_normal(n),
+    "level x1.3": lambda draw, n: 1.3 * draw.standard_normal(n),
+    "AR(1) 0.7": lambda draw, n: lfilter([1.0], [1.0, -0.7], draw.standard_normal(n)) * math.sqrt(0.51),
+    "Student t4": lambda draw, n: draw.standard_t(4, n) / math.sqrt(2.0),
+    "wanders, 10 s": lambda draw, n: wandering(draw, n, 0.999, 0.5),
+    "Laplace": lambda draw, n: draw.laplace(size=n) / math.sqrt(2.0),
+    "2 % five times": lambda draw, n: np.where(draw.random(n) < 0.02, 5.0, 1.0) * draw.standard_normal(n) / 1.22,
+    "bursts, 0.2 s": lambda draw, n: wandering(draw, n, 0.95, 0.5),
+    "tone at 23 Hz": lambda draw, n: 0.7 * draw.standard_normal(n) + np.sin(1.445 * np.arange(n) + 6.0 * draw.random()),
+    "half AR(1) 0.99": lambda draw, n: (
+        0.87 * draw.standard_normal(n) + 0.07 * lfilter([1.0], [1.0, -0.99], draw.standard_normal(n))
+    ),
+    "a fifth flicker": lambda draw, n: 0.98 * draw.standard_normal(n) + 0.2 * flicker(draw, n),
 }
-
-
-def with_noise(truth: Record, law: str, seed: int) -> Record:
-    """Return a record whose sensors have noise of a law; every channel draws from a stream of its own.
-
-    >>> import gtmbench as gb
-    >>> truth = gb.Record(np.zeros(20001), channels=["p"], sample_period_s=0.01)
-    >>> [round(float(np.std(with_noise(truth, law, 1)["p"])) / gb.CHANNELS["p"].noise, 1) for law in LAWS]
-    [1.0, 0.6, 1.3, 1.0, 1.0]
-    """
-    draw, level = LAWS[law]
-    values = np.array(truth.values)
-    for column, name in enumerate(truth.channels):
-        if name in SENSORS:
-            values[:, column] += level * CHANNELS[name].noise * draw(stream(seed, f"{name}\0{law}"), len(truth))
-    return Record(values, channels=truth.channels, sample_period_s=truth.sample_period_s, start_s=truth.start_s)

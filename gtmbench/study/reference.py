@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -41,7 +41,7 @@ from gtmbench.values.record import FloatArray, Record, check_record
 _ANGLE_OF = dict(zip(GYROS, ATTITUDE, strict=True))
 _GYRO_OF = dict(zip(ATTITUDE, GYROS, strict=True))
 _OPTIMAL = ("bias",)
-_DRAWS = 400
+_DRAWS = 400  # flights: of delays as scattered as their mean, that is then known to 5 %
 _BLOCKS = 100  # that log(T / Ts) nats take; an alarm comes after about half of them
 _HORIZON, _MOST = 3.5, 800  # times those nats, which one in 30,000 flights passes without an alarm; blocks at most
 _GONE = 50.0  # deviations: a sample that is taken away is seen at once
@@ -239,7 +239,7 @@ class Cusum:
             signature=kept.reshape(blocks, block), samples=len(signature), history=history, sample_period_s=period_s
         )
         rarely = false_alarms_per_hour * period_s * block / 3600.0  # alarms a block
-        return cls(**{**vars(rule), "threshold": rule._threshold(rarely, draws)})
+        return replace(rule, threshold=rule._threshold(rarely, draws))
 
     def simulated(self, draws: int, seed: int) -> FloatArray:
         """Return delays of simulated flights in seconds; infinite where the record ends before the alarm."""
@@ -285,9 +285,8 @@ class Cusum:
         """
         flights, count, _ = rows.shape
         lags = min(len(self.signature), count)
-        gains = (
-            rows @ self.signature[:lags].T
-        )  # shape (flights, blocks, lags): what a block tells of an onset before it
+        # shape (flights, blocks, lags): what a block tells of an onset before it
+        gains = rows @ self.signature[:lags].T
         gains -= np.square(self.signature[:lags]).sum(axis=1) / 2.0
         ratios = np.zeros((flights, lags))
         largest, total = np.empty((flights, count)), np.empty((flights, count))

@@ -8,7 +8,6 @@ nothing anybody could see, with the reason. It ends with 1 where fewer than nine
 from __future__ import annotations
 
 import argparse
-import ast
 import os
 import random
 import re
@@ -18,21 +17,17 @@ import subprocess
 import sys
 import tempfile
 import tomllib
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from tests.mutation.mutants import Mutant, mutants
-from tests.mutation.reach import FOLDER, Reach, collected
+from tests.mutation.reach import FOLDER, Reach, collected, nearest, package, within
 
 ROOMS = ["method", "engine", "verdict", "detectors/statistics", "faults"]
 ENOUGH, LEAST_S = 0.9, 60.0
 """Of mutants, to be killed; and of a processor, what a mutant may take beside twice its tests' time."""
-
-
-WHICH = f"{', '.join(ROOMS)}, or another folder or file of gtmbench; the seed chooses where none is given"
 
 
 @dataclass(frozen=True)
@@ -81,12 +76,11 @@ def noted() -> int:
 
 def _room(room: str, reach: Reach, told: argparse.Namespace) -> bool:
     drawn = draw(room, told.count, told.seed, constants=told.constants)
-    killed, left = 0, []
+    killed = 0
     with ThreadPoolExecutor(told.jobs) as pool:
         for count, each in enumerate(pool.map(lambda mutant: tried(mutant, reach, told.seconds, told.all), drawn), 1):
             killed += bool(each.killed_by)
             if not each.killed_by:
-                left.append(each)
                 print(f"  survived {each.tests} tests: {each.mutant}", flush=True)
             elif sys.stderr.isatty():
                 print(f"\r  {room}: {killed} of {count} killed, {len(drawn)} in all", end="", file=sys.stderr)
@@ -100,9 +94,8 @@ def draw(room: str, count: int, seed: int, *, constants: bool) -> list[Mutant]:
     files = sorted(place.rglob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
     found = [mutant for file in files for mutant in mutants(str(file), file.read_text())]
     found = [each for each in found if not _is_equivalent(each) and (not constants or not each.function)]
-    return sorted(
-        random.Random(f"{seed} {room}").sample(found, min(count, len(found))), key=lambda each: (each.file, each.begin)
-    )
+    drawn = random.Random(f"{seed} {room}").sample(found, min(count, len(found)))
+    return sorted(drawn, key=lambda each: (each.file, each.begin))
 
 
 @cache
@@ -112,19 +105,15 @@ def equivalents() -> list[dict[str, str]]:
 
 
 def _is_equivalent(mutant: Mutant) -> bool:
-    change, line = f"{mutant.before} -> {mutant.after}", _line(mutant)
+    change, line = f"{mutant.before} -> {mutant.after}", package()[mutant.file][mutant.line - 1]
     return any(
         each["file"] == mutant.file and each["change"] == change and each["line"] in line for each in equivalents()
     )
 
 
-def _line(mutant: Mutant) -> str:
-    return Path(mutant.file).read_text().splitlines()[mutant.line - 1]
-
-
 def tried(mutant: Mutant, reach: Reach, seconds: float, night: bool) -> Tried:
     """Try a mutant by the tests that execute its line, in a process of its own."""
-    tests = list(_within(nearest(mutant, reach), reach, seconds))
+    tests = list(within(nearest(mutant, reach), reach, seconds))
     if not tests:
         return Tried(mutant, 0, "")
     with tempfile.TemporaryDirectory() as folder:
@@ -150,70 +139,6 @@ def tried(mutant: Mutant, reach: Reach, seconds: float, night: bool) -> Tried:
     failed = re.search(r"^(?:FAILED|ERROR) (.*?)(?: - |$)", ended.stdout, re.M)
     ends = "the clock" if ended.returncode == -signal.SIGXCPU else "what ended the run"
     return Tried(mutant, len(tests), failed[1] if failed else ends)
-
-
-def nearest(mutant: Mutant, reach: Reach) -> set[str]:
-    """Return the tests that execute a mutant's line, or lines that use what it declares."""
-    if mutant.names:
-        return set().union(*(_users(name, reach) for name in mutant.names))
-    for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
-        if found := reach.of(mutant.file, line):
-            return found
-    return set()
-
-
-def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
-    """Return the tests that execute a line with a name; where that declares another one, this one's."""
-    found: set[str] = set()
-    for file, line in _used(name):
-        tests = reach.of(file, line)
-        if not tests and further:
-            tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
-        found |= tests
-    return found
-
-
-@cache
-def _used(name: str) -> list[tuple[str, int]]:
-    word = re.compile(rf"\b{re.escape(name)}\b")
-    return [
-        (file, number)
-        for file, lines in _package().items()
-        for number, line in enumerate(lines, 1)
-        if word.search(line)
-    ]
-
-
-@cache
-def _package() -> dict[str, list[str]]:
-    return {str(file): file.read_text().splitlines() for file in Path("gtmbench").rglob("*.py")}
-
-
-@cache
-def _declared(file: str) -> dict[int, tuple[str, ...]]:
-    """Return what the lines of a file declare that aren't in a function: of a class its methods' names, too."""
-    found: dict[int, tuple[str, ...]] = {}
-    for node in ast.walk(ast.parse("\n".join(_package()[file]))):
-        if isinstance(node, ast.ClassDef):
-            methods = [each.name for each in node.body if isinstance(each, ast.FunctionDef) and each.name[:2] != "__"]
-            for each in node.body:
-                if not isinstance(each, ast.FunctionDef):
-                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (node.name, *methods))
-        elif isinstance(node, ast.Module):
-            for each in node.body:
-                if isinstance(each, ast.Assign | ast.AnnAssign):
-                    target = each.targets[0] if isinstance(each, ast.Assign) else each.target
-                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (ast.unparse(target),))
-    return found
-
-
-def _within(tests: set[str], reach: Reach, seconds: float) -> Iterator[str]:
-    """Yield tests until they take so long, those of few seconds first."""
-    for each in sorted(tests, key=lambda test: (reach.seconds[test], test)):
-        seconds -= reach.seconds[each]
-        if seconds < 0.0:
-            return
-        yield each
 
 
 if __name__ == "__main__":

@@ -1,19 +1,24 @@
-"""Which lines of gtmbench each test executes, and its time: a plugin of pytest, and the map that it writes.
+"""Which lines of gtmbench each test executes, and its time: a plugin of pytest, the map that it writes, and its use.
 
 ``python -m tests.mutation --reach`` runs the suite with it. Lines that a test's child processes execute aren't seen.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import os
 import pickle
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import coverage
 import pytest
+
+from tests.mutation.mutants import Mutant
 
 FOLDER = Path("out/mutation")
 WORKER = os.environ.get("PYTEST_XDIST_WORKER", "")
@@ -84,3 +89,65 @@ def collected(folder: Path = FOLDER) -> Reach:
                 lines.setdefault(line, set()).update(each for each in contexts if each in reach.seconds)
     kept.write_bytes(pickle.dumps(reach))
     return reach
+
+
+def nearest(mutant: Mutant, reach: Reach) -> set[str]:
+    """Return the tests that execute a mutant's line, or lines that use what it declares."""
+    if mutant.names:
+        return set().union(*(_users(name, reach) for name in mutant.names))
+    for line in range(mutant.line, max(mutant.line - 30, 0), -1):  # a statement of many lines is known by its first
+        if found := reach.of(mutant.file, line):
+            return found
+    return set()
+
+
+def _users(name: str, reach: Reach, further: int = 2) -> set[str]:
+    """Return the tests that execute a line with a name; where that declares another one, this one's."""
+    found: set[str] = set()
+    for file, line in _used(name):
+        tests = reach.of(file, line)
+        if not tests and further:
+            tests = set().union(*(_users(each, reach, further - 1) for each in _declared(file).get(line, ())))
+        found |= tests
+    return found
+
+
+@cache
+def _used(name: str) -> list[tuple[str, int]]:
+    word = re.compile(rf"\b{re.escape(name)}\b")
+    return [
+        (file, number) for file, lines in package().items() for number, line in enumerate(lines, 1) if word.search(line)
+    ]
+
+
+@cache
+def package() -> dict[str, list[str]]:
+    """Return the lines of every file."""
+    return {str(file): file.read_text().splitlines() for file in Path("gtmbench").rglob("*.py")}
+
+
+@cache
+def _declared(file: str) -> dict[int, tuple[str, ...]]:
+    """Return what the lines of a file declare that aren't in a function: of a class its methods' names, too."""
+    found: dict[int, tuple[str, ...]] = {}
+    for node in ast.walk(ast.parse("\n".join(package()[file]))):
+        if isinstance(node, ast.ClassDef):
+            methods = [each.name for each in node.body if isinstance(each, ast.FunctionDef) and each.name[:2] != "__"]
+            for each in node.body:
+                if not isinstance(each, ast.FunctionDef):
+                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (node.name, *methods))
+        elif isinstance(node, ast.Module):
+            for each in node.body:
+                if isinstance(each, ast.Assign | ast.AnnAssign):
+                    target = each.targets[0] if isinstance(each, ast.Assign) else each.target
+                    found |= dict.fromkeys(range(each.lineno, each.end_lineno + 1), (ast.unparse(target),))
+    return found
+
+
+def within(tests: set[str], reach: Reach, seconds: float) -> Iterator[str]:
+    """Yield tests until they take so long, those of few seconds first."""
+    for each in sorted(tests, key=lambda test: (reach.seconds[test], test)):
+        seconds -= reach.seconds[each]
+        if seconds < 0.0:
+            return
+        yield each

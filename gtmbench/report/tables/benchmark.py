@@ -10,13 +10,7 @@ from typing import Any
 import pandas as pd
 
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.report.words.benchmark import (
-    DIFFER,
-    QUICKNESS,
-    ROWS,
-    about,
-    data_sheet,
-)
+from gtmbench.report.words.benchmark import DIFFER, QUICKNESS, ROWS, about, data_sheet
 from gtmbench.study.benchmark.definition import EASY, SINGLE, Definition
 from gtmbench.study.benchmark.judge import MISSED, Row, differences, places
 from gtmbench.study.benchmark.yardsticks import YARDSTICKS, RawReading
@@ -35,7 +29,7 @@ def benchmark_results(rows: Sequence[Row], definition: Definition, split: str) -
     """
     told = differences(rows)
     ranks = places(rows, told)
-    left_out = ("outcomes", "delays_s")
+    left_out = ("outcomes", "draws")
     return {
         "schema": SCHEMA,
         **about(definition, split),

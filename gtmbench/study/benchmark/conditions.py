@@ -14,8 +14,9 @@ from gtmbench.values.record import FloatArray
 _LEVELS, _POLES, _DEGREES = (0.6, 1.3), (0.2, 0.8), (4.0, 12.0)  # level times the T2's deviation; Student's t
 _AMPLITUDES, _SEVERITIES = (0.5, 1.3), (2, 3, 3, 3, 3, 4, 4, 5)  # of surfaces; of turbulence, by MIL-F-8785C
 _MOTIONS = ("turbulence", "multisine+turbulence", "doublets+turbulence")
-_OFTEN, _SELDOM = 0.5, 0.25
-_LOST, _LOST_S, _HELD_S, _GUSTY = 0.03, (0.1, 1.0), (0.02, 0.5), 5
+_OFTEN, _SELDOM = 0.5, 0.25  # shares of the flights: chosen, so that most flights have one or two of these conditions
+_LOST, _LOST_S, _HELD_S = 0.03, (0.1, 1.0), (0.02, 0.5)  # chosen: at most of rows; seconds
+_GUSTY = 5  # severe, by MIL-F-8785C's scale of 1 to 7
 
 
 @dataclass(frozen=True)

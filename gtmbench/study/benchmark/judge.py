@@ -46,12 +46,11 @@ from gtmbench.study.scores.ranking import LEVEL, holm
 from gtmbench.values.record import FloatArray
 
 CALIBRATIONS = 20  # drawn anew, for the interval
-DRAWS = 2000
+DRAWS = 2000  # of which 50 lie beyond each end of a 95 % interval
 SHORTEST_S = 0.1  # below that a mean delay counts no less
 _BLOCK_S = 60.0  # of which the greatest scores are kept
-_HOLD_S = 10.0
-_NAMED_WITHIN_S, _RISE_TOGETHER_S = 20.0, 1.0
-_TIE_S = 1e-6
+_HOLD_S, _NAMED_WITHIN_S, _RISE_TOGETHER_S = 10.0, 20.0, 1.0  # of the rule, as the module's text and its page have it
+_TIE_S = 1e-6  # times are rounded to less
 RIGHT, WRONG, EITHER, UNNAMED, MISSED = "right", "wrong", "either-or", "unnamed", "missed"
 
 
@@ -123,8 +122,8 @@ class Row:
     curve : tuple of Point
         Rising in the allowed rate; the benchmark's own among them.
     outcomes : tuple of Outcome
-    delays_s : shape (calibrations, flights)
-        Of the flights that quickness counts: with the calibration as it is, and drawn anew.
+    draws : shape (draws,)
+        Quickness with faults, flights and calibration drawn anew; none where quickness isn't known.
     """
 
     name: str
@@ -149,7 +148,7 @@ class Row:
     false_alarms: Rate
     curve: tuple[Point, ...]
     outcomes: tuple[Outcome, ...] = field(repr=False)
-    delays_s: FloatArray = field(repr=False)
+    draws: FloatArray = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -187,14 +186,16 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
     delays_s = np.array([[_delay_s(each, place, definition) for each in singles] for place in draws])
     false = _false_alarms(heard, 0)
     told = [each.told for each in counted]
-    row = Row(
+    keeps = false.low <= definition.false_alarms_per_hour
+    drawn = drawn_anew(counted, delays_s) if keeps and counted else np.zeros(0)
+    return Row(
         name=entry.facts.name,
         title=entry.facts.title,
         source=entry.facts.source,
         machine=entry.facts.machine,
         tuned=entry.facts.tuned,
         microseconds_a_sample=entry.facts.microseconds_a_sample,
-        quickness=None,
+        quickness=estimated(_quickness(delays_s[0], counted), drawn) if len(drawn) else None,
         flights=len(counted),
         detected=len(counted) - told.count(MISSED),
         right=told.count(RIGHT),
@@ -214,10 +215,8 @@ def judge(entry: Entry, definition: Definition, split: str, reference: Mapping[s
         if scored
         else (),
         outcomes=outcomes,
-        delays_s=delays_s,
+        draws=drawn,
     )
-    keeps = false.low <= definition.false_alarms_per_hour
-    return replace(row, quickness=estimated(row)) if keeps and counted else row
 
 
 def _of(outcomes: Sequence[Outcome], role: str, told: Sequence[str]) -> tuple[int, int]:
@@ -256,14 +255,14 @@ def _drawn_quickness(
     return np.asarray((often * short).sum(axis=1) / (often * best).sum(axis=1))
 
 
-def _draws(row: Row) -> FloatArray:
+def drawn_anew(counted: Sequence[Outcome], delays_s: FloatArray) -> FloatArray:
     """Return quickness with faults, flights and calibration drawn anew; of all rows alike, so that they pair.
 
-    A kind of fault keeps its number of faults, as the definition deals them out.
+    A kind of fault keeps its number of faults, as the definition deals them out. `delays_s`, shape (calibrations,
+    flights): with the calibration as it is, and drawn anew.
     """
-    counted = [each for each in row.outcomes if each.role == SINGLE]
     draw = np.random.default_rng(len(counted))
-    _, cases = np.unique([f"{each.group} {each.case}" for each in counted], return_inverse=True)
+    reference_s, horizon_s, cases = _columns(counted)
     flights = [np.flatnonzero(cases == case) for case in range(int(cases.max()) + 1)]
     kinds = np.array([counted[own[0]].kind for own in flights])
     weights = np.zeros((DRAWS, len(cases)))
@@ -274,29 +273,24 @@ def _draws(row: Row) -> FloatArray:
             own = flights[case]
             within = draw.multinomial(len(own), np.full(len(own), 1.0 / len(own)), size=DRAWS)
             weights[:, own] = within * often[:, np.newaxis]
-    calibrations = draw.integers(0, len(row.delays_s), DRAWS)
-    reference_s, horizon_s = (
-        np.array([getattr(each, key) for each in counted]) for key in ("reference_s", "horizon_s")
-    )
-    return _drawn_quickness(row.delays_s[calibrations], reference_s, horizon_s, cases, weights)
+    calibrations = draw.integers(0, len(delays_s), DRAWS)
+    return _drawn_quickness(delays_s[calibrations], reference_s, horizon_s, cases, weights)
 
 
-def estimated(row: Row) -> Estimate:
-    """Return quickness of a row with its 95 % interval."""
-    low, high = np.quantile(_draws(row), [0.025, 0.975])
-    return Estimate(
-        value=_quickness(row.delays_s[0], [each for each in row.outcomes if each.role == SINGLE]),
-        low=float(low),
-        high=float(high),
-    )
+def estimated(value: float, drawn: FloatArray) -> Estimate:
+    """Return a value with the 95 % interval of its draws."""
+    low, high = np.quantile(drawn, [0.025, 0.975])
+    return Estimate(value=value, low=float(low), high=float(high))
 
 
 def _quickness(delays_s: FloatArray, counted: Sequence[Outcome]) -> float:
-    reference_s, horizon_s = (
-        np.array([getattr(each, key) for each in counted]) for key in ("reference_s", "horizon_s")
-    )
+    return quickness_of(delays_s, *_columns(counted))
+
+
+def _columns(counted: Sequence[Outcome]) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Return the reference's means, how long each could be detected, and the number of its fault; shape (flights,)."""
     _, cases = np.unique([f"{each.group} {each.case}" for each in counted], return_inverse=True)
-    return quickness_of(delays_s, reference_s, horizon_s, cases)
+    return np.array([each.reference_s for each in counted]), np.array([each.horizon_s for each in counted]), cases
 
 
 def _median(values: Sequence[float]) -> float:
@@ -469,15 +463,13 @@ class Difference:
 def differences(rows: Sequence[Row]) -> list[Difference]:
     """Return every pair of rows that have quickness, the better one first."""
     those = [row for row in ranked(rows) if row.quickness is not None]
-    drawn = {row.name: _draws(row) for row in those}
     found = []
     for first, second in itertools.combinations(those, 2):
-        off = drawn[first.name] - drawn[second.name]
-        low, high = np.quantile(off, [0.025, 0.975])
+        off = first.draws - second.draws
         beyond = 2.0 * min(float((off <= 0.0).mean()), float((off >= 0.0).mean()))
         # draws that never cross 0 tell less than the many pairs ask for: there the tail is the normal distribution's
         p = max(beyond, math.erfc(abs(float(off.mean())) / max(math.sqrt(2.0) * float(off.std()), 1e-300)))
-        estimate = Estimate(value=_value(first) - _value(second), low=float(low), high=float(high))
+        estimate = estimated(_value(first) - _value(second), off)
         found.append(Difference(first=first.name, second=second.name, quickness=estimate, p=min(p, 1.0)))
     return [replace(each, p=p) for each, p in zip(found, holm([each.p for each in found]), strict=True)]
 
