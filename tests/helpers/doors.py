@@ -49,8 +49,6 @@ IN_FOLDERS = [
 ]
 # of an archive's files one is damaged, and packed again: damage to the archive itself hardly gets past its checksums
 IN_ARCHIVES = ["flight.xlsx/xl/worksheets/sheet1.xml", "flight.xlsx/xl/workbook.xml", "flight.npz/gyro_x_rad_s.npy"]
-# in a process of its own
-READ_APART = ("flight.bag", "flight.mat", "flight73.mat", "flight.xlsx", *IN_FOLDERS[:2], *IN_ARCHIVES[:2])
 WATCHED = "watched.csv"  # read and judged to the end: what a strange flight does to the engine
 TABLES = (WATCHED, "lines")  # damaged row by row as well: bytes hardly ever put a flight's rows in disorder
 DOORS = [*FORMATS, *IN_PLACE, *IN_FOLDERS, *IN_ARCHIVES, *FILES, "link", "lines", WATCHED]
