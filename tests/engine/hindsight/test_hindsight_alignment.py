@@ -300,6 +300,18 @@ def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, siz
     assert jump[350, axis] > usual[350, axis]
 
 
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.5, 0.9])
+def test_a_jump_between_two_samples_is_as_large_however_these_lie_in_blocks(late):
+    """Between slow samples an angle grows to its jump over a block, of which one may hold any part."""
+    flown = motion()
+    angle, rows = flown["psi"], round(0.2 / flown.sample_period_s)
+    grown = np.clip((np.arange(len(flown)) - 350 * rows - late * rows) / rows, 0.0, 1.0)
+    blocks = blocks_of([flown.replace("psi", angle + 4.0 * grown)])
+    jump, _, stay = jumps_deg(alignment_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    assert jump[350, 2] == pytest.approx(4.0, abs=0.6)
+    assert stay[350, 2] == pytest.approx(4.0, abs=0.6)
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_no_angle_jumps_in_health(seed):
     blocks = healthy(seed)
