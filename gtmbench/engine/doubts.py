@@ -378,9 +378,13 @@ def _over(values: FloatArray, count: int) -> FloatArray:
 
 
 def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]:
-    """Judge no other axis while a gyro bends the attitude far, by its own estimator or by the one that is seen here."""
+    """Judge no other axis while a gyro bends the attitude far, by its own estimator or by the one that is seen here.
+
+    Where gyros drive the attitude and neither tells by which, it is the fastest: a slow one would bend it farther.
+    """
+    fastest_s = min(TIMES_S) if model.flight.is_driven else 0.0
     for other in found:
-        fades_s = other.best.fades_s or finding.best.fades_s
+        fades_s = other.best.fades_s or finding.best.fades_s or fastest_s
         if other is finding or not fades_s or not other.meets(finding.first, finding.last):
             continue
         if axis_number(other.best.suspect) == axis_number(finding.best.suspect):
