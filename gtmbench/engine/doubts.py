@@ -15,7 +15,7 @@ from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
-from gtmbench.engine.relations.attitude import log_rough
+from gtmbench.engine.relations.attitude import log_rough, over_second
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import constants_of_gyro
 from gtmbench.engine.sums import CELL, blocks_of_cells
@@ -295,19 +295,28 @@ def _shaken(model: Model, finding: Finding) -> list[str]:
 def _shakes_all(flight: Flight, finding: Finding) -> list[str]:
     """Doubt noise of a gyro where others got rougher by a part of as much: what shakes all shows in the quietest most.
 
-    A relation of logarithms can't tell: the same shaking is a larger part of what a quiet gyro usually has.
+    A relation of logarithms can't tell: the same shaking is a larger part of what a quiet gyro usually has. Nor does it
+    know of a frame that shakes about one axis: accelerometers feel that, and no gyro's noise.
     """
     if finding.best.kind != "noise" or finding.best.suspect not in GYROS:
         return []
-    inside = blocks_of_cells(finding.first, finding.last, len(flight))
-    rough, asked = np.exp(log_rough(flight)), in_motion(flight)
-    if not (inside & asked).any() or not (asked & ~inside).any():
+    inside, axis = blocks_of_cells(finding.first, finding.last, len(flight)), axis_number(finding.best.suspect)
+    rises, usual = _rises(flight, np.exp(log_rough(flight)), inside)
+    if np.delete((rises > _SHARED * rises[axis]) & (rises > _ROUGHER * usual), axis).any():
+        return ["other gyros are rougher, too: vibration"]
+    if flight.felt_rough is None:
         return []
-    usual = np.nanmedian(rough[asked & ~inside], axis=0)
-    rises = np.nanmedian(rough[inside & asked], axis=0) - usual
-    axis = axis_number(finding.best.suspect)
-    is_shared = (rises > _SHARED * rises[axis]) & (rises > _ROUGHER * usual)
-    return ["other gyros are rougher, too: vibration"] if np.delete(is_shared, axis).any() else []
+    rises, usual = _rises(flight, over_second(flight, flight.felt_rough), inside)
+    return ["the accelerometers are rougher, too: vibration"] if (rises > _ROUGHER * usual).any() else []
+
+
+def _rises(flight: Flight, rough: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much roughness in motion is more within a span than elsewhere, and what it is there; else 0."""
+    known = in_motion(flight) & np.isfinite(rough).all(axis=1)
+    if not (inside & known).any() or not (~inside & known).any():
+        return np.zeros(3), np.zeros(3)
+    usual = np.median(rough[~inside & known], axis=0)
+    return np.median(rough[inside & known], axis=0) - usual, usual
 
 
 def _bears_out(finding: Finding, changed: Span) -> bool:

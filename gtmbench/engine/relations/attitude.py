@@ -62,4 +62,9 @@ def others_rough(flight: Flight) -> FloatArray:
 
 def log_rough(flight: Flight) -> FloatArray:
     """Return the logarithm of each gyro's roughness over about a second, shape (blocks, 3); NaN where it is missing."""
-    return np.log(trailing_means(flight.blocks.rough, max(round(1.0 / flight.blocks.period_s), 1)) + 1e-8)
+    return np.asarray(np.log(over_second(flight, flight.blocks.rough) + 1e-8))
+
+
+def over_second(flight: Flight, values: FloatArray) -> FloatArray:
+    """Return means over about a second that ends with each block."""
+    return trailing_means(values, max(round(1.0 / flight.blocks.period_s), 1))
