@@ -35,6 +35,7 @@ _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
+_OF_TURNS = 0.25  # of how fast they turn: by less healthy IMUs part, scales, axes and lag taken together
 _SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usual one, which rises as well
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
@@ -338,7 +339,8 @@ def _own_axis(finding: Finding) -> list[str]:
 def _regime(model: Model, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen: as far as it takes to show, or all of a factor.
 
-    A factor shows by motion alone: one of the whole flight is how its sensor is, or its reference.
+    A factor shows by motion alone: one of the whole flight is how its sensor is, or its reference. IMUs that part by
+    far more than motion makes of how they are mounted need no other of its kind.
     """
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
@@ -349,6 +351,10 @@ def _regime(model: Model, finding: Finding) -> list[str]:
         shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))
         last = max(min(shows, last), finding.first + 1)
     inside = blocks_of_cells(finding.first, last, len(flight))
+    there = inside & flight.judged
+    turns_deg_s = np.sqrt(np.square(rates[there]).sum() / max(np.count_nonzero(there), 1))
+    if finding.parts_imus and finding.reached_deg_s > _OF_TURNS * turns_deg_s:
+        return []
     sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
     if all(_is_seen(flight, lively, inside=each) for each in sides):
         return []
