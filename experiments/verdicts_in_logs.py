@@ -3,10 +3,10 @@
     python experiments/verdicts_in_logs.py [FOLDER ...] [--synthetic FIRST:LAST] [--out DIR] [--processes N]
 
 Watches every log below the folders as `gtmbench monitor LOG` does, and every eighth (by its name's checksum) again with
-one fault at a time in what a sensor reads: a further IMU's gyro (0.5 to 60 deg/s), an accelerometer, GPS velocity and place, airspeed, altitude,
-magnetometer (of issue 66's sizes), a gyro (alone, or with an attitude that follows through an estimator of 5 s) or an
-angle, at times that are drawn. Prints tables; writes report.md and cases.csv into DIR; ends with code 1 where a healthy
-sensor is named. No log is kept. With --synthetic the same of flights of the GTM by their seeds.
+one fault at a time in what a sensor reads: a further IMU's gyro (0.5 to 60 deg/s), an accelerometer, GPS velocity and
+place, airspeed, altitude, magnetometer (of issue 66's sizes), a gyro (alone, or with an attitude that follows through
+an estimator of 5 s) or an angle, at times that are drawn. Prints tables; writes report.md and cases.csv into DIR; ends
+with code 1 where a healthy sensor is named. No log is kept. With --synthetic the same of flights of the GTM by seeds.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ BROKEN = 8  # of so many logs one is
 LEAST_S, SHOWS_S = 20.0, 6.0  # of flight, and behind an onset; within which nothing need show
 ONE_OF = (("nx", "ny", "nz"), ("gps_north", "gps_east"), ("gps_down",), MAGNETOMETER, ("altitude",), ("tas",))
 ACCUSED, REFUSED, NAMED, EITHER, WRONG, NOTHING = "accused", "refused", "named", "either-or", "wrong", "nothing"
-INTRODUCTION = """Each log is watched as `gtmbench monitor LOG` does; every eighth then with one fault at a time. *named*: that
-sensor failed and no other; *either-or*: it is among those that are suspected; *wrong*: a healthy sensor failed, or
-those that are suspected don't hold the broken one; *clear beside it*: the sensor is clear, while it is off, up to less
-than it is off by. Accusations that are there without the fault don't count.
+INTRODUCTION = """Each log is watched as `gtmbench monitor LOG` does; every eighth then with one fault at a time.
+*named*: that sensor failed and no other; *either-or*: it is among those that are suspected; *wrong*: a healthy sensor
+failed, or those that are suspected don't hold the broken one; *clear beside it*: the sensor is clear, while it is off,
+up to less than it is off by. Accusations that are there without the fault don't count.
 """
 Row = dict[str, Any]
 
@@ -150,7 +150,7 @@ def with_velocity(opened: Opened) -> Opened:
     """Return a log whose GPS reads what its channels do: a GPS shows some faults by itself."""
     if not {*GPS_VELOCITY} <= opened.readings.keys():
         return opened
-    velocity = np.column_stack([opened.readings[name].values for name in GPS_VELOCITY])
+    velocity = np.column_stack([opened.readings[name][1] for name in GPS_VELOCITY])
     sensors = (replace(each, values=velocity) if each.channels == GPS_VELOCITY else each for each in opened.sensors)
     return replace(opened, sensors=tuple(sensors))
 
@@ -169,7 +169,7 @@ def of_places(log: Log) -> Iterator[Put]:
             axes = range(2) if kind == "stuck" else range(1)
             places = gps.places.copy()
             for axis in axes:
-                places[:, axis] = broken(Samples(gps.time_s, places[:, axis]), fault).values
+                places[:, axis] = broken(Samples(gps.time_s, places[:, axis]), fault)[1]
             sensors = tuple(replace(each, places=places) if each is gps else each for each in log.opened.sensors)
             yield Put("place", "gps", kind, size, onset_s, log.compared(replace(log.opened, sensors=sensors)))
 
@@ -218,9 +218,9 @@ def is_beside_clear(put: Put, row: str, timeline: Timeline) -> bool:
         if sizes is None or span.end_s - start_s < SHOWS_S:
             continue
         factor = {"scale": put.size, "sign": -1.0, "stuck": 0.0}.get(put.kind)
-        if factor is not None and sizes.factors is not None and row.partition(" ")[0] in GYROS:
-            if not sizes.factors[0] < factor < sizes.factors[1]:
-                return True
+        known = sizes.factors if row.partition(" ")[0] in GYROS else None
+        if factor is not None and known is not None and not known[0] < factor < known[1]:
+            return True
         off = abs(put.size) * (span.end_s - put.onset_s if put.kind == "drift" else 1.0)
         if put.kind in ("bias", "drift", "drift to it") and put.part != "place" and sizes.error < off:
             return True

@@ -1,5 +1,4 @@
-"""A GPS that shows by itself that it failed: it loses its fix at once in flight, its velocity jumps as none can, or its
-place and its velocity part.
+"""A GPS that shows by itself that it failed: its fix is lost at once, its velocity jumps, or its place parts from that.
 
 The engine asks what a GPS reads of a flight's course. It sees no fix that is lost, because then nothing is read, and
 names no GPS that accelerometers alone contradict; but no aircraft takes such a step. Nor does it read places. A
@@ -29,7 +28,7 @@ _JUMP_M_S, _JUMP_M_S2 = 4.0, 25.0  # at least
 _PAUSE_S = 1.5  # between two readings: in it, a velocity that isn't read makes up to a metre or two
 _LONGEST_S = 0.55  # between two readings of which the second may have jumped
 _FORCE_G, _BEFORE_S, _BEHIND_S = 2.0, 5.0, 0.5  # more is read in an impact, which may turn an antenna to the ground
-# within so long a place moves by so much more, or less, than its velocity makes: in 25 real flights 9 m at most; and one
+# within so long a place moves by so much more or less than its velocity makes (in 25 real flights 9 m at most); one
 # of both is late behind the other by half a second at most
 _OVER_S, _PARTS_M, _LATE_S = 20.0, 20.0, 0.5
 _BEGUN = 0.25  # of what they part by, which shows since when
