@@ -29,6 +29,7 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets
 _AT_ONCE = 400  # cells whose products are worked out together, for memory
+_BESIDE = 5  # chunks: an onset that is dated again is moved by less
 
 
 def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
@@ -297,6 +298,7 @@ class WindowSums:
         wander = products.equation.wander if wander is None else wander
         self._precision = np.inf if wander <= 0.0 else wander**-2.0
         self.cells = products.cells
+        self._sums_from: dict[int | None, tuple[int, FloatArray]] = {}  # by how many products: from a chunk on
 
     @cached_property
     def _rates(self) -> tuple[FloatArray, IntArray]:
@@ -304,18 +306,29 @@ class WindowSums:
         rates, each = np.unique(self.products.rates, return_inverse=True)
         return rates, each
 
-    @cached_property
-    def _whole(self) -> FloatArray:
-        """Sums of whole chunks from each on, what fades relative to its beginning; shape (chunks + 1, products)."""
-        own = self.products
-        edges = np.arange(0, self.cells + own.per_chunk, own.per_chunk)
-        edges = np.minimum(edges, self.cells)
-        chunks = self._piece(edges[:-1], edges[1:])
-        kept = np.exp(-own.rates * own.per_chunk * CELL)
-        found = np.zeros((len(chunks) + 1, len(own.rates)))
-        for at in range(len(chunks) - 1, -1, -1):
-            found[at] = chunks[at] + kept * found[at + 1]
-        return found
+    def _whole(self, first: int, stop: int, count: int | None) -> tuple[FloatArray, int]:
+        """Return sums from each chunk up to the last that was asked for, and which chunk is the first of them.
+
+        What fades is relative to a chunk's beginning. Shape (chunks + 1, products). A search asks for one window of
+        hours: the chunks between are summed up, and some beside, for windows that are moved a bit.
+        """
+        begin, found = self._sums_from.get(count, (first, None))
+        end = begin if found is None else begin + len(found) - 1
+        if found is not None and begin <= first and stop <= end:
+            return found, begin
+        most = -(-self.cells // self.products.per_chunk)
+        begin, end = max(min(begin, first - _BESIDE), 0), min(max(end, stop + _BESIDE), most)
+        edges = np.minimum(np.arange(begin, end + 1) * self.products.per_chunk, self.cells)
+        found = np.zeros((len(edges), len(self.products.rates[:count])))
+        found[:-1] = self._piece(edges[:-1], edges[1:], count)
+        kept = np.exp(-self.products.rates[:count] * self.products.per_chunk * CELL)
+        if (kept == 1.0).all():
+            np.cumsum(found[::-1], axis=0, out=found[::-1])
+        else:
+            for at in range(len(found) - 2, -1, -1):
+                found[at] += kept * found[at + 1]
+        self._sums_from[count] = begin, found
+        return found, begin
 
     def _piece(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
         """Return sums over cells within one chunk each, what fades relative to the chunk's beginning."""
@@ -342,8 +355,9 @@ class WindowSums:
         if between.any():
             at, to = (begin // width)[between], (behind // width)[between]
             since = first[between]
-            found[between] += self._whole[at, :count] * self._kept(begin[between] - since, count)
-            found[between] -= self._whole[to, :count] * self._kept(behind[between] - since, count)
+            whole, own = self._whole(int(at.min()), int(to.max()), count)
+            found[between] += whole[at - own] * self._kept(begin[between] - since, count)
+            found[between] -= whole[to - own] * self._kept(behind[between] - since, count)
         return found
 
     def _kept(self, cells: IntArray, count: int | None = None) -> FloatArray:
