@@ -61,7 +61,7 @@ def products(flight, signatures, relations, beside):
     @cache
     def of(name, channel):
         equation = learn(flight, relations[name], channel)
-        return products_of(signatures, equation, signatures.answers(equation), beside)
+        return products_of(signatures, equation, signatures.answers([equation])[0], beside)
 
     return of
 
