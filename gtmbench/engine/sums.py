@@ -25,6 +25,7 @@ from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
 from gtmbench.engine.relation import Effect, Relation
+from gtmbench.values.pieces import pieces
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets
@@ -355,7 +356,8 @@ class WindowSums:
         begin, end = max(min(begin, first - _BESIDE), 0), min(max(end, stop + _BESIDE), most)
         edges = np.minimum(np.arange(begin, end + 1) * self.products.per_chunk, self.cells)
         found = np.zeros((len(edges), len(self.products.rates[:count])))
-        found[:-1] = self._piece(edges[:-1], edges[1:], count)
+        for part in pieces(len(edges) - 1, _AT_ONCE):
+            found[part] = self._piece(edges[part], edges[part.start + 1 : part.stop + 1], count)
         fading = self.products.fading
         np.cumsum(found[::-1, :fading], axis=0, out=found[::-1, :fading])
         if found.shape[1] > fading:
@@ -366,11 +368,15 @@ class WindowSums:
         return found, begin
 
     def _piece(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
-        """Return sums over cells within one chunk each, what fades relative to the chunk's beginning."""
+        """Return sums over cells within one chunk each, what fades relative to the chunk's beginning.
+
+        `count`: of the first products alone: those of what is left and the regressors.
+        """
         raw = self.products.sums[last, :count] - self.products.sums[first, :count]
         if np.isinf(self._precision):
             return raw
-        mean = self.products.means[last] - self.products.means[first]
+        columns = None if count is None else 1 + self.products.regressors
+        mean = self.products.means[last, :columns] - self.products.means[first, :columns]
         power = self.products.powers[last] - self.products.powers[first] + self._precision
         own = self.products
         return np.asarray(raw - mean[:, own.first[:count]] * mean[:, own.second[:count]] / power[:, np.newaxis])

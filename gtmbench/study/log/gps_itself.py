@@ -54,7 +54,7 @@ def gps_alarms(
 
     `excursions`: contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
-    whole = [each.select((*GYROS, *ATTITUDE)) for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
+    whole = [each for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
     if not whole or not any(each.channels == GPS_VELOCITY for each in sensors):
         return ()
     seconds_s, turning = turning_by_second(whole)
