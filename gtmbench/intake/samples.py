@@ -68,7 +68,7 @@ def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[
 
 
 def _with_shared_times(own: ChannelSamples, others: Iterable[ChannelSamples]) -> ChannelSamples:
-    """Return samples with another channel's times where they are the same: those of ten hours are as large as values."""
+    """Return samples with another channel's times where they are the same: they take as much memory as values."""
     for other in others:
         if np.array_equal(other.time_s, own.time_s) and np.array_equal(other.rows, own.rows):
             return replace(own, rows=other.rows, time_s=other.time_s)

@@ -75,9 +75,7 @@ def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[st
     `record`: with the bank's channels. `outputs`: only these.
     """
     residuals = without_spread(monitor, record, outputs)
-    spread = {
-        output: spread_of(monitor, record, output) for output in residuals.raw if output in monitor.uncertainties
-    }
+    spread = {output: spread_of(monitor, record, output) for output in residuals.raw if output in monitor.uncertainties}
     return replace(residuals, spread=MappingProxyType(spread))
 
 
