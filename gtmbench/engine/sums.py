@@ -220,10 +220,10 @@ class Products:
     def without_signatures(self) -> Products:
         """The same of what is left and the regressors alone: what is asked once nothing more is searched."""
         known = 1 + self.regressors
-        count = known * (known + 1) // 2
+        count, none = known * (known + 1) // 2, self.columns.own[:0]
         return replace(
             self,
-            columns=replace(self.columns, own=self.columns.own[:0], times=(), fading=self.columns.fading[:0]),
+            columns=replace(self.columns, own=none, bases=none, fading=none, times=()),
             first=self.first[:count],
             second=self.second[:count],
             rates=self.rates[:count],
