@@ -192,9 +192,9 @@ def monitor_command(
     if listed:
         _list(log, mapping, every=details, as_json=as_json, quiet=quiet)
         return 0
-    from gtmbench.study.log.watch import watch_log
-
     with progress_bar(silent=as_json or quiet) as tell:
+        from gtmbench.study.log.watch import watch_log  # a second in which the bar is there already
+
         if keeping is None:
             watched = watch_log(log, **how, progress=tell)
         else:

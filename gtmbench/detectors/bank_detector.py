@@ -26,7 +26,6 @@ from gtmbench.detectors.monitor.excursions import Excursions, blots, blotted, ri
 from gtmbench.detectors.monitor.motion_stream import MotionStream
 from gtmbench.detectors.monitor.regime import LATE_S, Regime
 from gtmbench.detectors.monitor.residuals import RecordResiduals
-from gtmbench.detectors.monitor.scores import residual_scores
 from gtmbench.detectors.monitor.superposition import ChangedResidual, Superposition
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.statistics.statistic import Spread
@@ -163,13 +162,13 @@ class BankMonitor(CalibratedBank):
             If the record lacks a channel of the bank or has another sample period.
         """
         # 1. what each residual is, and which samples an excursion leaves out
-        residuals = RecordResiduals(self, record, at_once=self.is_cautious or bool(outside))
+        residuals = RecordResiduals(self, record)
         out = blots(self, record, outside)
         learnt = {} if before is None else dict(without_spread(self, before).raw)
         # 2. what scores would have said inside of what nobody judges: it is told as an alarm that can't be judged
         is_silent = any(not excursion.is_judged for excursion in outside)
-        scores = residual_scores(self, record, residuals.whole, learnt) if is_silent else {}
-        excursions = Excursions(self, record.start_s, outside, rises_of(scores), record.end_s - LATE_S)
+        rises = rises_of(residuals, learnt) if is_silent else []
+        excursions = Excursions(self, record.start_s, outside, rises, record.end_s - LATE_S)
         # 3. the record as a stream takes it: scores, alarms, judgements
         stream = RecordStream(residuals, out, before=learnt, without=without, excursions=excursions)
         stream.take_all(progress)
@@ -186,7 +185,7 @@ class BankMonitor(CalibratedBank):
             before=MappingProxyType(learnt),
             outside=tuple(outside),
             noise_levels=MappingProxyType(stream.noise_levels),
-            widening=MappingProxyType({output: spread.white for output, spread in residuals.spread.items()}),
+            widening=MappingProxyType(stream.widening),
         )
 
     def residual(self, record: Record, sensor: str) -> FloatArray:

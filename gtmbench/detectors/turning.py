@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.values.channels import ATTITUDE, GYROS
@@ -110,7 +109,11 @@ def _size(rates: FloatArray, period_s: float) -> tuple[FloatArray, FloatArray]:
     size, swing = np.full(rows, np.nan), np.full(rows, np.nan)
     if rows <= 2 * samples:
         return size, swing
-    averages = sliding_window_view(rates, samples, axis=1).mean(axis=2)
+    count = rows - samples + 1
+    averages = rates[:, :count].copy()
+    for late in range(1, samples):
+        averages += rates[:, late : late + count]
+    averages /= samples
     first = samples // 2  # the row in the middle of the first average
     size[first : first + averages.shape[1]] = np.linalg.norm(averages, axis=0)
     strays = averages[:, samples:-samples] - (averages[:, : -2 * samples] + averages[:, 2 * samples :]) / 2.0

@@ -13,9 +13,11 @@ which onset, end and explanation fits best, for all of them share one misfit wit
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.engine.imus.imu import gyro_and_imu
 from gtmbench.engine.model import Model, unsure
@@ -47,7 +49,7 @@ class Support:
     # size, deviation: in the explanation's unit
     size: FloatArray = field(repr=False)
     deviation: FloatArray = field(repr=False)
-    # shape (equations, windows, explanations): existence, equation by equation
+    # shape (equations, windows, explanations): existence, equation by equation; of few windows alone, for memory
     by_equation: FloatArray = field(repr=False)
 
     def __len__(self) -> int:
@@ -91,15 +93,16 @@ def evidence(
         return _nothing(model, onset, last)
     own = sums or model.sums
     parts = [slice(begin, begin + _AT_ONCE) for begin in range(0, len(onset), _AT_ONCE)]
-    found = [_evidence(model, onset[part], last[part], own, by_parts=by_parts) for part in parts]
-    return found[0] if len(found) == 1 else _joined(found)
-
-
-def _joined(parts: Sequence[Support]) -> Support:
-    """Return the evidence of windows that were looked at in parts."""
-    names = [each.name for each in fields(Support)]
-    joined = {name: np.concatenate([getattr(each, name) for each in parts]) for name in names[:-1]}
-    return Support(**joined, by_equation=np.concatenate([each.by_equation for each in parts], axis=1))
+    if len(parts) == 1:
+        return _evidence(model, onset, last, own, by_parts=by_parts)
+    found: dict[str, NDArray[Any]] = {}
+    for part in parts:
+        own_part = _evidence(model, onset[part], last[part], own, by_parts=by_parts)
+        for name in ("onset", "last", "ratio", "total", "size", "deviation"):
+            values: NDArray[Any] = getattr(own_part, name)
+            empty = np.empty((len(onset), *values.shape[1:]), dtype=values.dtype)
+            found.setdefault(name, empty)[part] = values
+    return Support(**found, by_equation=np.zeros((0, 0, 0)))
 
 
 def _evidence(model: Model, onset: IntArray, last: IntArray, sums: Sequence[WindowSums], *, by_parts: bool) -> Support:

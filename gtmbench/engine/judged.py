@@ -197,7 +197,8 @@ def judged(flight: Flight) -> Judged:
     ([('q', 'failed')], 'q failed')
     """
     findings = findings_of(flight.without(flight.repeats))
-    said = Judged(found=with_doubts(findings.model, findings.found), model=findings.model)
+    found = with_doubts(findings.model, findings.found)
+    said = Judged(found=found, model=findings.model.without_signatures)
     return replace(said, found=_unnamed_where_others_part(said)) if flight.is_driven and said.accused else said
 
 

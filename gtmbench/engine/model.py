@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,6 +53,11 @@ class Model:
     def cell_s(self) -> float:
         """How long a cell is."""
         return CELL * self.flight.blocks.period_s
+
+    @property
+    def without_signatures(self) -> Model:
+        """The same once nothing more is searched: signatures are most of its memory."""
+        return replace(self, products=tuple(each.without_signatures for each in self.products))
 
     @cached_property
     def sums(self) -> tuple[WindowSums, ...]:
@@ -111,7 +116,7 @@ def learnt(
     `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a sensor stands still: no
     equation that it enters is asked there. `edges`: blocks in which no IMU is held against another.
     """
-    products = []
+    equations = []
     for relation in relations:
         for channel in range(len(relation.channels)):
             key = (relation.name, channel)
@@ -124,8 +129,12 @@ def learnt(
                 left_out=_left_out(flight, relation, channel, frozen, edges),
             )
             if equation is not None:
-                beside = _beside(explained, key, flight)
-                products.append(products_of(signatures, equation, signatures.answers(equation), beside))
+                equations.append(equation)
+    products = []
+    answers = signatures.answers(equations)[::-1]
+    for equation in equations:  # each lets go of what was worked out of its columns
+        beside = _beside(explained, (equation.relation.name, equation.channel), flight)
+        products.append(products_of(signatures, equation, answers.pop(), beside))
     return Model(
         flight=flight,
         relations=tuple(relations),

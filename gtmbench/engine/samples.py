@@ -48,9 +48,7 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
     >>> flight.blocks.rates[7].round(6).tolist(), flight.blocks.gyros[7].round(6).tolist()
     ([0.0, 0.0, 3.0], [0.0, 0.0, 3.0])
     """
-    lag_s = attitude_lag_s(sensors)
-    late = {name: Samples(sensors[name].time_s - lag_s, sensors[name].values) for name in ATTITUDE}
-    sensors = {**sensors, **late}
+    sensors = {**sensors, **_earlier(sensors, attitude_lag_s(sensors))}
     edges = _edges(sensors)
     angles = np.column_stack([_at(sensors[name], edges) for name in ATTITUDE])
     period_s = float(edges[1] - edges[0])
@@ -77,6 +75,13 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
         is_driven=is_driven,
         is_assumed=is_assumed,
     )
+
+
+def _earlier(sensors: Mapping[str, Samples], lag_s: float) -> dict[str, Samples]:
+    """Return the attitude so much earlier; angles that share their times still do."""
+    times = {id(sensors[name].time_s): sensors[name].time_s for name in ATTITUDE}
+    earlier = {key: time_s - lag_s for key, time_s in times.items()}
+    return {name: Samples(earlier[id(sensors[name].time_s)], sensors[name].values) for name in ATTITUDE}
 
 
 def attitude_lag_s(sensors: Mapping[str, Samples]) -> float:

@@ -14,7 +14,7 @@ whose d_j, the answers to an attitude that was off about earth axis j, are colum
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,10 +25,13 @@ from gtmbench.engine.explanation import TIMES_S, Explanation, kept_a_block
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.noise import ORDER
 from gtmbench.engine.relation import Effect, Relation
+from gtmbench.values.pieces import pieces
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 CELL = ORDER  # blocks: what a filter forgets
-_AT_ONCE = 400  # cells whose products are worked out together, for memory
+_AT_ONCE = 50  # cells whose products are worked out together: they stay in the cache
+_KEPT = 20_000  # blocks of a flight of which effects are kept: an hour's take 70 MB
+_BESIDE = 5  # chunks: an onset that is dated again is moved by less
 
 
 def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
@@ -44,16 +47,24 @@ def blocks_of_cells(first: int, last: int, count: int) -> BoolArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WhiteRows:
-    """An equation's columns, whitened, and the signatures of explanations in it before they were."""
+    """Which explanations an equation feels, and what multiplies their signatures' parts."""
 
     own: IntArray  # shape (signatures,): which explanations it feels
     times: tuple[float, ...]  # by which signatures fade, in seconds
     fading: IntArray  # shape (signatures,): which of these times each fades by; -1 for none
     bases: IntArray  # shape (signatures,): which signature each grows from; -1 for none
-    # shape (cells + 1, signatures, 3): by how much the attitude would be off at each cell's beginning, in earth axes,
-    # deg
-    states: FloatArray = field(repr=False)
-    since: FloatArray = field(repr=False)  # shape (cells + 1, signatures): the base's multiplier
+    # shape (cells + 1, explanations, 3): by how much the attitude would be off at each cell's beginning, in earth axes,
+    # deg; of all explanations, for all equations share it
+    every_state: FloatArray = field(repr=False)
+    every_since: FloatArray = field(repr=False)  # shape (cells + 1, explanations): the base's multiplier
+
+    def states(self, cells: IntArray) -> FloatArray:
+        """Return by how much the attitude would be off at some cells' beginnings, shape (cells, signatures, 3)."""
+        return self.every_state[cells[:, np.newaxis], self.own]
+
+    def since(self, cells: IntArray) -> FloatArray:
+        """Return the bases' multipliers at some cells; what a base doesn't change needs none of it."""
+        return np.asarray(self.every_since[cells[:, np.newaxis], self.own] * (self.bases >= 0))
 
 
 class SignatureSet:
@@ -62,7 +73,6 @@ class SignatureSet:
     def __init__(self, flight: Flight, explanations: Sequence[Explanation]) -> None:
         self.flight, self.explanations = flight, tuple(explanations)
         self.cells = -(-len(flight) // CELL)
-        self.effects = [each.effect(flight) for each in explanations]
         names = {each.name: place for place, each in enumerate(explanations)}
         self.bases = np.array([names[each.base] if each.base else -1 for each in explanations])
         self.times = TIMES_S if any(each.fades_s for each in explanations) else ()
@@ -70,7 +80,23 @@ class SignatureSet:
         self.fading = np.array([times[each.fades_s] if each.fades_s else -1 for each in explanations])
         rows = np.minimum(np.arange(self.cells + 1) * CELL, len(flight) - 1)
         self._before = np.maximum(rows - 1, 0)
-        self._rows = rows
+        self._states = np.zeros((self.cells + 1, len(self.explanations), 3))
+        self._since = np.zeros((self.cells + 1, len(self.explanations)))
+        self._effects: list[Effect | None] = [None] * len(self.explanations)
+        for place, each in enumerate(self.explanations):
+            effect = self.effect(place)
+            if each.fades_s and effect.turned is not None:
+                self._states[1:, place] = effect.turned[self._before[1:]]
+            if each.since is not None:
+                self._since[:, place] = each.since(flight)[rows]
+
+    def effect(self, place: int) -> Effect:
+        """Return what an explanation is off by; of a long flight it is worked out anew, for memory."""
+        known = self._effects[place]
+        effect = self.explanations[place].effect(self.flight) if known is None else known
+        if len(self.flight) <= _KEPT:
+            self._effects[place] = effect
+        return effect
 
     def place_of(self, explanation: Explanation) -> int:
         """Return which of all explanations one is, by its name."""
@@ -82,14 +108,14 @@ class SignatureSet:
         """Return an explanation's signature over cells [first, last), zero elsewhere, shape (blocks,); None if nil."""
         explanation, flight = self.explanations[place], self.flight
         begin, end = first * CELL, min(last * CELL, len(flight))
-        answer = relation.answer(flight, self.effects[place], channel, constants)
+        answer = relation.answer(flight, self.effect(place), channel, constants)
         if answer is None or not np.any(answer[begin:end]):
             return None
         since, base, state = self._at_onset(place, first)
-        of_base = relation.answer(flight, self.effects[base], channel, constants) if since else None
+        of_base = relation.answer(flight, self.effect(base), channel, constants) if since else None
         own = answer if of_base is None else answer - since * of_base
         if explanation.fades_s:
-            forgotten = self._forgotten(relation, channel, constants)[:, self.fading[place]]
+            forgotten = self.forgotten(relation, channel, constants)[:, self.fading[place]]
             own = own - forgotten @ state * self._faded(place, begin)
         found = np.zeros(len(flight))
         found[begin:end] = own[begin:end]
@@ -98,70 +124,53 @@ class SignatureSet:
     def turned(self, place: int, first: int, last: int) -> FloatArray:
         """Return how far an attitude is off that follows an explanation from a cell on, in deg, shape (blocks, 3)."""
         begin, end = first * CELL, min(last * CELL, len(self.flight))
-        turned, explanation = self.effects[place].turned, self.explanations[place]
+        turned, explanation = self.effect(place).turned, self.explanations[place]
         if turned is None or not explanation.fades_s:
             return np.zeros((0, 3))
         since, base, state = self._at_onset(place, first)
-        of_base = self.effects[base].turned if since else None
+        of_base = self.effect(base).turned if since else None
         turned = turned if of_base is None else turned - since * of_base
         kept = kept_a_block(self.flight, explanation.fades_s)
         return np.asarray((turned - np.multiply.outer(kept * self._faded(place, begin), state))[begin:end])
 
     def _at_onset(self, place: int, cell: int) -> tuple[float, int, FloatArray]:
         """Return what multiplies the base of an explanation from a cell on, which base, and the attitude's state."""
-        since, base = self._since(np.array([place]))[cell, 0], int(self.bases[place])
-        states = self._states(np.array([place, base]))[cell]
-        return float(since), base, np.asarray(states[0] - since * states[1])
+        since, base = float(self._since[cell, place]), int(self.bases[place])
+        return since, base, np.asarray(self._states[cell, place] - since * self._states[cell, base])
 
     def _faded(self, place: int, begin: int) -> FloatArray:
         """Return how much is left of what was before a block, from it on."""
         factor = kept_a_block(self.flight, self.explanations[place].fades_s)
         return np.asarray(factor ** np.maximum(np.arange(len(self.flight)) - begin, 0))
 
-    def answers(self, equation: Equation) -> tuple[WhiteRows, FloatArray, FloatArray]:
-        """Return an equation's columns, the signatures in it and those of an attitude that is off by one degree.
+    def answers(self, equations: Sequence[Equation]) -> list[tuple[WhiteRows, list[FloatArray]]]:
+        """Return the signatures that each equation feels, whitened, each of shape (blocks,)."""
+        found: list[list[tuple[int, FloatArray]]] = [[] for _ in equations]
+        for place in range(len(self.explanations)):
+            effect = self.effect(place)
+            for equation, own in zip(equations, found, strict=True):
+                answer = equation.relation.answer(self.flight, effect, equation.channel, equation.constants)
+                if answer is not None and np.any(answer):
+                    own.append((place, equation.whitened(answer)))
+        return [(self._columns([place for place, _ in own]), [answer for _, answer in own]) for own in found]
 
-        Shapes (blocks, signatures) and (blocks, times, 3).
-        """
-        relation, channel, flight = equation.relation, equation.channel, self.flight
-        found = []
-        for place, effect in enumerate(self.effects):
-            answer = relation.answer(flight, effect, channel, equation.constants)
-            if answer is not None and np.any(answer):
-                found.append((place, answer))
-        own = np.array([place for place, _ in found], dtype=np.int64)
-        answers = np.column_stack([answer for _, answer in found]) if found else np.zeros((len(flight), 0))
-        places = {int(place): at for at, place in enumerate(own)}
-        bases = np.array([places.get(int(self.bases[place]), -1) for place in own], dtype=np.int64)
-        columns = WhiteRows(
+    def _columns(self, felt: Sequence[int]) -> WhiteRows:
+        own = np.array(felt, dtype=np.int64)
+        places = {place: at for at, place in enumerate(felt)}
+        return WhiteRows(
             own=own,
             times=self.times,
             fading=self.fading[own],
-            bases=bases,
-            states=self._states(own),
-            since=self._since(own) * (bases >= 0),  # what a base doesn't change needs none of it
+            bases=np.array([places.get(int(self.bases[place]), -1) for place in felt], dtype=np.int64),
+            every_state=self._states,
+            every_since=self._since,
         )
-        return columns, answers, self._forgotten(relation, channel, equation.constants)
 
-    def _states(self, own: IntArray) -> FloatArray:
-        """Return by how much the attitude was off at the end of the block before each cell."""
-        found = np.zeros((self.cells + 1, len(own), 3))
-        for at, place in enumerate(own):
-            turned = self.effects[place].turned
-            if self.fading[place] >= 0 and turned is not None:
-                found[1:, at] = turned[self._before[1:]]
-        return found
+    def forgotten(self, relation: Relation, channel: int, constants: FloatArray) -> FloatArray:
+        """Return the answer to an attitude that was off by one degree about each earth axis, and forgets it.
 
-    def _since(self, own: IntArray) -> FloatArray:
-        found = np.zeros((self.cells + 1, len(own)))
-        for at, place in enumerate(own):
-            since = self.explanations[place].since
-            if since is not None:
-                found[:, at] = since(self.flight)[self._rows]
-        return found
-
-    def _forgotten(self, relation: Relation, channel: int, constants: FloatArray) -> FloatArray:
-        """Return the answer to an attitude that was off by one degree about each earth axis, and forgets it."""
+        Shape (blocks, times, 3).
+        """
         flight = self.flight
         found = np.zeros((len(flight), len(self.times), 3))
         for axis in range(3):
@@ -202,32 +211,55 @@ class Products:
         """How many there are."""
         return len(self.sums) - 1
 
+    @property
+    def fading(self) -> int:
+        """The first product that fades; all behind it do."""
+        return len(self.rates) - int(np.count_nonzero(self.rates))
+
+    @property
+    def without_signatures(self) -> Products:
+        """The same of what is left and the regressors alone: what is asked once nothing more is searched."""
+        known = 1 + self.regressors
+        count, none = known * (known + 1) // 2, self.columns.own[:0]
+        return replace(
+            self,
+            columns=replace(self.columns, own=none, bases=none, fading=none, times=()),
+            first=self.first[:count],
+            second=self.second[:count],
+            rates=self.rates[:count],
+            sums=self.sums[:, :count].copy(),
+            means=self.means[:, :known].copy(),
+            mean_rates=self.mean_rates[:known],
+        )
+
 
 def products_of(
-    signatures: SignatureSet, equation: Equation, answers: tuple[WhiteRows, FloatArray, FloatArray], beside: FloatArray
+    signatures: SignatureSet, equation: Equation, answers: tuple[WhiteRows, list[FloatArray]], beside: FloatArray
 ) -> Products:
     """Return the products of an equation; `beside` are further regressors, shape (blocks, ...), not yet whitened."""
     flight = signatures.flight
-    columns, own, forgotten = answers
+    columns, own = answers
     regressors = np.column_stack([equation.regressors, equation.whitened(beside)])
     per_chunk = rows_per_chunk(flight)
+    forgotten = signatures.forgotten(equation.relation, equation.channel, equation.constants)
     fading = [
         _fading(equation, forgotten[:, at], flight, fades_s, per_chunk) for at, fades_s in enumerate(columns.times)
     ]
-    every = np.column_stack([equation.errors, regressors, equation.whitened(own), *fading])
-    known, count = 1 + regressors.shape[1], len(columns.own)
+    known, count = 1 + regressors.shape[1], len(own)
+    every = [equation.errors, *regressors.T, *own, *(column for each in fading for column in each.T)]
     first, second = _pairs(columns, known, count)
-    rates = np.zeros(every.shape[1])
+    rates = np.zeros(len(every))
     rates[known + count :] = np.repeat([-np.log(kept_a_block(flight, fades_s)) for fades_s in columns.times], 3)
-    cells, mean = by_chunks(every, CELL), by_chunks(equation.mean, CELL)
+    mean = by_chunks(equation.mean, CELL)
+    sums, means = _of_cells(every, mean, first, second)
     return Products(
         equation=equation,
         columns=columns,
         first=first,
         second=second,
         rates=rates[first] + rates[second],
-        sums=_of_cells(cells, first, second),
-        means=running(np.einsum("ckj,ck->cj", cells, mean)),
+        sums=sums,
+        means=means,
         mean_rates=rates,
         powers=running(np.square(mean).sum(axis=1)),
         counts=running(by_chunks(equation.known.astype(float), CELL).sum(axis=1)),
@@ -262,15 +294,20 @@ def _pairs(columns: WhiteRows, known: int, count: int) -> tuple[IntArray, IntArr
     return first, second
 
 
-def _of_cells(cells: FloatArray, first: IntArray, second: IntArray) -> FloatArray:
-    """Return running sums of products."""
-    found = np.zeros((len(cells) + 1, len(first)))
-    each = found[1:]
-    for begin in range(0, len(cells), _AT_ONCE):
-        part = cells[begin : begin + _AT_ONCE]
-        each[begin : begin + _AT_ONCE] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
-    np.cumsum(each, axis=0, out=each)
-    return found
+def _of_cells(
+    columns: Sequence[FloatArray], mean: FloatArray, first: IntArray, second: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return running sums of products over cells, and of columns times the mean's."""
+    sums, means = np.zeros((len(mean) + 1, len(first))), np.zeros((len(mean) + 1, len(columns)))
+    for begin in range(0, len(mean), _AT_ONCE):
+        rows = slice(begin * CELL, (begin + _AT_ONCE) * CELL)
+        part = by_chunks(np.column_stack([column[rows] for column in columns]), CELL)
+        end = begin + len(part)
+        sums[begin + 1 : end + 1] = np.einsum("ckp,ckp->cp", part[:, :, first], part[:, :, second])
+        means[begin + 1 : end + 1] = np.einsum("ckj,ck->cj", part, mean[begin:end])
+    np.cumsum(sums, axis=0, out=sums)
+    np.cumsum(means, axis=0, out=means)
+    return sums, means
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -297,32 +334,49 @@ class WindowSums:
         wander = products.equation.wander if wander is None else wander
         self._precision = np.inf if wander <= 0.0 else wander**-2.0
         self.cells = products.cells
+        self._sums_from: dict[int | None, tuple[int, FloatArray]] = {}  # by how many products: from a chunk on
 
     @cached_property
     def _rates(self) -> tuple[FloatArray, IntArray]:
-        """The few rates by which products fade, and which is each one's."""
-        rates, each = np.unique(self.products.rates, return_inverse=True)
+        """The few rates by which products fade, and which is each one's of those that do."""
+        rates, each = np.unique(self.products.rates[self.products.fading :], return_inverse=True)
         return rates, each
 
-    @cached_property
-    def _whole(self) -> FloatArray:
-        """Sums of whole chunks from each on, what fades relative to its beginning; shape (chunks + 1, products)."""
-        own = self.products
-        edges = np.arange(0, self.cells + own.per_chunk, own.per_chunk)
-        edges = np.minimum(edges, self.cells)
-        chunks = self._piece(edges[:-1], edges[1:])
-        kept = np.exp(-own.rates * own.per_chunk * CELL)
-        found = np.zeros((len(chunks) + 1, len(own.rates)))
-        for at in range(len(chunks) - 1, -1, -1):
-            found[at] = chunks[at] + kept * found[at + 1]
-        return found
+    def _whole(self, first: int, stop: int, count: int | None) -> tuple[FloatArray, int]:
+        """Return sums from each chunk up to the last that was asked for, and which chunk is the first of them.
+
+        What fades is relative to a chunk's beginning. Shape (chunks + 1, products). A search asks for one window of
+        hours: the chunks between are summed up, and some beside, for windows that are moved a bit.
+        """
+        begin, found = self._sums_from.get(count, (first, None))
+        end = begin if found is None else begin + len(found) - 1
+        if found is not None and begin <= first and stop <= end:
+            return found, begin
+        most = -(-self.cells // self.products.per_chunk)
+        begin, end = max(min(begin, first - _BESIDE), 0), min(max(end, stop + _BESIDE), most)
+        edges = np.minimum(np.arange(begin, end + 1) * self.products.per_chunk, self.cells)
+        found = np.zeros((len(edges), len(self.products.rates[:count])))
+        for part in pieces(len(edges) - 1, _AT_ONCE):
+            found[part] = self._piece(edges[part], edges[part.start + 1 : part.stop + 1], count)
+        fading = self.products.fading
+        np.cumsum(found[::-1, :fading], axis=0, out=found[::-1, :fading])
+        if found.shape[1] > fading:
+            kept = np.exp(-self.products.rates[fading:] * self.products.per_chunk * CELL)
+            for at in range(len(found) - 2, -1, -1):
+                found[at, fading:] += kept * found[at + 1, fading:]
+        self._sums_from[count] = begin, found
+        return found, begin
 
     def _piece(self, first: IntArray, last: IntArray, count: int | None = None) -> FloatArray:
-        """Return sums over cells within one chunk each, what fades relative to the chunk's beginning."""
+        """Return sums over cells within one chunk each, what fades relative to the chunk's beginning.
+
+        `count`: of the first products alone: those of what is left and the regressors.
+        """
         raw = self.products.sums[last, :count] - self.products.sums[first, :count]
         if np.isinf(self._precision):
             return raw
-        mean = self.products.means[last] - self.products.means[first]
+        columns = None if count is None else 1 + self.products.regressors
+        mean = self.products.means[last, :columns] - self.products.means[first, :columns]
         power = self.products.powers[last] - self.products.powers[first] + self._precision
         own = self.products
         return np.asarray(raw - mean[:, own.first[:count]] * mean[:, own.second[:count]] / power[:, np.newaxis])
@@ -335,32 +389,37 @@ class WindowSums:
         width = self.products.per_chunk
         chunk, behind = (first // width) * width, (last // width) * width
         begin = np.minimum(chunk + width, self.cells)
-        head = self._piece(first, np.minimum(begin, last), count) * self._kept(chunk - first, count)
-        tail = self._piece(behind, last, count) * self._kept(behind - first, count)
-        found = head + np.where((behind > chunk)[:, np.newaxis], tail, 0.0)
+        found = self._fade(self._piece(first, np.minimum(begin, last), count), chunk - first)
+        cut = np.flatnonzero((behind > chunk) & (last > behind))
+        if len(cut):
+            found[cut] += self._fade(self._piece(behind[cut], last[cut], count), (behind - first)[cut])
         between = behind > begin
         if between.any():
             at, to = (begin // width)[between], (behind // width)[between]
             since = first[between]
-            found[between] += self._whole[at, :count] * self._kept(begin[between] - since, count)
-            found[between] -= self._whole[to, :count] * self._kept(behind[between] - since, count)
+            whole, own = self._whole(int(at.min()), int(to.max()), count)
+            found[between] += self._fade(whole[at - own], begin[between] - since)
+            found[between] -= self._fade(whole[to - own], behind[between] - since)
         return found
 
-    def _kept(self, cells: IntArray, count: int | None = None) -> FloatArray:
-        """Return how much is left of what fades after some cells, shape (windows, products)."""
-        rates, each = self._rates
-        return np.asarray(np.exp(-np.multiply.outer(cells * CELL, rates)).take(each[:count], axis=1))
+    def _fade(self, sums: FloatArray, cells: IntArray) -> FloatArray:
+        """Return sums with what fades as it is after some cells, in place; shape (windows, products)."""
+        fading = self.products.fading
+        if sums.shape[1] > fading:
+            rates, each = self._rates
+            sums[:, fading:] *= np.exp(-np.multiply.outer(cells * CELL, rates)).take(each, axis=1)
+        return sums
 
     def window(self, onset: IntArray, first: IntArray, last: IntArray) -> Window:
         """Return the sums over cells [first, last) for signatures that begin at `onset`, at or before `first`."""
         own, columns = self.products, self.products.columns
-        sums, since = _split(self.between(first, last), own), columns.since[onset]
+        sums, since = _split(self.between(first, last), own), columns.since(onset)
         base = np.maximum(columns.bases, 0)
         with_known = sums.with_known - since[:, :, np.newaxis] * sums.with_known[:, base]
         grown = sums.power - 2.0 * since * sums.with_base + since**2 * sums.power[:, base]
         if columns.times:
             faded = np.exp(-np.multiply.outer((first - onset) * CELL, _fading_rates(own, columns)))
-            states = columns.states[onset] * faded[:, :, np.newaxis]
+            states = columns.states(onset) * faded[:, :, np.newaxis]
             of_base = states[:, base] * (columns.bases >= 0)[np.newaxis, :, np.newaxis]
             states, time = states - since[:, :, np.newaxis] * of_base, np.maximum(columns.fading, 0)
             with_known = with_known - np.einsum("wsj,wsjk->wsk", states, sums.fading_known[:, time])
@@ -396,11 +455,12 @@ class WindowSums:
         own, columns = self.products, self.products.columns
         known = 1 + own.regressors
         means = self.products.means[edges[1:]] - self.products.means[edges[:-1]]
-        base, since = int(columns.bases[signature]), columns.since[onset, signature]
+        at = np.array([onset])
+        base, since, states = int(columns.bases[signature]), columns.since(at)[0, signature], columns.states(at)[0]
         found = means[:, known + signature] - (since * means[:, known + base] if base >= 0 else 0.0)
         time = int(columns.fading[signature])
         if time >= 0:
-            state = columns.states[onset, signature] - (since * columns.states[onset, base] if base >= 0 else 0.0)
+            state = states[signature] - (since * states[base] if base >= 0 else 0.0)
             first = known + len(columns.own) + 3 * time
             chunk = (edges[:-1] // own.per_chunk) * own.per_chunk
             faded = np.exp(-(chunk - onset) * CELL * own.mean_rates[first])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +60,19 @@ def log_samples(log: Path | ReadLog, channels: Sequence[str], mapping: Sequence[
         raw = with_time(raw, columns.pop("time", None))
         chosen = choose(raw, columns, channels)
         clocks, breaks_s, _ = cleaned({each.series.clock: raw.clocks[each.series.clock] for each in chosen})
-        return {each.channel: _samples(each, clocks[each.series.clock], breaks_s) for each in chosen}
+        found: dict[str, ChannelSamples] = {}
+        for each in chosen:
+            own = _samples(each, clocks[each.series.clock], breaks_s)
+            found[each.channel] = _with_shared_times(own, found.values())
+        return found
+
+
+def _with_shared_times(own: ChannelSamples, others: Iterable[ChannelSamples]) -> ChannelSamples:
+    """Return samples with another channel's times where they are the same: they take as much memory as values."""
+    for other in others:
+        if np.array_equal(other.time_s, own.time_s) and np.array_equal(other.rows, own.rows):
+            return replace(own, rows=other.rows, time_s=other.time_s)
+    return own
 
 
 def _samples(chosen: ChosenColumn, clock: Clock, breaks_s: Sequence[float]) -> ChannelSamples:
@@ -73,7 +85,7 @@ def _samples(chosen: ChosenColumn, clock: Clock, breaks_s: Sequence[float]) -> C
     return ChannelSamples(
         chosen=chosen,
         rows=rows[there[kept]],
-        time_s=time_s - chosen.late_s,
+        time_s=time_s - chosen.late_s if chosen.late_s else time_s,
         values=values[there[kept]],
         span_s=(float(clock.time_s[0]) - chosen.late_s, float(clock.time_s[-1]) - chosen.late_s),
         out_of_range=beyond,

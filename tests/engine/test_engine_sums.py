@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
+from gtmbench.engine import sums as of_windows
 from gtmbench.engine.equation import learn
 from gtmbench.engine.explanation import TIMES_S
 from gtmbench.engine.explanations.registry import explanations_of
@@ -61,7 +62,7 @@ def products(flight, signatures, relations, beside):
     @cache
     def of(name, channel):
         equation = learn(flight, relations[name], channel)
-        return products_of(signatures, equation, signatures.answers(equation), beside)
+        return products_of(signatures, equation, signatures.answers([equation])[0], beside)
 
     return of
 
@@ -274,3 +275,31 @@ def test_a_relation_that_feels_nothing_of_an_explanation_has_no_signature(signat
     assert signatures.over(relations["attitude"], 0, np.zeros(6), signatures.place_of(noise), 5, 20) is None
     assert signatures.over(relations["gravity"], 0, np.zeros(4), signatures.place_of(bias), 5, 20) is None
     assert signatures.over(relations["roughness"], 0, np.zeros(3), signatures.place_of(noise), 5, 20).sum() == 15 * CELL
+
+
+@pytest.mark.parametrize("name", EQUATIONS, ids="{0[0]} {0[1]}".format)
+def test_without_signatures_what_is_known_stays(products, name):
+    own = products(*name)
+    first, last = np.array([(0, 1), (5, 23), (40, 60), (0, own.cells)]).T
+    alone = WindowSums(own.without_signatures)
+    np.testing.assert_array_equal(alone.known(first, last), WindowSums(own).known(first, last))
+    assert alone.window(first, first, last).cross.shape == (4, 0)
+
+
+@pytest.mark.parametrize("windows", [((30, 34),), ((30, 38), (10, 70)), ((60, 80), (12, 33), (0, 84))])
+def test_windows_that_are_asked_one_by_one_have_the_sums_of_all_at_once(products, windows):
+    own = products("attitude", 0)
+    every = np.array([(0, own.cells), *windows]).T
+    at_once, one_by_one = WindowSums(own, 0.5), WindowSums(own, 0.5)
+    wanted = at_once.between(*every)
+    for at, window in enumerate(windows, 1):
+        found = one_by_one.between(*(np.array([cell]) for cell in window))[0]
+        np.testing.assert_allclose(found, wanted[at], rtol=EXACT, atol=1e-9 * np.abs(wanted[0]).max())
+
+
+def test_a_long_flights_effects_are_worked_out_anew_and_are_the_same(signatures, monkeypatch):
+    monkeypatch.setattr(of_windows, "_KEPT", 0)
+    again = SignatureSet(signatures.flight, signatures.explanations)
+    place = place_of(signatures, "q", "drift", TIMES_S[0])
+    assert again.effect(place) is not again.effect(place)
+    np.testing.assert_array_equal(again.turned(place, 17, 61), signatures.turned(place, 17, 61))

@@ -6,6 +6,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import gtmbench as gb
+from gtmbench.detectors.alarm import OUTSIDE
+from gtmbench.detectors.excursion import MOTION, Excursion
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.live import LiveClock, live_chunks
@@ -95,7 +97,40 @@ def _alike(one, other):
 def test_a_log_in_pieces_is_told_as_the_whole(log, rows, in_pieces):
     path, whole, _ = log
     in_pieces(rows)
-    watched = watch_log(path, monitor())
+    _alike_watched(whole, watch_log(path, monitor()))
+
+
+@pytest.mark.parametrize("rows", by_day(AWKWARD[::2]))
+@pytest.mark.parametrize("make", by_day([_faulty, _gaps]))
+def test_a_monitor_that_the_log_itself_taught_watches_it_in_pieces_as_the_whole(make, rows, tmp_path, in_pieces):
+    path = tmp_path / "log.parquet"
+    make().rename(columns=header_of).to_parquet(path, row_group_size=1500, index=False)
+    in_pieces(ALL)
+    whole = watch_log(path, "auto")
+    in_pieces(rows)
+    watched = watch_log(path, "auto")
+    assert all(watch.widening for watch in whole.watches)
+    _alike_watched(whole, watched)
+    for one, other in zip(whole.watches, watched.watches, strict=True):
+        for name, factor in one.widening.items():
+            np.testing.assert_allclose(other.widening[name], factor, rtol=1e-7)
+
+
+def test_what_would_have_alarmed_in_an_excursion_is_found_in_pieces(in_pieces):
+    flight = gb.inject(record(12_000, seed=73), gb.Jam(channel="q", onset_s=119.9, duration_s=20.0))
+    outside = [Excursion(start_s=119.0, end_s=150.0, reason=MOTION)]
+    in_pieces(ALL)
+    whole = monitor().watch(flight, outside=outside).alarms
+    in_pieces(997)
+    found = monitor().watch(flight, outside=outside).alarms
+    assert whole[0].test == OUTSIDE
+    assert [(each.time_s, each.onset_s, each.source, each.test) for each in found] == [
+        (each.time_s, each.onset_s, each.source, each.test) for each in whole
+    ]
+
+
+def _alike_watched(whole, watched):
+    """Compare what is said of a log as a whole and in pieces."""
     assert log_report(watched) == log_report(whole)
     _alike(log_results(whole), log_results(watched))
     assert watched.outcome == whole.outcome

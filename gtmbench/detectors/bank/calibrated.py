@@ -75,17 +75,18 @@ def bank_residuals(monitor: CalibratedBank, record: Record, outputs: Iterable[st
     `record`: with the bank's channels. `outputs`: only these.
     """
     residuals = without_spread(monitor, record, outputs)
-    spread = {
-        output: monitor.uncertainties[output].spread(
-            monitor.operators[output],
-            record.select(monitor.bank.channels),
-            monitor.whiteners[output].coefficients,
-            monitor.bank.statistic,
-        )
-        for output in residuals.raw
-        if output in monitor.uncertainties
-    }
+    spread = {output: spread_of(monitor, record, output) for output in residuals.raw if output in monitor.uncertainties}
     return replace(residuals, spread=MappingProxyType(spread))
+
+
+def spread_of(monitor: CalibratedBank, record: Record, output: str) -> Spread:
+    """Return how far an uncertain residual may be off on a record with the bank's channels."""
+    return monitor.uncertainties[output].spread(
+        monitor.operators[output],
+        record.select(monitor.bank.channels),
+        monitor.whiteners[output].coefficients,
+        monitor.bank.statistic,
+    )
 
 
 def without_spread(monitor: CalibratedBank, record: Record, outputs: Iterable[str] | None = None) -> BankResiduals:

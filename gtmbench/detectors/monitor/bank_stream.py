@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from gtmbench.detectors.bank.calibrated import CalibratedBank
     from gtmbench.detectors.monitor.arming import Arming
     from gtmbench.detectors.monitor.residuals import RecordResiduals
+    from gtmbench.detectors.statistics.statistic import Spread
     from gtmbench.jobs.progress import Progress
 
 _NONE: Mapping[str, FloatArray] = MappingProxyType({})
@@ -133,7 +134,7 @@ class BankStream:
         self._logic.missing.take(there)
         judged = self._judged_of(self._residuals_of(range(first, rows.stop)), first, rows)
         for output, row, raw, spread in extend(self._tracks, judged, first, rows):
-            self._memory.put(output, row, raw, spread)
+            self._put(output, row, raw, spread)
         if self._rows is not None:
             self._rows.is_stale = True
         return self._went_on()
@@ -141,6 +142,10 @@ class BankStream:
     def _residuals_of(self, rows: range) -> BankResiduals:
         """Return the residuals as some rows give them."""
         return bank_residuals(self._monitor, self._memory.record(rows))
+
+    def _put(self, output: str, row: int, raw: FloatArray, spread: Spread | None) -> None:
+        """Remember what a track took, from a row on."""
+        self._memory.put(output, row, raw, spread)
 
     def _judged_of(self, residuals: BankResiduals, first: int, _rows: range) -> BankResiduals:
         """Return what is judged of residuals, of rows from the first on, that some rows make known."""
@@ -183,8 +188,8 @@ class BankStream:
 class RecordStream(BankStream):
     """A stream that takes a whole record in pieces, so that a day costs the memory of twenty minutes.
 
-    What it takes is worked out for a stream's chunks and for a record alike; of a record it keeps every score, and
-    residuals are there already. `left_out`: rows of residuals that aren't judged. `about`: as `BankStream` has it.
+    What it takes is worked out for a stream's chunks and for a record alike; of a record it keeps every score, and how
+    much wider what is normal became. `left_out`: rows of residuals that aren't judged. `about`: as `BankStream` has it.
     """
 
     def __init__(self, residuals: RecordResiduals, left_out: Sequence[tuple[str, range]], **about: Any) -> None:
@@ -194,6 +199,7 @@ class RecordStream(BankStream):
         self._memory.start_s = record.start_s
         self._memory.leave_out(left_out)
         self.scores = {output: np.full(len(record), np.nan) for output in self._tracks}
+        self.widening = {output: np.ones(len(record)) for output in residuals.monitor.uncertainties}
 
     @property
     def armings(self) -> Sequence[Arming]:
@@ -211,10 +217,15 @@ class RecordStream(BankStream):
         columns = self._checked(record)
         for piece in self._of.pieces():
             progress("watch", piece.start, len(record))
-            self._take_many(record.part(range(piece.start, piece.stop)), columns)
+            self._take_many(record.part(piece), columns)
 
     def _residuals_of(self, rows: range) -> BankResiduals:
         return self._of.part(rows)
+
+    def _put(self, output: str, row: int, raw: FloatArray, spread: Spread | None) -> None:
+        super()._put(output, row, raw, spread)
+        if spread is not None:
+            self.widening[output][row : row + len(raw)] = spread.white
 
     def _forget(self) -> None:
         for output, track in self._tracks.items():

@@ -15,7 +15,8 @@ from gtmbench.detectors.alarm import OUTSIDE, Alarm, Judgement
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.excursion import Excursion, rows_about, rows_of
 from gtmbench.detectors.monitor.missing import NEVER
-from gtmbench.detectors.monitor.scores import ResidualScore
+from gtmbench.detectors.monitor.residuals import RecordResiduals
+from gtmbench.detectors.monitor.scores import ScoreTrack, extend, reach_of
 from gtmbench.method.windowed_alarms import rising
 from gtmbench.values.clock import even_times_s
 from gtmbench.values.record import FloatArray, Record
@@ -52,13 +53,23 @@ class Rise(NamedTuple):
     onset_row: int
 
 
-def rises_of(scores: Mapping[str, ResidualScore]) -> list[Rise]:
-    """Return where scores rise."""
-    return [
-        Rise(row, output, score.origins.of(row)[1])
-        for output, score in scores.items()
-        for row in rising(score.values, 1.0).tolist()
-    ]
+def rises_of(residuals: RecordResiduals, before: Mapping[str, FloatArray]) -> list[Rise]:
+    """Return where the scores of a record rise, piece by piece; `before` as `ScoreTrack` has it."""
+    monitor, found = residuals.monitor, list[Rise]()
+    tracks = {output: ScoreTrack(monitor, output, before.get(output)) for output in monitor.operators}
+    latest = dict.fromkeys(tracks, np.zeros(0))  # the last score of the pieces before
+    for rows in residuals.pieces():
+        first = max(rows.start - reach_of(monitor), 0)
+        for _ in extend(tracks, residuals.part(range(first, rows.stop)), first, rows):
+            pass
+        for output, track in tracks.items():
+            track.known(rows.start, rows.stop)
+            own, values = latest[output], np.concatenate([latest[output], track.values])
+            at = rising(values, 1.0) - len(own) + track.first
+            found += [Rise(row, output, track.origins.of(row)[1]) for row in at.tolist()]
+            latest[output] = values[np.isfinite(values)][-1:]
+            track.forget()
+    return found
 
 
 class Excursions:

@@ -22,6 +22,7 @@ from gtmbench.intake.events import Event, EventKind
 from gtmbench.method.pseudo_inputs import derived
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import even_times_s
+from gtmbench.values.pieces import pieces
 from gtmbench.values.record import BoolArray, FloatArray, Record, joined, runs
 
 _BEFORE_S, _AFTER_S = 0.3, 1.0  # of such a row, that count with it
@@ -92,8 +93,10 @@ class Regime:
 
     def stretches(self, record: Record) -> list[Excursion]:
         """Return the stretches of a record that are beyond it, in time."""
-        turning, force = self.beyond(record)
-        return _stretches(turning, force, 0, record.start_s, record.sample_period_s)
+        stream = RegimeStream(self, record.sample_period_s)
+        for rows in pieces(len(record)):
+            stream.take(record.part(range(rows.start, rows.stop)))
+        return list(stream.excursions)
 
     def beyond(self, record: Record) -> tuple[BoolArray, BoolArray]:
         """Return the rows in which it turns harder than that, and those in which the specific force is greater.

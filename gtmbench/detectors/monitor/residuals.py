@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of
+from gtmbench.detectors.bank.calibrated import BankResiduals, CalibratedBank, bank_residuals, residuals_of, spread_of
 from gtmbench.detectors.monitor.scores import reach_of
 from gtmbench.detectors.statistics.statistic import Spread
 from gtmbench.values.pieces import pieces, rows_of_piece
@@ -19,25 +19,19 @@ from gtmbench.values.record import FloatArray, Record, check_record, sealed
 
 
 class RecordResiduals:
-    """A bank's residuals on a record.
+    """A bank's residuals on a record with its channels."""
 
-    `record`: with the bank's channels. `at_once`: whether they are wanted as a whole, however long the record is: of
-    operators that are uncertain, for what that makes of them is kept; and with excursions, each of which is judged
-    beside all of the record.
-    """
-
-    def __init__(self, monitor: CalibratedBank, record: Record, *, at_once: bool) -> None:
+    def __init__(self, monitor: CalibratedBank, record: Record) -> None:
         check_record(record)
         record.check_period(monitor.sample_period_s, "the monitor was calibrated at")
         monitor.bank.check_channels(record.channels)
         self.monitor, self.record = monitor, record
-        self._of = max(len(record), 1) if at_once else rows_of_piece()
-        self._whole = bank_residuals(monitor, record) if len(record) <= self._of else None
+        self._whole = bank_residuals(monitor, record) if len(record) <= rows_of_piece() else None
         self._reach = reach_of(monitor)
 
-    def pieces(self) -> Iterator[slice]:
+    def pieces(self) -> Iterator[range]:
         """Give the rows of the record, so many at a time as are worked out at once."""
-        return pieces(len(self.record), self._of)
+        return (range(piece.start, piece.stop) for piece in pieces(len(self.record)))
 
     def part(self, rows: range) -> BankResiduals:
         """Return the residuals as some rows give them; those that stand on rows beside these are missing."""
@@ -46,14 +40,9 @@ class RecordResiduals:
         return bank_residuals(self.monitor, self.record.part(rows))
 
     @property
-    def whole(self) -> BankResiduals:
-        """All of them, by output; of a long record each is worked out when it is asked for."""
-        return BankResiduals(raw=self.raw, predicted=self.predicted, spread=self.spread)
-
-    @property
     def spread(self) -> Mapping[str, Spread]:
         """How far they may be off; of those that are uncertain."""
-        return MappingProxyType({}) if self._whole is None else self._whole.spread
+        return _LazySpreads(self) if self._whole is None else self._whole.spread
 
     @property
     def raw(self) -> Mapping[str, FloatArray]:
@@ -76,7 +65,7 @@ class RecordResiduals:
             record = self.record.part(range(first, stop))
             told = residuals_of(self.monitor.bank, record, self.monitor.operators, [output])
             values = told.predicted[output] if predicted else told.raw[output]
-            column[piece] = values[piece.start - first : piece.stop - first]
+            column[piece.start : piece.stop] = values[piece.start - first : piece.stop - first]
         return sealed(column)
 
 
@@ -99,3 +88,23 @@ class _LazyColumns(Mapping[str, FloatArray]):
 
     def __len__(self) -> int:
         return len(self._outputs)
+
+
+class _LazySpreads(Mapping[str, Spread]):
+    """How far residuals may be off by output, none of them kept."""
+
+    def __init__(self, of: RecordResiduals) -> None:
+        self._of = of
+
+    def __getitem__(self, output: str) -> Spread:
+        monitor, record = self._of.monitor, self._of.record
+        return spread_of(monitor, record, output)
+
+    def __contains__(self, output: object) -> bool:
+        return output in self._of.monitor.uncertainties
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._of.monitor.uncertainties)
+
+    def __len__(self) -> int:
+        return len(self._of.monitor.uncertainties)

@@ -21,7 +21,7 @@ from gtmbench.method.regression.slow import fir, held, reflected, regressors, sm
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.values.record import FloatArray, Record
 
-_CHUNK = 512  # rows: what they are turned into stays in the cache
+_CHUNK, _CHUNK_OF_FEW = 512, 2048  # rows: what they are turned into stays in the cache
 _KEPT = 1024  # rows whose F' phi(k) is remembered: some 10 MB
 _COLUMNS = 64  # of F, at a time
 _Flags = np.ndarray[tuple[int], np.dtype[np.bool_]]
@@ -103,6 +103,7 @@ class SpreadStream:
         first: int = 0,
     ) -> None:
         self._root = list(_columns(uncertainty.root))
+        self._rows_at_once = _CHUNK_OF_FEW if len(uncertainty.root) <= _COLUMNS else _CHUNK
         self._first = first
         self._half = uncertainty.half
         self._means = operator.input_means
@@ -132,8 +133,8 @@ class SpreadStream:
         `inputs`, shape (rows, inputs): the next rows of the operator's inputs, derived, in its order and units; NaN
         where they are missing.
         """
-        starts = range(0, max(len(inputs), 1), _CHUNK)
-        return self._spread([self._step(inputs[start : start + _CHUNK]) for start in starts])
+        starts = range(0, max(len(inputs), 1), self._rows_at_once)
+        return self._spread([self._step(inputs[start : start + self._rows_at_once]) for start in starts])
 
     def end(self) -> Spread:
         """Return the spread of the rows that are left, as if motion went on by odd reflection."""
@@ -194,7 +195,7 @@ class SpreadStream:
         self._phi = phi[:, len(slow) :]
         complete, self._complete = self._complete[: len(slow)], self._complete[len(slow) :]
         powers = np.zeros((len(self._factors), len(slow)))
-        if known > self._first - _CHUNK:  # so that the first that are asked for find rows to sum
+        if known > self._first - self._rows_at_once:  # so that the first that are asked for find rows to sum
             white = self._of_noise(phi[1])
             past = self._remembered(white, phi[2])
             if known > self._first:
@@ -267,11 +268,11 @@ class _Sums:
     """Sums of the first 0, 1, 2, ... rows; the last `keep` of them are remembered."""
 
     def __init__(self, columns: int, keep: int) -> None:
-        self._values = np.zeros((2 * keep + _CHUNK, columns))
+        self._values = np.zeros((2 * keep + _CHUNK_OF_FEW, columns))
         self._keep, self._first, self.rows = keep, 0, 0
 
     def append(self, rows: FloatArray) -> None:
-        """Go on by some rows, at most `_CHUNK`."""
+        """Go on by some rows, at most `_CHUNK_OF_FEW`."""
         last = self.rows - self._first
         if last + len(rows) >= len(self._values):
             self._values[: self._keep] = self._values[last + 1 - self._keep : last + 1].copy()

@@ -15,17 +15,20 @@ from gtmbench.intake.formats.clock_texts import ClockTexts, clock_of_dates, cloc
 from gtmbench.intake.formats.limits import check_columns, check_unpacked, check_values, reading
 from gtmbench.intake.formats.raw import Cells, Format, RawLog, RawSeries
 from gtmbench.values.pieces import rows_of_piece
+from gtmbench.values.record import sealed
 
 if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
+
+_KEPT_BYTES = 64_000_000  # the six channels of an hour and their times are 20 MB
 
 
 def read_parquet(path: Path) -> RawLog:
     """Read a table's schema; its columns follow when they are asked for."""
     import pyarrow.parquet as pq
 
-    series, ignored = [], []
+    series, ignored, columns = [], [], _Columns(path)
     with reading(path, "Parquet table"):
         metadata, schema = pq.read_metadata(path), pq.read_schema(path)
         check_columns(schema.names)
@@ -36,11 +39,29 @@ def read_parquet(path: Path) -> RawLog:
             if told is not None:
                 series.append(told.series(field.name))
             elif _is_number(field.type):
-                series.append(RawSeries(name=field.name, load=partial(_column, path, field.name, None)))
+                series.append(RawSeries(name=field.name, load=partial(columns.column, field.name)))
             else:
                 ignored.append(field.name)
     batches = partial(_batches, path)
     return RawLog(kind="Parquet", series=tuple(series), ignored=tuple(ignored), batches=batches)
+
+
+class _Columns:
+    """Columns of a table: those that were asked for last are kept, for a log is opened several times."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._kept: dict[str, NDArray[Any]] = {}  # the latest at the end
+
+    def column(self, name: str) -> NDArray[Any]:
+        """Return a column as it is stored; nobody may write to it."""
+        values = self._kept.pop(name, None)
+        if values is None:
+            values = sealed(_column(self._path, name, None))
+        self._kept[name] = values
+        while len(self._kept) > 1 and sum(each.nbytes for each in self._kept.values()) > _KEPT_BYTES:
+            del self._kept[next(iter(self._kept))]
+        return values
 
 
 def _batches(path: Path, names: Sequence[str]) -> Iterator[dict[str, NDArray[Any]]]:

@@ -61,8 +61,8 @@ def gps_alarms(
 
     `excursions`: contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
-    whole = [each.select((*GYROS, *ATTITUDE)) for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
-    if not whole:
+    whole = [each for each in moving if {*GYROS, *ATTITUDE} <= set(each.channels)]
+    if not whole or not any(each.channels == GPS_VELOCITY for each in sensors):
         return ()
     seconds_s, turning = turning_by_second(whole)
     flown = _Flown(excursions=tuple(excursions), lively_s=seconds_s[turning > LIVELY_DEG_S])

@@ -29,6 +29,7 @@ from gtmbench.intake.mapping import NONE
 from gtmbench.intake.open import open_log
 from gtmbench.intake.other_sensors import SensorReadings, other_sensors_of
 from gtmbench.intake.read import ReadLog, read_log
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.study.log.asked import Asked
 from gtmbench.study.log.auto_bank import bank_for_logs
@@ -119,8 +120,9 @@ class Opened:
         return tuple(found.values())
 
 
-def opened(asked: Asked) -> Opened:
-    """Read the logs that are asked about, and open them."""
+def opened(asked: Asked, progress: Progress = silent) -> Opened:
+    """Read the logs that are asked about, and open them; say what the engine finds in the one that is watched."""
+    progress("read", 0, 1)
     read, *others = [read_log(path) for path in (asked.path, *asked.others)]
     asked, without = _without_useless_heading(asked, read)
     watcher: Detector | Monitor
@@ -153,6 +155,9 @@ def opened(asked: Asked) -> Opened:
     if own.motion is not None and attitude is not None:
         origin = replace(attitude, is_driven=attitude.is_driven or bends)
         flight = with_imus(flight_of_log(read, asked.mapping, own.motion, readings, origin), imus)
+    is_judged = flight is not None and not is_ready(watcher)
+    if is_judged:
+        progress("search the whole log", 0, 1)
     return Opened(
         asked=asked,
         watcher=watcher,
@@ -169,7 +174,7 @@ def opened(asked: Asked) -> Opened:
         unwatched=unwatched,
         there=_there(read, asked, log),
         flight=flight,
-        judged=None if flight is None or is_ready(watcher) else judged(flight),
+        judged=judged(flight) if flight is not None and is_judged else None,
         beyond=(*of_others, *of_imus),
         airframe=airframe_of(read),
         hardware=read.raw.hardware,

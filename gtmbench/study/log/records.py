@@ -6,6 +6,7 @@ import contextlib
 import shlex
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from gtmbench.intake.units import unit
 from gtmbench.study.log.seconds import rows_by_second
 from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, GYROS
+from gtmbench.values.pieces import pieces
 from gtmbench.values.record import FloatArray, Record, Span, runs
 
 _SIX = (*GYROS, *ATTITUDE)
@@ -143,20 +145,40 @@ def _lasting_from_s(lively_s: FloatArray) -> float:
 
 def turning_by_second(moving: Sequence[Record]) -> tuple[FloatArray, FloatArray]:
     """Return how fast a log turns about each of its seconds, as gyros and attitude both tell, and when."""
-    times_s, found = [np.zeros(0)], [np.zeros(0)]
-    for record in moving:
-        gyros = record.matrix(GYROS)
-        rates = attitude_rates(record)
-        both = np.minimum(*(np.linalg.norm(each - np.nanmedian(each, axis=0), axis=1) for each in (gyros, rates)))
+    told = [_turning_of(record) for record in moving]
+    times_s, turning = (np.concatenate([np.zeros(0), *(each[at] for each in told)]) for at in range(2))
+    return times_s, turning
+
+
+def _turning_of(record: Record) -> tuple[FloatArray, FloatArray]:
+    """Return the same of one record; a verdict asks it several times."""
+    if record not in _TOLD:
+        both = _turning_by_row(record)
         known = np.isfinite(both)
         rows = [rows for _, rows in rows_by_second(record, record.start_s) if known[rows].any()]
-        if rows:
-            edges = np.array([[part.start, part.stop] for part in rows]).ravel()
-            of_rows = np.append(np.where(known, np.square(both), 0.0), 0.0), np.append(known, False).astype(np.int_)
-            sums, counts = (np.add.reduceat(each, edges)[::2] for each in of_rows)
-            times_s.append(record.time_s[edges[::2]])
-            found.append(np.sqrt(sums / counts))
-    return np.concatenate(times_s), np.concatenate(found)
+        edges = np.array([[part.start, part.stop] for part in rows], dtype=np.int_).ravel()
+        of_rows = np.append(np.where(known, np.square(both), 0.0), 0.0), np.append(known, False).astype(np.int_)
+        sums, counts = (np.add.reduceat(each, edges)[::2] for each in of_rows) if rows else np.zeros((2, 0))
+        _TOLD[record] = record.time_s[edges[::2]], np.sqrt(sums / counts)
+    return _TOLD[record]
+
+
+_TOLD: WeakKeyDictionary[Record, tuple[FloatArray, FloatArray]] = WeakKeyDictionary()
+
+
+def _turning_by_row(record: Record) -> FloatArray:
+    """Return how fast it turns at each row, as gyros and attitude both tell, each about its median."""
+    rates = np.empty((3, len(record)))
+    for rows in pieces(len(record)):
+        first, stop = max(rows.start - 1, 0), min(rows.stop + 1, len(record))  # a slope is that of both beside it
+        rates[:, rows] = attitude_rates(record.part(range(first, stop)))[rows.start - first : rows.stop - first].T
+    found = np.full(len(record), np.inf)
+    for columns in ([record[name] for name in GYROS], list(rates)):
+        medians = [np.nanmedian(column) for column in columns]
+        for rows in pieces(len(record)):
+            of_rows = np.array([column[rows] - median for column, median in zip(columns, medians, strict=True)])
+            found[rows] = np.minimum(found[rows], np.linalg.norm(of_rows, axis=0))
+    return found
 
 
 def healthy_spans(log: FlightLog, given: Iterable[Span]) -> tuple[Span, ...]:

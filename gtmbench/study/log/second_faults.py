@@ -6,7 +6,7 @@ nothing of the fault is left, so that what breaks later stands alone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -22,18 +22,27 @@ _EARLIER_S = 1.0  # than it is dated, a fault may have begun
 _LATER_S = 3.0  # than the first one, another begins: nearer ones are told together, or not at all
 
 
-def second_faults(monitor: Monitor | Detector, watches: Sequence[Watch], before: Record | None) -> tuple[Alarm, ...]:
-    """Return the alarms of other gyros that are raised when those that failed read what is predicted."""
+def second_faults(
+    monitor: Monitor | Detector, watches: Sequence[Watch], before: Record | None, wanted: Collection[str]
+) -> tuple[Alarm, ...]:
+    """Return the alarms of other gyros that are raised when those that failed read what is predicted.
+
+    `wanted`: the gyros whose alarms are told; once none of them is left, the log isn't watched any more.
+    """
     if not predicts(monitor):
         return ()
-    return tuple(alarm for watch in watches for alarm in _beside(monitor, watch, before))
+    told = (alarm for watch in watches for alarm in _beside(monitor, watch, before, wanted))
+    return tuple(alarm for alarm in told if alarm.sensor in wanted)
 
 
-def _beside(monitor: PredictingMonitor, watch: Watch, before: Record | None) -> Iterator[Alarm]:
+def _beside(
+    monitor: PredictingMonitor, watch: Watch, before: Record | None, wanted: Collection[str]
+) -> Iterator[Alarm]:
     named = [_first_named(watch, ())]
     for _ in range(_MOST):
         last = named[-1]
-        if last is None or last.sensor not in watch.predictions:
+        is_left = {*wanted} - {None if each is None else each.sensor for each in named}
+        if last is None or last.sensor not in watch.predictions or not is_left:
             return
         watch = monitor.watch(_without(watch, last), outside=watch.outside, before=before)
         found = _first_named(watch, [alarm for alarm in named if alarm is not None])

@@ -150,7 +150,7 @@ def watch_log(
         limits=limits,
         judged=judged,
     )
-    monitor, swap = crossed(learnt(chosen(opened(question)), progress), progress)
+    monitor, swap = crossed(learnt(chosen(opened(question, progress)), progress), progress)
     watched = concluded(doubted(listened(monitor, progress), progress), swap)
     if history is None:
         return watched

@@ -306,8 +306,7 @@ def concluded(said: Monitored, swap: SwapCheck | None = None) -> WatchedLog:
     shifted = shifted_gyros(first.evidence)  # by the attitude over the whole log, whatever a bank was learnt on
     if not shifted:
         return first
-    later = second_faults(first.monitor, first.watches, said.learnt.before)
-    return replace(first, later=tuple(alarm for alarm in later if alarm.sensor in shifted))
+    return replace(first, later=second_faults(first.monitor, first.watches, said.learnt.before, shifted))
 
 
 def _concluded(said: Monitored, swap: SwapCheck | None) -> WatchedLog:

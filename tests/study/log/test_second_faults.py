@@ -6,6 +6,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.study.log.second_faults import second_faults
+from gtmbench.values.channels import GYROS
 from tests.helpers import monitors
 from tests.helpers.night import by_day
 
@@ -21,13 +22,13 @@ def bias(channel, onset_s, size):
     return gb.Bias(channel=channel, onset_s=onset_s, size=size)
 
 
-def found(*faults, seed=31):
+def found(*faults, seed=31, wanted=GYROS):
     """Return (sensor, onset, size) of what is told beside the first, and whom the first watch names."""
     record = healthy(seed)
     for fault in faults:
         record = gb.inject(record, fault)
     watch = monitors.monitor().watch(record)
-    later = second_faults(monitors.monitor(), [watch], None)
+    later = second_faults(monitors.monitor(), [watch], None, wanted)
     told = [(each.sensor, each.onset_s, each.last.parameters.get("size")) for each in later]
     return told, {each.sensor for each in watch.faults}
 
@@ -59,6 +60,12 @@ def test_three_faults_are_named_one_after_another():
     assert [(sensor, pytest.approx(size, abs=0.7)) for sensor, _, size in told] == [("q", -5.0), ("r", 6.0)]
 
 
+@pytest.mark.parametrize(("wanted", "expected"), [({"r"}, ["r"]), ({"p"}, [])])
+def test_only_those_are_told_that_are_wanted(wanted, expected):
+    told, _ = found(bias("p", 20.0, 4.0), bias("q", 40.0, -5.0), bias("r", 60.0, 6.0), wanted=wanted)
+    assert [sensor for sensor, _, _ in told] == expected
+
+
 def test_a_gyro_that_failed_first_is_told_no_second_time():
     told, _ = found(bias("q", 30.0, 4.0), bias("q", 55.0, 4.0))
     assert [sensor for sensor, _, _ in told] == []
@@ -77,4 +84,4 @@ def test_a_fault_of_an_angle_hides_nothing_by_a_gyros_prediction():
 
 def test_a_monitor_that_predicts_nothing_tells_nothing():
     monitor = gb.FunctionDetector(lambda record: record.time_s[100:101], channels=("p",)).calibrate()
-    assert second_faults(monitor, [monitor.watch(healthy())], None) == ()
+    assert second_faults(monitor, [monitor.watch(healthy())], None, GYROS) == ()
