@@ -128,7 +128,7 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         reason = told.reason or f"no kind of fault of {likeliest} explains it"
         return replace(told, sensor=None, partner=None, reason=reason, doubt=DOUBT)
     best, untestable = explained[0], _untestable(case)
-    rivals = (*_rivals(case, explained), *_of_other_gain(case, explained[0]))
+    rivals = (*_rivals(case, explained), *_better(ranking, best), *_of_other_gain(case, best))
     order = tuple(dict.fromkeys([*rivals, *untestable]))
     if best.channel in ANGLES and best.kind in _RATES:
         order = tuple(dict.fromkeys([*order, *_axis(case, best.channel)]))
@@ -146,6 +146,13 @@ def _cautious(case: Case, ranking: Sequence[FittedHypothesis], told: Judgement) 
         partner=best.partner,
         reason="" if sensor else _reason(best, rivals, untestable, ()),
     )
+
+
+def _better(ranking: Sequence[FittedHypothesis], best: FittedHypothesis) -> tuple[str, ...]:
+    """Return the other sensors of which a kind of fault explains decisively more, though it isn't sure to be one."""
+    definite = (fit for fit in ranking if fit.kind != UNKNOWN and fit.how not in ("walk", "white"))
+    better = (fit.channel for fit in definite if fit.bic < best.bic - DECISIVE)
+    return tuple(dict.fromkeys(name for name in better if name != best.channel))
 
 
 def looks_like_motion(judged: Judgement) -> bool:
