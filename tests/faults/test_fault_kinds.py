@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as npst
 import gtmbench as gb
 from gtmbench.errors import InputError
 from gtmbench.faults.distortions import rate_limited
-from gtmbench.faults.fault import inject
+from gtmbench.faults.fault import inject, periods
 from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.kinds.shaping import (
@@ -72,6 +72,13 @@ def test_a_step_or_a_lag_is_positive(cls, least):
     (item,) = cls.parameters()
     with pytest.raises(InputError, match=f"{item.name} is 0.0; it must be a finite number ?{least}"):
         cls(**WHERE, **{item.name: 0.0})
+
+
+@pytest.mark.parametrize("sample_s", [0.01, 0.2])
+def test_a_period_is_over_up_to_a_thousandth_of_a_sample_before_its_end(sample_s):
+    ends_s = sample_s * np.arange(1.0, 40.0)
+    np.testing.assert_array_equal(periods(ends_s - 1.1e-3 * sample_s, sample_s, sample_s), np.arange(0.0, 39.0))
+    np.testing.assert_array_equal(periods(ends_s - 0.9e-3 * sample_s, sample_s, sample_s), np.arange(1.0, 40.0))
 
 
 # what is added
