@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as npst
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.faults.distortions import rate_limited
+from gtmbench.faults.distortions import lagged, rate_limited
 from gtmbench.faults.fault import inject, periods
 from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
@@ -334,6 +334,7 @@ def test_a_lag_turns_a_step_into_an_exponential_of_its_time_constant():
     assert abs(left[-1]) < 1e-9
     held = np.full((400, 4), 1.7)
     np.testing.assert_array_equal(read(Lag(**WHERE, lag_s=0.2), record(held)), 1.7)
+    np.testing.assert_array_equal(lagged(held[:, 0], 0.2, PERIOD_S)[0], 1.7)
 
 
 def test_a_lag_shrinks_and_shifts_a_sine_as_its_transfer_function_says():

@@ -1,5 +1,7 @@
 """Faults: one contract for every kind of `FAULTS`, whatever it does; what each does is in `test_fault_kinds`."""
 
+import inspect
+import re
 from dataclasses import dataclass, fields
 from typing import ClassVar
 
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 
 from gtmbench.errors import InputError
 from gtmbench.faults import registry as faults
-from gtmbench.faults.fault import Fault, inject, other_channel, severity
+from gtmbench.faults.fault import Fault, Parameter, inject, other_channel, severity
 from gtmbench.faults.intermittent import Intermittent
 from gtmbench.faults.kinds.additive import Drift
 from gtmbench.faults.kinds.shaping import Saturation
@@ -142,6 +144,21 @@ def test_a_kind_declares_every_field_that_a_scenario_may_give(kind):
     for item in FAULTS[kind].parameters():
         if not item.is_required:
             assert getattr(least, item.name) == item.default
+
+
+@pytest.mark.parametrize("cls", faults.FAULTS.values(), ids=lambda cls: cls.kind)
+def test_a_parameter_is_in_the_unit_that_its_description_says(cls):
+    described = dict(re.findall(r"^(\w+) : [^\n]*\n((?: {4}[^\n]*\n)*)", inspect.getdoc(cls) + "\n", re.M))
+    for item in cls.parameters():
+        told = described[item.name]
+        assert item.is_in_channels_unit == ("channel's unit" in told)
+        assert item.per_second == ("channel's unit per second" in told)
+
+
+def test_without_bounds_a_parameter_is_any_finite_number():
+    item = Parameter(name="size", is_severity=True)
+    for value in (-1e300, 0.0, 1e300):
+        item.check("own", value)
 
 
 @every_kind

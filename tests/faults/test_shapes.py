@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.faults import registry
 from gtmbench.faults.linear import check_shape, grows, tried
 from gtmbench.faults.registry import FAULTS
-from gtmbench.faults.shape import is_beyond, is_constant, is_last, is_one_sided
+from gtmbench.faults.shape import is_always, is_beyond, is_constant, is_last, is_one_sided
 
 LINEAR = [cls for cls in FAULTS.values() if cls.shape is not None and cls.shape.how in ("linear", "gain")]
 SIGNAL = 4.0 * np.sin(np.arange(300) / 9.0)
@@ -43,6 +43,12 @@ def test_a_linear_kind_adds_its_size_times_what_it_adds_at_size_one(cls):
     assert not tried(cls, {name: healthy}).any()
 
 
+def test_the_figure_of_a_kind_is_what_makes_it_larger():
+    figures = {kind: cls.shape.figure for kind, cls in FAULTS.items() if cls.shape is not None and cls.shape.figure}
+    assert all(name in {each.name for each in FAULTS[kind].parameters()} for kind, name in figures.items())
+    assert (figures["thermal_bias"], figures["lag"], figures["bias"]) == ("size", "lag_s", "size")
+
+
 def test_what_grows_is_what_does_more_a_second_later():
     assert {cls.kind for cls in FAULTS.values() if grows(cls)} == {"drift", "thermal_bias", "scale_drift", "clock_slip"}
 
@@ -74,6 +80,7 @@ def test_what_reads_as_another_kind_would_is_told_by_the_readings_at_their_limit
     assert is_last(before[:2], before[1:2])
     assert not is_last(before[:1], before[:1])
     assert not is_beyond(before[:0], before)
+    assert is_always(before, before)
     assert is_constant(before, np.ones(3))
     assert not is_constant(before, before)
 
