@@ -156,7 +156,7 @@ def test_a_parameter_is_in_the_unit_that_its_description_says(cls):
 
 
 def test_without_bounds_a_parameter_is_any_finite_number():
-    item = Parameter(name="size", is_severity=True)
+    item = Parameter(name="size", is_severity=True, default=0.0)
     for value in (-1e300, 0.0, 1e300):
         item.check("own", value)
 
