@@ -9,6 +9,7 @@ from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
 from gtmbench.method.attitude_origin import origin_of
+from gtmbench.method.rate_spectra import RateSpectra, spectra_of
 from gtmbench.values.attitude import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.night import by_day
@@ -110,3 +111,29 @@ def test_several_stretches_are_asked_together():
     parts = [whole.between(0.0, 25.0), whole.between(26.0, 59.0)]
     assert not origin_of(parts).is_driven
     assert origin_of([*parts, logged(tau=5.0)]).is_driven
+
+
+@pytest.mark.parametrize("every", [1, 2, 3, 5])
+def test_an_interpolated_angle_tells_of_frequencies_below_half_the_rate_at_which_it_is_new(every):
+    """A straight line between two readings bends at one sample in `every`; of readings that are all new at none."""
+    samples = np.random.default_rng(1).standard_normal((3000, 6))
+    rows = np.arange(3000)
+    for column in (3, 4, 5):
+        samples[:, column] = np.interp(rows, rows[::every], samples[::every, column])
+    spectra = spectra_of([gb.Record(samples, channels=[*GYROS, *ATTITUDE], sample_period_s=0.02)])
+    highest_hz = 0.9 * 25.0 if every == 1 else 0.8 * 25.0 / (2 * every)
+    assert spectra["p"].highest_hz == pytest.approx(highest_hz, rel=0.1)
+
+
+def test_the_quieter_half_holds_the_window_in_the_middle():
+    power = np.array([4.0, 1.0, 3.0, 2.0, 5.0])
+    quiet, loud = RateSpectra(
+        frequency_hz=np.ones(1),
+        gyro=np.sqrt(power)[:, np.newaxis] + 0j,
+        rate=np.ones((5, 1)) + 0j,
+        scale=np.ones(1),
+        highest_hz=1.0,
+        quantum=0.0,
+    ).halves
+    assert quiet.tolist() == [False, True, True, True, False]
+    assert (loud == ~quiet).all()

@@ -146,6 +146,20 @@ def test_fast_motion_leaves_nothing_however_late_the_attitude_is(delay_s):
     assert np.nanstd(left) < 0.012 * np.std(faster["p"])
 
 
+@pytest.mark.parametrize(("offsets", "factors"), [([0.0, 0.0], [1.0, 3.0]), ([5.0, -20.0], [0.2, 1.0])])
+def test_neither_scale_nor_means_change_what_physics_fixes(offsets, factors):
+    record = reading(noise=(0.05, 0.3))
+    fit = found_on([record], spec())
+    shifted = Record(record.values + offsets, channels=record.channels, sample_period_s=PERIOD_S)
+    same(found_on([shifted], spec(), scale=fit.scale * factors), fit)
+
+
+def test_three_lags_are_enough_for_a_delay():
+    fit = found_on([reading(delay_s=0.013, noise=(0.05, 0.3))], spec(look_s=PERIOD_S))
+    expected = [1.0, 0.013 / PERIOD_S, -1.0 / 3.0]
+    assert moments(fit.operator.markov[:, 0, 0]) == pytest.approx(expected, abs=0.05)
+
+
 MIXED = spec(inputs=("p_att", "ny", "beta"))
 NAMES = ["p_att", "ny", "beta"]
 MIX = np.column_stack([[0.0, 0.02, 0.99, -0.02, 0.0], [0.1, 0.2, 0.3, 0.1, 0.0], [0.0, 0.0, -0.4, 0.1, 0.1]])
