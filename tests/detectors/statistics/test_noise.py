@@ -42,7 +42,7 @@ def greatest(residual, whitener=CALIBRATED):
     return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Allowance()))
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 50, 333, 20_000])
+@pytest.mark.parametrize("chunk", by_day([50, 20_000, 1, 7, 333], 2))
 def test_the_same_in_whatever_chunks(chunk):
     noise = COLOURED[:6000].copy()
     noise[2500:2520] = np.nan
@@ -224,7 +224,7 @@ def wandering_record(seed):
     return healthy
 
 
-@pytest.mark.parametrize("seed", by_day([1, 2, 3], 2))
+@pytest.mark.parametrize("seed", by_day([1, 2, 3]))
 @pytest.mark.parametrize("channel", by_day(["p", "r", "phi", "psi"], 2))
 def test_what_is_named_in_noise_that_wanders_is_what_failed(seed, channel):
     slope = 12.0 * gb.CHANNELS["p"].noise  # of an angle: what it adds to the gyro's residual

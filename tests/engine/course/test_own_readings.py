@@ -40,7 +40,9 @@ def test_a_noise_of_twice_and_more_the_least_is_named_and_its_curve_is_in_the_re
     assert np.nanmean(curve.measured[behind]) == pytest.approx(np.nanmean(curve.predicted[behind]), abs=0.5)
 
 
-@pytest.mark.parametrize(("channel", "deviation"), [("gps_north", 0.7), ("altitude", 11.0), ("mag_x", 0.07 * FIELD_UT)])
+@pytest.mark.parametrize(
+    ("channel", "deviation"), by_day([("gps_north", 0.7), ("altitude", 11.0), ("mag_x", 0.07 * FIELD_UT)])
+)
 def test_a_noise_of_less_than_the_least_accuses_nobody(channel, deviation):
     assert accused(noisy(channel, deviation)) == set()
 
@@ -97,7 +99,7 @@ def test_what_stands_still_before_or_behind_jumps_not_nor_does_what_changes_in_a
     assert jumped(Samples(read.time_s[gap], read.values[gap])) == []
 
 
-@pytest.mark.parametrize(("channel", "size"), [("altitude", 150.0), ("tas", 25.0)])
+@pytest.mark.parametrize(("channel", "size"), by_day([("altitude", 150.0), ("tas", 25.0)]))
 def test_a_jump_names_its_sensor_with_its_size_and_time(channel, size):
     said = said_of(gb.inject(flown(), gb.Bias(channel=channel, onset_s=ONSET_S, size=size)))
     ((name, span),) = said.standing
