@@ -67,6 +67,23 @@ def accused(record):
     return {(sensor, span.state) for sensor, span in said_of(record).claims if span.state in blamed}
 
 
+# ---- what sensors tell together ----
+
+
+def test_forces_are_what_the_velocity_changes_by_and_the_airs_axes_are_orthonormal():
+    course = course_from(flown(noise=None))
+    changes = course.rates(course.velocity)
+    apart = course.over_second(course.pulled) - changes
+    np.testing.assert_allclose(np.nanmean(apart, axis=0), 0.0, atol=0.05)
+    assert np.nanmean(np.abs(apart)) < 0.1 * np.nanmean(np.abs(changes))
+    np.testing.assert_allclose(
+        course.air_axes @ course.air_axes.transpose(0, 2, 1), np.tile(np.eye(3), (len(course.flight), 1, 1)), atol=0.02
+    )
+    wind = course.through - course.velocity
+    assert np.nanmax(np.nanstd(wind, axis=0)) < 0.5
+    assert course.strength == pytest.approx(np.nanmedian(np.linalg.norm(course.field, axis=1)), rel=0.01)
+
+
 # ---- relations ----
 
 
