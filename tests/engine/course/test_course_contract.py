@@ -84,6 +84,13 @@ def test_forces_are_what_the_velocity_changes_by_and_the_airs_axes_are_orthonorm
     assert course.strength == pytest.approx(np.nanmedian(np.linalg.norm(course.field, axis=1)), rel=0.01)
 
 
+def test_the_noise_of_a_sensor_is_its_power_in_the_units_of_a_course():
+    time_s = np.arange(0.0, END_S, 0.1)
+    read = Samples(time_s, 5.0 * np.random.default_rng(1).standard_normal(len(time_s)))
+    course = course_of(flight_from(flown(noise=None)), {"altitude": read})
+    assert np.nanmean(course.noise["altitude"]) == pytest.approx((5.0 * UNITS["altitude"]) ** 2, rel=0.1)
+
+
 # ---- relations ----
 
 
