@@ -513,3 +513,12 @@ def test_what_px4_leaves_open_is_asked_for():
 def test_a_word_that_px4_doesnt_have_is_answered_with_those_that_it_has():
     with pytest.raises(gb.InputError, match=r"fault 'px4_slo:q': PX4 has no such failure; .*px4_slow.*mean"):
         gb.fault("px4_slo:q", onset_s=3.0)
+
+
+def test_px4s_intermittent_failure_lasts_a_second_on_average_and_half_of_the_time():
+    """Spells of an exponential law scatter as much as they last; beginnings, a Poisson process, as their root."""
+    on = gb.fault("px4_intermittent:p", onset_s=0.0).active(np.arange(0.0, 4000.0, 0.01))
+    begins, ends = (np.flatnonzero(np.diff(on.astype(int)) == change) for change in (1, -1))
+    lasted_s = 0.01 * (ends[1:] - begins[: len(ends) - 1])
+    assert on.mean() == pytest.approx(0.5, abs=0.05)
+    assert (lasted_s.mean(), lasted_s.std()) == pytest.approx((1.0, 1.0), abs=0.1)

@@ -153,6 +153,7 @@ def test_a_parameter_is_in_the_unit_that_its_description_says(cls):
         told = described[item.name]
         assert item.is_in_channels_unit == ("channel's unit" in told)
         assert item.per_second == ("channel's unit per second" in told)
+        assert item.value_type is float or not item.is_severity
 
 
 def test_without_bounds_a_parameter_is_any_finite_number():
@@ -274,6 +275,7 @@ def test_a_fault_is_the_same_in_whatever_stretches_it_is_taken(kind, data):
 def test_from_its_onset_on_it_reads_what_it_reads_in_the_whole_record(kind, onset_s):
     record, broken = flight(), fault(kind, onset_s=onset_s, duration_s=None)
     first = max(broken.onset_row(record), 0)
+    assert first == np.argmax(record.time_s >= onset_s)
     healthy, read = broken.onwards(record, 300)
     np.testing.assert_array_equal(healthy, record["q"][first:300])
     np.testing.assert_allclose(read, broken.array(record)[first:300], atol=1e-12)

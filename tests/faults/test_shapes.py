@@ -80,6 +80,7 @@ def test_what_reads_as_another_kind_would_is_told_by_the_readings_at_their_limit
     assert is_last(before[:2], before[1:2])
     assert not is_last(before[:1], before[:1])
     assert not is_beyond(before[:0], before)
+    assert is_beyond(before[:1], 2.0 * before)
     assert is_always(before, before)
     assert is_constant(before, np.ones(3))
     assert not is_constant(before, before)
