@@ -98,6 +98,13 @@ def test_noise_is_learnt_once_the_first_blocks_are_there_and_nothing_is_clipped_
     assert np.nanmax(np.abs(told.values[100:].reshape(-1, 25)), axis=1).min() > 1.1
 
 
+@pytest.mark.parametrize("row", [1000, 1049, 1050, 2000])  # blocks begin at multiples of 50
+def test_a_row_is_whitened_by_what_is_told_of_it(row):
+    follower = NoiseFollower(CALIBRATED, TS)
+    told, by = follower.push(COLOURED[:3000]), follower.whitener_at(row)
+    assert told.values[row] == pytest.approx(by.whiten(COLOURED[row - by.order : row + 1])[-1], rel=1e-9)
+
+
 def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():
     table = np.zeros((60, 40))
     table[:, SUM] = 5.0 + np.cumsum(white(2, 60))
