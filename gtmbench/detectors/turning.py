@@ -22,6 +22,8 @@ _AVERAGED_S = 0.06  # over which rates are averaged: noise isn't motion
 COVERED = 0.999  # of the rows that a monitor was calibrated on
 BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
 APART_S = 0.15  # an attitude may be late
+_FASTER, _STRAYS_DEG = 1.5, 2.0  # than the gyros say, within that: lags differ, and readings have noise
+STEEP_DEG = 80.0  # of pitch: beyond, an error of roll or heading is 6 times one of what turns
 _KEYS = ("gyros_deg_s", "gyros_swing_deg_s", "attitude_deg_s", "attitude_swing_deg_s")
 
 
@@ -56,10 +58,10 @@ class Turning:
         return dict(zip(_KEYS, self.limits, strict=True)) if self.limits else {}
 
     def excursion(self, record: Record) -> Excursion | None:
-        """Return the motion beyond that in a record, from its first such row to its last; None without any."""
+        """Return the motion beyond that in a record, or near the vertical, from its first row to its last, or None."""
         if not self.limits or not len(record):
             return None
-        times_s = record.time_s[self._beyond(record)]
+        times_s = record.time_s[self._beyond(record) | _is_steep(record)]
         return Excursion(start_s=float(times_s[0]), end_s=float(times_s[-1]), reason=MOTION) if len(times_s) else None
 
     def _beyond(self, record: Record) -> BoolArray:
@@ -68,6 +70,22 @@ class Turning:
             beyond = _sizes(record) > BEYOND * np.array(self.limits)[:, np.newaxis]
         rate, swing = (_about(told, round(APART_S / record.sample_period_s)) for told in beyond[2:])
         return np.asarray((beyond[0] & rate) | (beyond[1] & swing))
+
+
+def _is_steep(record: Record) -> BoolArray:
+    """Return the rows near the vertical, but where pitch came there faster than the gyros turned: that is its fault."""
+    theta, rates = record["theta"], record.matrix(GYROS)
+    rows = max(round(APART_S / record.sample_period_s), 1)
+    with np.errstate(invalid="ignore"):
+        is_steep = np.abs(theta) > STEEP_DEG
+    turned = np.cumsum(np.nan_to_num(np.linalg.norm(rates, axis=1))) * record.sample_period_s
+    came = np.diff(is_steep, prepend=False) & is_steep
+    since = np.maximum.accumulate(np.where(came, np.arange(len(theta)), 0))  # the row with which it became steep
+    is_possible = np.ones(len(theta), dtype=bool)
+    for lag in range(1, min(rows, len(theta) - 1) + 1):
+        moved, could = np.abs(theta[lag:] - theta[:-lag]), turned[lag:] - turned[:-lag]
+        is_possible[lag:] &= ~(moved > _FASTER * could + _STRAYS_DEG)
+    return np.asarray(is_steep & is_possible[since])
 
 
 def _about(told: BoolArray, rows: int) -> BoolArray:

@@ -10,7 +10,7 @@ import numpy as np
 from gtmbench.engine.evidence import MIRROR, axis_number
 from gtmbench.engine.explanation import TIMES_S, name_of
 from gtmbench.engine.explanations import gyros
-from gtmbench.engine.finding import REFERENCES, Finding, Side
+from gtmbench.engine.finding import NOISE, REFERENCES, Finding, Side
 from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
@@ -103,7 +103,12 @@ def _with_doubt(model: Model, finding: Finding, found: Sequence[Finding], *, is_
     reasons = [*_short(finding), *_seldom(model, finding), *_is_own_noise(model, finding), *_own_axis(finding)]
     reasons += [*_regime(model, finding), *_bent(model, finding, found), *_sides(finding), *_learns(model, finding)]
     reasons += [*_follows(model, finding), *_gain_between(model, finding), *_shaken(model, finding)]
-    reasons += [*_leaks(finding, found), *_outvoted(model, finding), *_shakes_all(model.flight, finding)]
+    reasons += [
+        *_leaks(finding, found),
+        *_of_other(finding, found),
+        *_outvoted(model, finding),
+        *_shakes_all(model.flight, finding),
+    ]
     reasons += _late(model.flight, finding)
     return replace(finding, others=others, doubt="; ".join(reasons))
 
@@ -263,6 +268,18 @@ def _leaks(finding: Finding, found: Sequence[Finding]) -> list[str]:
         is_beside = axis_number(other.best.suspect) not in (-1, axis) and other.meets(finding.first, finding.last)
         if other is not finding and is_beside and 0.0 < reached < _ASKEW * other.reached_deg_s:
             return [f"{other.best.suspect} is off so far that it shows about this axis, too"]
+    return []
+
+
+def _of_other(finding: Finding, found: Sequence[Finding]) -> list[str]:
+    """Name neither gyro nor angle where both seem to fail at once: one is what the other's signature leaves."""
+    axis, suspect = axis_number(finding.best.suspect), finding.best.suspect
+    for other in found:
+        is_twin = axis_number(other.best.suspect) == axis and (other.best.suspect in ATTITUDE) != (suspect in ATTITUDE)
+        is_at_once = abs(other.onset_s - finding.onset_s) < _AT_ONCE_S
+        is_sure = other.is_frozen or NOISE in (other.best.kind, finding.best.kind)
+        if is_twin and is_at_once and not is_sure and other.evidence > _AS_STRONG * finding.evidence:
+            return [f"{other.best.suspect} seems to fail with it, and one may be what the other leaves"]
     return []
 
 

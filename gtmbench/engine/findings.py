@@ -13,7 +13,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import NOISE, Finding
 from gtmbench.engine.flight import Flight
-from gtmbench.engine.frozen import frozen_gyros
+from gtmbench.engine.frozen import frozen_sensors
 from gtmbench.engine.model import Explained, Key, Model, learnt
 from gtmbench.engine.relation import Relation
 from gtmbench.engine.relations.registry import relations_of
@@ -100,7 +100,7 @@ def _edges(finding: Finding) -> list[tuple[int, int]]:
 
 def findings_of(flight: Flight) -> Findings:
     """Return everything that explanations of gyros and attitude find on a flight."""
-    return found_by(flight, relations_of(flight), explanations_of(flight), frozen_gyros(flight))
+    return found_by(flight, relations_of(flight), explanations_of(flight), frozen_sensors(flight))
 
 
 def found_by(

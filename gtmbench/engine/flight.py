@@ -208,8 +208,8 @@ class Flight:
         return trailing_means(values, self._lively_blocks)
 
 
-def trailing_means(values: FloatArray, count: int) -> FloatArray:
-    """Return means of up to so many rows that end with each, none below zero, of those that are known; else NaN.
+def trailing_means(values: FloatArray, count: int, fewest: int = 1) -> FloatArray:
+    """Return means of up to so many rows that end with each, none below zero, where the `fewest` are known; else NaN.
 
     >>> trailing_means(np.array([1.0, 3.0, np.nan, 5.0]), 2).tolist()
     [1.0, 2.0, 3.0, 5.0]
@@ -222,7 +222,7 @@ def trailing_means(values: FloatArray, count: int) -> FloatArray:
     starts = np.maximum(ends - count, 0)
     known = numbers[ends] - numbers[starts]
     mean = np.maximum(sums[ends] - sums[starts], 0.0) / np.maximum(known, 1.0)
-    return np.where(known > 0, mean, np.nan)
+    return np.where(known >= fewest, mean, np.nan)
 
 
 def means_about(values: FloatArray, half: int) -> FloatArray:

@@ -1,8 +1,8 @@
-"""Gyros that stand still while the attitude turns about their axis or others move: no model of noise makes that."""
+"""Gyros and angles that stand still while the others tell of motion: no model of noise makes that."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -12,59 +12,68 @@ from gtmbench.engine.finding import FROZEN, Finding
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import Effect
 from gtmbench.engine.sums import CELL
-from gtmbench.values.channels import GYROS
+from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, runs
 
-_LEAST_S, _OF_USUAL = 1.0, 3.0  # how long one value is read; times the longest that the gyros do otherwise
-_MOVES_DEG_S, _ABOUT, _SHARE = 0.5, 5, 0.3  # the attitude's spread, over blocks about each; in how much of the time
+_LEAST_S, _OF_USUAL = 1.0, 3.0  # how long one value is read; times the longest that such sensors do otherwise
+_MOVES_DEG_S, _ABOUT, _SHARE = 0.5, 5, 0.3  # spread of a rate, over blocks about each; in how much of the time
 _CERTAIN = 50.0  # nats
 
+Held = list[tuple[int, int]]  # first block and the one behind the last
 
-def frozen_gyros(flight: Flight) -> tuple[Finding, ...]:
-    """Return where gyros stand still; none of an IMU whose three all do, for then it is the logger."""
+
+def frozen_sensors(flight: Flight) -> tuple[Finding, ...]:
+    """Return where gyros and angles stand still; none of an IMU or attitude whose three all do: it is the logger."""
+    turning = np.repeat(_spread(flight.blocks.rates).max(axis=1, keepdims=True), 3, axis=1)
     own = [(GYROS, flight), *((imu.channels, flight.by(imu)) for imu in flight.compared)]
-    return tuple(each for sensors, watched in own for each in _of_gyros(watched, sensors))
+    gyros = [
+        each
+        for sensors, watched in own
+        for each in _of_three(watched, sensors, watched.blocks.gyros, _held(watched)[:3], turning)
+    ]
+    angles = _of_three(flight, ATTITUDE, flight.blocks.angles, _held(flight)[3:], _spread(flight.blocks.gyros))
+    return (*gyros, *angles)
 
 
-def _of_gyros(flight: Flight, sensors: Sequence[str]) -> list[Finding]:
-    found = [each for axis in range(3) for each in _of_axis(flight, axis, sensors[axis])]
-    return [] if len({each.best.suspect for each in found}) == len(GYROS) else found
+def _of_three(
+    flight: Flight, sensors: Sequence[str], reads: FloatArray, held: Sequence[Held], spread: FloatArray
+) -> list[Finding]:
+    """Return where one of three sensors stands still, by what they read and how the flight turns beside each."""
+    found = []
+    for place, sensor in enumerate(sensors):
+        others = [last - first for other in range(3) if other != place for first, last in held[other]]
+        lengths = sorted((last - first for first, last in held[place]), reverse=True)
+        usual = max([0, *others, *lengths[1:2]])
+        for first, last in held[place]:
+            if first <= 1 and last >= len(flight) - 1:
+                continue  # a column that was never a sensor's
+            moves = np.mean(spread[first:last, place] > _MOVES_DEG_S)
+            is_long = (last - first) * flight.blocks.period_s > _LEAST_S and last - first > _OF_USUAL * usual
+            if is_long and moves > _SHARE:
+                value = float(np.nan_to_num(reads[min(first + 1, len(flight) - 1), place]))
+                found.append(_finding(flight, sensor, value, first, last))
+    return [] if len({each.best.suspect for each in found}) == len(sensors) else found
 
 
-def _of_axis(flight: Flight, axis: int, sensor: str) -> Iterator[Finding]:
-    held = _held(flight, axis)
-    others = max((length for other in range(3) if other != axis for _, _, length in _held(flight, other)), default=0)
-    lengths = sorted((length for _, _, length in held), reverse=True)
-    usual = max([others, *lengths[1:2]])
-    spread = _spread(flight)
-    for first, last, length in held:
-        moves = np.mean(spread[first:last] > _MOVES_DEG_S)
-        if first <= 1 and last >= len(flight) - 1:
-            continue  # a column that was never a sensor's
-        if length * flight.blocks.period_s > _LEAST_S and length > _OF_USUAL * usual and moves > _SHARE:
-            yield _finding(flight, axis, sensor, first, last)
+def _held(flight: Flight) -> list[Held]:
+    """Return in which blocks each gyro and angle reads one value throughout."""
+    still = flight.blocks.held_s >= flight.blocks.period_s * (1.0 - 1e-9)
+    ends = [runs(each) for each in still.T]
+    return [list(zip(first.tolist(), last.tolist(), strict=True)) for first, last in ends]
 
 
-def _held(flight: Flight, axis: int) -> list[tuple[int, int, int]]:
-    """Return in which blocks a gyro reads one value throughout, and how many these are."""
-    still = flight.blocks.held_s[:, axis] >= flight.blocks.period_s * (1.0 - 1e-9)
-    starts, ends = runs(still)
-    return [(first, last, last - first) for first, last in zip(starts.tolist(), ends.tolist(), strict=True)]
-
-
-def _spread(flight: Flight) -> FloatArray:
-    """Return the spread of the attitude's rate over blocks about each, the largest of the axes, in deg/s."""
-    rates = np.nan_to_num(flight.blocks.rates)
+def _spread(rates: FloatArray) -> FloatArray:
+    """Return the spread of rates over blocks about each, by axis, in deg/s."""
+    rates = np.nan_to_num(rates)
     width = min(2 * _ABOUT + 1, len(rates))
-    windows = np.lib.stride_tricks.sliding_window_view(rates, width, axis=0).std(axis=-1).max(axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(rates, width, axis=0).std(axis=-1)
     before = (len(rates) - len(windows)) // 2
-    return np.pad(windows, (before, len(rates) - len(windows) - before), mode="edge")
+    return np.pad(windows, ((before, len(rates) - len(windows) - before), (0, 0)), mode="edge")
 
 
-def _finding(flight: Flight, axis: int, sensor: str, first: int, last: int) -> Finding:
+def _finding(flight: Flight, sensor: str, reads: float, first: int, last: int) -> Finding:
     start_s, period_s = flight.blocks.start_s, flight.blocks.period_s
     onset_s = start_s + first * period_s
-    reads = float(np.nan_to_num(flight.blocks.gyros[min(first + 1, len(flight) - 1), axis]))
     explanation = Explanation(suspect=sensor, kind=FROZEN, effect=partial(_nothing))
     return Finding(
         first=first // CELL,

@@ -14,6 +14,7 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.flight import Flight
 from gtmbench.engine.relation import BETWEEN, Relation
 from gtmbench.engine.sums import CELL, Products, SignatureSet, WindowSums, products_of, running
+from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, int]  # a relation's name and its channel
@@ -107,7 +108,7 @@ def learnt(
 ) -> Model:
     """Return the model of a flight.
 
-    `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a gyro stands still: no
+    `explained`: what is taken away before anything is learnt. `frozen`: blocks in which a sensor stands still: no
     equation that it enters is asked there. `edges`: blocks in which no IMU is held against another.
     """
     products = []
@@ -156,8 +157,9 @@ def _left_out(
     if not frozen and not edges:
         return None
     found = np.zeros(len(flight), dtype=bool)
-    for gyro, first, last in frozen:
-        if gyro == relation.channels[channel] or gyro in relation.enters:
+    for sensor, first, last in frozen:
+        is_attitude = sensor in ATTITUDE and not relation.name.startswith(BETWEEN)
+        if is_attitude or sensor == relation.channels[channel] or sensor in relation.enters:
             found[first:last] = True
     for first, last in edges if relation.name.startswith(BETWEEN) else ():
         found[first:last] = True

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.detectors.excursion import MOTION
+from gtmbench.detectors.excursion import MOTION, Excursion
+from gtmbench.detectors.monitor.open_faults import OpenFault
+from gtmbench.detectors.monitor.scores import Crossing
 from gtmbench.detectors.turning import Turning
 from tests.helpers import monitors
 from tests.helpers.night import by_day
@@ -63,6 +65,28 @@ def test_a_roll_is_motion_for_as_long_as_it_lasts():
     assert excursion.end_s == pytest.approx(66.0, abs=0.2)
 
 
+@cache
+def looped(seed=21):
+    """A healthy record whose nose goes slowly through the vertical from 60 s on; and when that is near."""
+    healthy, rate = monitors.record(5000, seed=seed), 12.0 * np.clip(np.arange(5000) * PERIOD_S - 60.0, 0.0, 8.0) / 8.0
+    pitched = np.cumsum(rate) * PERIOD_S
+    is_over = pitched > 90.0
+    over = {angle: healthy[angle] + 180.0 * is_over for angle in ("phi", "psi")}
+    own = {"theta": healthy["theta"] + np.where(is_over, 180.0 - pitched, pitched), "q": healthy["q"] + rate}
+    return replaced(healthy, own | over), np.flatnonzero(pitched > 80.0)[0] * PERIOD_S
+
+
+def replaced(record, columns):
+    for channel, values in columns.items():
+        record = record.replace(channel, values)
+    return record
+
+
+def test_near_the_vertical_nothing_is_identified_however_slowly_it_turns():
+    record, steep_s = looped()
+    assert known().excursion(record).start_s == pytest.approx(steep_s, abs=0.5)
+
+
 @pytest.mark.parametrize("louder", [2.0, 4.0])
 def test_noise_is_no_motion(louder):
     quiet, loud = monitors.truth(5000, seed=21), monitors.record(5000, seed=21)
@@ -109,6 +133,19 @@ def test_what_broke_before_a_roll_and_what_breaks_after_it_are_named(channel):
         broken = gb.inject(rolled(), gb.Bias(channel=channel, onset_s=onset_s, size=6.0))
         named = [alarm.sensor for alarm in monitors.monitor("C").watch(broken).alarms if alarm.time_s > onset_s]
         assert named[0] == channel
+
+
+def test_what_is_dated_later_than_motion_may_be_its_effect_whenever_its_alarm_began():
+    alarm = gb.Alarm(number=0, time_s=25.2, onset_s=20.0, source="phi")
+    crossing = Crossing(output="phi", row=1260, time_s=25.2, onset_row=1000, test="")
+    turned = Excursion(start_s=20.4, end_s=28.0, reason=MOTION)
+    monitor = monitors.monitor("C")
+    fault = OpenFault(
+        alarm=alarm, crossing=crossing, row=1260, looks=(1300,), start=1000, shift={}, monitor=monitor, turned=turned,
+        is_diagnosed=True,
+    )  # fmt: skip
+    assert fault.turned_before() is fault.turned_before(20.45) is None
+    assert fault.turned_before(25.1) is turned
 
 
 @pytest.mark.nightly

@@ -228,6 +228,27 @@ def test_a_healthy_cause_of_another_axis_or_time_or_a_weaker_one_does_not_cancel
     assert next(each for each in found if each.best.kind == "bias").named == "q"
 
 
+@pytest.mark.parametrize("names", [("q scale", "theta scale"), ("theta drift", "q bias")])
+def test_a_gyro_and_its_angle_that_seem_to_fail_at_once_are_not_told_apart(model, finding, names):
+    both = with_doubts(model, [finding(names[0], evidence=100.0, size=0.4), finding(names[1], evidence=60.0, size=0.4)])
+    assert [each.named for each in both] == [None, None]
+    assert all("seems to fail with it" in each.doubt for each in both)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"name": "theta scale", "evidence": 20.0},  # what a strong one leaves
+        {"name": "theta scale", "onset_s": 80.0},
+        {"name": "phi scale"},
+    ],
+)
+def test_a_weaker_or_later_one_or_another_axis_is_no_doubt(model, finding, other):
+    rest = {key: value for key, value in other.items() if key != "name"}
+    found = with_doubts(model, [finding("q bias"), finding(other["name"], **rest)])
+    assert next(each for each in found if each.best.kind == "bias").named == "q"
+
+
 # what an accusation needs ------------------------------------------------------------------------
 
 

@@ -129,24 +129,38 @@ def test_where_a_side_is_open_both_sides_are():
 # what nobody reads ---------------------------------------------------------------------------------------------------
 
 
-def frozen_from(onset_s, *gyros):
+def frozen_from(onset_s, *sensors):
     record = motion()
-    for gyro in gyros:
-        values = record[gyro].copy()
+    for sensor in sensors:
+        values = record[sensor].copy()
         values[record.time_s >= onset_s] = values[int(np.argmax(record.time_s >= onset_s))]
-        record = record.replace(gyro, values)
+        record = record.replace(sensor, values)
     return judged(flight_from(record, is_driven=False))
 
 
-def test_gyros_that_freeze_together_name_nobody_and_one_alone_is_named():
-    assert frozen_from(50.0, *GYROS).accused == ()
-    ((sensor, span),) = frozen_from(50.0, "p").accused
-    assert (sensor, span.start_s) == ("p", pytest.approx(50.0, abs=0.5))
-    assert frozen_from(50.0, "p").alarms[0].last.kind == FROZEN
+@pytest.mark.parametrize("sensors", [GYROS, ATTITUDE])
+def test_sensors_that_freeze_together_name_nobody_and_one_alone_is_named(sensors):
+    assert frozen_from(50.0, *sensors).accused == ()
+    for sensor in sensors:
+        found = frozen_from(50.0, sensor)
+        ((named, span),) = found.accused
+        assert (named, span.start_s) == (sensor, pytest.approx(50.0, abs=0.5))
+        assert found.alarms[0].last.kind == FROZEN
+        [size] = [each.size for each in found.found]
+        assert size == pytest.approx(motion()[sensor][int(50.0 / motion().sample_period_s)], abs=1.0)
 
 
-def test_a_column_that_never_moves_is_no_gyro_that_failed():
-    assert frozen_from(0.0, "p").accused == ()
+@pytest.mark.parametrize("sensor", ["p", "phi"])
+def test_a_column_that_never_moves_is_no_sensor_that_failed(sensor):
+    assert frozen_from(0.0, sensor).accused == ()
+
+
+@pytest.mark.parametrize("step_deg", [0.1, 1.0, 5.0])
+def test_angles_that_are_rounded_have_not_frozen(step_deg):
+    rounded = motion()
+    for angle in ATTITUDE:
+        rounded = rounded.replace(angle, np.round(rounded[angle] / step_deg) * step_deg)
+    assert not [each for each in judged(flight_from(rounded, is_driven=False)).found if each.is_frozen]
 
 
 def test_what_is_left_out_of_a_flight_is_asked_nothing():

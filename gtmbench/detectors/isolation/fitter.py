@@ -272,25 +272,28 @@ class Fitter:
         return self._noise.band(self.plain(), self.frequency_hz)
 
     def _volume(self, names: tuple[str, ...]) -> float:
-        """Return by what -2 log likelihood of what an angle's gain leaves is more than that of what was read.
+        return self.volume(float(self.weights(*names)[names.index("x")])) if "x" in names else 0.0
+
+    def volume(self, weight: float) -> float:
+        """Return by what -2 log likelihood of what a share of its reading leaves is more than that of what was read.
 
         What the angle should have read is made of its gyro's readings, so w of it adds w H of these to the gyro's own
         residual, H what smoothing passes: a density of that is one of the readings over |1 + w H|, frequency by
-        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. At a low rate a
-        gyro that drives the attitude is undone by a share of what it reads, and so is its own noise.
+        frequency. Without, gains that make the gyro's noise smaller would seem likelier than they are. A gyro that
+        drives the attitude is undone by a share w of what it reads: 1 - w H of its own noise is left.
         """
         channel = self.suspect.channel
         gyro = axis_of(channel)[0]
         smoothing = self.suspect.case.smoothing
-        if self.is_driven and "x" in names and len(smoothing) == 1:  # at a low rate, where nothing is smoothed
-            kept = 1.0 - float(self.weights(*names)[names.index("x")])
+        if self.is_driven:
+            kept = 1.0 - weight * smoothing
             times = {channel: 1.0, own(channel): 1.0 / ALIKE}
             known = zip(self.suspect.outputs, self.suspect.there, strict=True)
             count = sum(times.get(output, 0.0) * float(np.count_nonzero(there)) for output, there in known)
-            return count * float(np.log(np.clip(kept**2, _LEAST_GAIN**2, 1.0)))
-        if channel not in ANGLES or "x" not in names or gyro not in self.suspect.outputs:
+            return count * float(np.mean(np.log(np.clip(kept**2, _LEAST_GAIN**2, 1.0))))
+        if channel not in ANGLES or gyro not in self.suspect.outputs:
             return 0.0
-        weight = min(max(float(self.weights(*names)[names.index("x")]), -_MOST_GAIN), _MOST_GAIN)
+        weight = min(max(weight, -_MOST_GAIN), _MOST_GAIN)
         rows = float(np.count_nonzero(self.suspect.there[self.suspect.outputs.index(gyro)]))
         return rows * float(np.mean(np.log(np.square(1.0 + weight * smoothing))))
 

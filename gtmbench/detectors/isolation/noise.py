@@ -40,7 +40,7 @@ class NoiseFit:
 
     def denser(self, volume: float) -> NoiseFit:
         """Return the fit of a density that is so much denser, in -2 log likelihood."""
-        return replace(self, left=replace(self.left, deviance=self.left.deviance - volume))
+        return replace(self, left=self.left.denser(volume))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -40,7 +40,7 @@ from gtmbench.detectors.excursion import Excursion
 from gtmbench.detectors.isolation.case import Case, shift_of
 from gtmbench.detectors.isolation.diagnosis import by_signature, suspects_of
 from gtmbench.detectors.isolation.hypotheses import families
-from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S, dated
+from gtmbench.detectors.isolation.onset import EARLIER_S, LATER_S
 from gtmbench.detectors.isolation.readings import ROWS_BEFORE, Habit, habit_of
 from gtmbench.detectors.isolation.referee import referees_of
 from gtmbench.detectors.monitor.arming import Arming
@@ -242,7 +242,7 @@ class AlarmLogic:
         """Return what is told of a fault with its alarm."""
         among = trusted(fault, self._open.values())
         signature = by_signature(self._monitor, among, fault.crossing.output, fault.alarm.time_s)
-        about = fault.settling or fault.turned_before
+        about = fault.settling or fault.turned_before()
         return signature if about is None else replace(signature, sensor=None, doubt=about.reason)
 
     def _known_at(self, row: int) -> CalibratedBank:
@@ -301,10 +301,8 @@ class AlarmLogic:
         outcome = Reviewed()
         if leader is None and (fault.is_undecided or fault.may_end):
             fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
-            outcome = review(fault, self._case(fault), others, self.row, self._without)
-            if outcome.judgement is not None and outcome.judgement.failed:
-                judged = dated(partial(self._beginning, fault), outcome.judgement, fault.alarm.last)
-                outcome = replace(outcome, judgement=judged)
+            begin = partial(self._beginning, fault)
+            outcome = review(fault, self._case(fault), begin, others, self.row, self._without)
         self._apply(outcome, fault, fault if leader is None else leader)
 
     def _apply(self, outcome: Reviewed, fault: OpenFault, leader: OpenFault) -> None:

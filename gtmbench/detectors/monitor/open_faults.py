@@ -6,6 +6,7 @@ of their alarms.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -85,10 +86,9 @@ class OpenFault:
         """The residuals that can't tell of another fault."""
         return self.enters if self.is_judged and self.alarm.is_first else {self.crossing.output}
 
-    @property
-    def turned_before(self) -> Excursion | None:
-        """That motion, where it began before the onset, so that it wasn't caused by the fault."""
-        is_before = self.turned is not None and self.turned.start_s < self.alarm.onset_s - _SURE_S
+    def turned_before(self, onset_s: float = -math.inf) -> Excursion | None:
+        """Return that motion, where it began before the onset, or a later one that is told, so that it is no effect."""
+        is_before = self.turned is not None and self.turned.start_s < max(self.alarm.onset_s, onset_s) - _SURE_S
         return self.turned if is_before else None
 
     def began_with(self, crossing: Crossing) -> bool:

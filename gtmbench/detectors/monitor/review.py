@@ -5,7 +5,8 @@ Nothing happens here: a review gives an `Reviewed`, which `alarms.AlarmLogic` le
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from gtmbench.detectors.alarm import NOISE_CHANGED, Alarm, Judgement
@@ -21,6 +22,7 @@ from gtmbench.detectors.isolation.diagnosis import (
 from gtmbench.detectors.isolation.ended import End, end_of, fault_of, quiet_since
 from gtmbench.detectors.isolation.fits import FittedHypothesis, hopeless, ranked_hypotheses
 from gtmbench.detectors.isolation.health import greatest
+from gtmbench.detectors.isolation.onset import dated
 from gtmbench.detectors.isolation.probability import kind_margin, with_probability
 from gtmbench.detectors.isolation.several import SEVERAL, judge_all
 from gtmbench.detectors.monitor.open_faults import HORIZONS_S, OpenFault, earlier, rows_of, trusted
@@ -67,13 +69,19 @@ class Reviewed:
 
 
 def review(
-    fault: OpenFault, case: Case, others: Iterable[OpenFault], row: int, without: Iterable[str] = ()
+    fault: OpenFault,
+    case: Case,
+    begin: Callable[[], Case],
+    others: Iterable[OpenFault],
+    row: int,
+    without: Iterable[str] = (),
 ) -> Reviewed:
     """Return what comes of a fault's case, which ends with a row of the record; a late one tells of its end alone.
 
     So does one that is decided, unless it seems to have ended: then what is still there is weighed against that.
 
-    `others`: all that are open. `without`: families of hypotheses that aren't tried.
+    `begin`: gives the case of the fault's onset. `others`: all that are open. `without`: families of hypotheses that
+    aren't tried.
     """
     if not case.is_ripe:
         return Reviewed()
@@ -91,6 +99,8 @@ def review(
     if _is_worse(case, judged, fault.alarm.last):
         return Reviewed()
     judged = with_probability(case, ranking, _in_motion(fault, case, _settling(fault, case, judged), first))
+    if judged.failed:
+        judged = _in_motion(fault, case, dated(begin, judged, fault.alarm.last), first)
     if judged.doubt and _was_named_before(fault.turned, fault.alarm.last):
         return Reviewed()
     return Reviewed(
@@ -187,7 +197,7 @@ def _in_motion(fault: OpenFault, case: Case, judged: Judgement, first: Judgement
     """
     if fault.turned is None or not judged.candidates or judged.doubt:
         return judged
-    before = fault.turned_before
+    before = fault.turned_before(judged.parameters.get("onset_s", -math.inf))
     is_settling = before is not None and case.end_s < before.end_s + before.settles_s
     if not is_settling and not looks_like_motion(judged):
         return judged

@@ -61,5 +61,9 @@ def others_rough(flight: Flight) -> FloatArray:
 
 
 def log_rough(flight: Flight) -> FloatArray:
-    """Return the logarithm of each gyro's roughness over about a second, shape (blocks, 3); NaN where it is missing."""
-    return np.log(trailing_means(flight.blocks.rough, max(round(1.0 / flight.blocks.period_s), 1)) + 1e-8)
+    """Return the logarithm of each gyro's roughness over about a second, shape (blocks, 3); NaN where it is missing.
+
+    Of less than half a second it is none: by luck a few samples are as smooth as no noise is, and its logarithm tells.
+    """
+    over = max(round(1.0 / flight.blocks.period_s), 1)
+    return np.log(trailing_means(flight.blocks.rough, over, (over + 1) // 2) + 1e-8)

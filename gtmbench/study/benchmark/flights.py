@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from gtmbench.bench.flight import fly
 from gtmbench.bench.known_aircraft import load_aircraft
 from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
+from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.shipped import shipped_benchmarks
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
@@ -160,12 +162,25 @@ def reference_of(definition: Definition, flight: Flight) -> tuple[str, Told]:
 
 
 def references(
-    definition: Definition, flights: Sequence[Flight], *, processes: int = 1, progress: Progress = silent
+    definition: Definition, flights: Sequence[Flight], folder: Path, *, processes: int = 1, progress: Progress = silent
 ) -> dict[str, Told]:
-    """Return what the reference makes of every flight that quickness counts, by its id."""
+    """Return what the reference makes of every flight that quickness counts, by its id; each is kept in a folder."""
+    make_folder(folder)
     counted = [flight for flight in flights if flight.role == SINGLE and not flight.twin]
-    work = partial(reference_of, definition)
+    work = partial(_kept_reference, definition, folder)
     return dict(spread(work, counted, processes=processes, step="reference", progress=progress))
+
+
+def _kept_reference(definition: Definition, folder: Path, flight: Flight) -> tuple[str, Told]:
+    """Return what the reference makes of a flight, as it was kept by a run that was stopped, if it was."""
+    path = folder / f"{flight.id}.json"
+    if is_file(path):
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        return flight.id, Told(**kept | {"false_s": tuple(kept["false_s"])})
+    name, told = reference_of(definition, flight)
+    with atomic_write(path) as aside:
+        aside.write_text(json.dumps(asdict(told)), encoding="utf-8")
+    return name, told
 
 
 @cache

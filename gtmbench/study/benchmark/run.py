@@ -61,7 +61,7 @@ def run_benchmark(
     _check_names([*YARDSTICKS, *own, *(entry.facts.name for entry in given)])
     _claim(folder, definition, split, digests_of(files_of(own.values())))
     flights = list(definition.flights(split))
-    told = references(definition, flights, processes=processes, progress=progress)
+    told = references(definition, flights, folder / "references", processes=processes, progress=progress)
     folders = write_yardsticks(folder / "entries", definition, split, told)
     if own:
         folders += write_entries(own, definition, split, folder / "entries", processes=processes, progress=progress)

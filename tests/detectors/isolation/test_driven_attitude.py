@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 import gtmbench as gb
 from gtmbench.detectors.bank.calibrated import residuals_of
 from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
+from gtmbench.detectors.isolation.fitter import Fitter
 from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import bank_alarms
 from gtmbench.report.words.certificate import certificate_lines
@@ -198,6 +201,20 @@ def test_a_gain_and_a_time_constant_are_told_apart_though_the_onset_is_known_rou
     alarm = next(alarm for alarm in monitor().watch(record).faults if alarm.last is not None)
     assert alarm.last.kind == "scale_factor"
     assert abs(alarm.last.parameters["factor"] - 0.6) < 0.03
+
+
+@pytest.mark.parametrize("window", [1, 5, 21])
+def test_noise_alone_makes_no_gain_of_a_driving_gyro_likely(window):
+    """What is left of white noise once 1 - w H of it stays, over its density: a likelihood is largest at the truth."""
+    rows, passed = 400, np.ones(1) if window == 1 else savgol_filter(np.eye(window)[window // 2], window, 3)
+    smoothing = np.abs(np.fft.rfft(passed, 4096))
+    fitter = object.__new__(Fitter)
+    case = SimpleNamespace(smoothing=smoothing)
+    fitter.suspect = SimpleNamespace(channel="r", case=case, outputs=("r",), there=[np.full(rows, True)], bend=SLOW)
+    for weight in (-3.0, -0.5, 0.2, 0.5, 0.9, 1.9):
+        left = rows * np.mean(np.square(1.0 - weight * smoothing))
+        assert left - fitter.volume(weight) > rows
+    assert fitter.volume(0.0) == 0.0
 
 
 def test_an_attitude_without_a_heading_is_bent_all_the_same():

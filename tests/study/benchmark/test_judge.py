@@ -23,13 +23,13 @@ def definition(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def told(definition):
-    return references(definition, list(definition.flights(TEST)))
+def kept(tmp_path_factory):
+    return tmp_path_factory.mktemp("references")
 
 
 @pytest.fixture(scope="module")
-def reference(told):
-    return told
+def told(definition, kept):
+    return references(definition, list(definition.flights(TEST)), kept)
 
 
 @pytest.fixture
@@ -53,6 +53,11 @@ def shuffled(score):
         return np.random.default_rng([flight.seed, 9]).permutation(score(flight, whole))[: len(time_s)]
 
     return scores
+
+
+def test_a_run_that_was_stopped_flies_no_flight_twice_for_the_reference(definition, kept, told, monkeypatch):
+    monkeypatch.setattr("gtmbench.study.benchmark.flights.fly", None)
+    assert references(definition, list(definition.flights(TEST)), kept) == told
 
 
 def test_yardsticks_get_what_they_know(tmp_path, definition, told):
@@ -155,10 +160,10 @@ def names(folder, definition, sensor, late_s):
         ("", 22.0, "unnamed"),
     ],
 )
-def test_names_count_within_twenty_seconds_of_the_alarm(tmp_path, definition, reference, sensor, late_s, named):
+def test_names_count_within_twenty_seconds_of_the_alarm(tmp_path, definition, told, sensor, late_s, named):
     folder = write_scores(tmp_path / "named", definition, TEST, finds)
     names(folder, definition, sensor, late_s)
-    row = judge(read_entry(folder, definition, TEST), definition, TEST, reference)
+    row = judge(read_entry(folder, definition, TEST), definition, TEST, told)
     assert {outcome.told for outcome in row.outcomes if outcome.role == SINGLE} <= {named, "unnamed"}
     assert named in {outcome.told for outcome in row.outcomes}
 
