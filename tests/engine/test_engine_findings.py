@@ -213,6 +213,7 @@ def test_a_bias_that_was_there_before_the_log_and_ends_is_on_the_side_before():
         assert timeline.at("q", time_s).state is not State.FAILED
 
 
+@pytest.mark.nightly
 def test_all_gyros_at_once_name_nobody():
     found = said(1, *(bias(gyro, 50.0) for gyro in GYROS))
     assert found.found

@@ -183,7 +183,7 @@ def test_a_gain_is_the_regression_at_the_best_delay_with_its_standard_error(shar
 
 @pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])
 def test_beside_noise_that_is_missing_a_rate_follows_all_the_rest(share, agrees):
-    """Of a power of 4, of which 2 are noise, half is to be followed; of the noise, what is followed besides is excess."""
+    """Of a power of 4, 2 of them noise, half is to be followed; what of the noise is followed besides is excess."""
     spectra = followed(share, motion=1.0)
     noise = 0.25 * 2.0  # its density
     beside = _beside(spectra, (10.0, 20.0), EVERY, noise)

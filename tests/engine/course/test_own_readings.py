@@ -119,6 +119,7 @@ def test_a_gps_whose_velocity_jumps_while_no_accelerometer_felt_it_is_named(size
         assert (channel, at_s, by) == ("gps_north", pytest.approx(ONSET_S, abs=1.5), pytest.approx(size, rel=0.2))
 
 
+@pytest.mark.nightly
 def test_a_gps_that_jumps_often_or_comes_back_jumps_as_it_usually_does():
     often = flown()
     for onset_s, size in ((40.0, 3.0), (60.0, -2.5), (80.0, 2.8)):
@@ -141,6 +142,7 @@ def test_a_field_that_is_read_far_stronger_than_anywhere_else_names_its_magnetom
     assert (name, span.state, span.judgement.axis) == ("magnetometer", State.FAILED, "mag_z")
 
 
+@pytest.mark.nightly
 def test_a_field_that_currents_can_make_or_that_a_heading_turns_names_nobody():
     drifts = gb.Drift(channel="mag_z", onset_s=ONSET_S, slope=0.4 * FIELD_UT / 90.0)
     assert said_of(gb.inject(flown(), drifts)).accused == ()
