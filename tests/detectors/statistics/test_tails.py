@@ -270,3 +270,21 @@ def test_a_window_that_no_calibration_judges_owes_nothing_to_luck():
     inf = math.inf
     assert Luck.of(np.array([[inf, 2.0], [inf, 2.0]])) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [5.0, 2.0], [5.0, 2.0]])).within == inf
+
+
+@pytest.mark.parametrize(
+    ("spread", "told"),
+    [
+        ({"median": 1.2, "within": 2.0}, (1.2, 2.0)),
+        ({"median": 1.0, "within": None}, (1.0, math.inf)),
+        ({"median": 0.9, "within": 2.0}, None),
+        ({"median": 1.2}, None),
+        ("wide", None),
+        (None, None),
+    ],
+)
+def test_luck_is_read_of_a_file_that_may_hold_anything(spread, told):
+    """And where thresholds are a factor m apart, (log m / log 3)^2 times as many records bring them to three."""
+    luck = Luck.from_provenance({"threshold_spread": spread})
+    assert (luck and (luck.median, luck.within)) == told
+    assert Luck(median=9.0, within=99.0).enough(10) == 4 * 10 + 1
