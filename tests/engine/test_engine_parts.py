@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from gtmbench.engine.explanation import Explanation
+from gtmbench.engine.explanations import installation
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.flight import LIVELY_S
 from gtmbench.engine.frozen import frozen_sensors
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
+from gtmbench.engine.relation import Effect
 from gtmbench.engine.sides import _log_odds
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import from_on, motion, with_error
@@ -85,6 +88,30 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
     (last,) = frozen_sensors(flight_from(stuck("r", 50.0, 200.0), is_driven=False))
     assert (last.best.suspect, last.lasts) == ("r", True)
+
+
+# what is healthy and looks like a fault --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "of"), [("iron north", np.sin), ("iron east", np.cos)])
+def test_iron_bends_a_heading_by_its_sine_or_cosine_as_slowly_as_a_compass_corrects_it(name, of):
+    """About the vertical alone, at rest in the first heading: e' = (wrong - e) / tau."""
+    (iron,) = [each for each in installation.explanations(FLIGHT) if each.kind == name]
+    wrong, share = of(np.radians(FLIGHT.angles[:, 2])), STEP_S / 5.0
+    off = [wrong[0]]
+    for each in wrong[1:]:
+        off.append(off[-1] + share * (each - off[-1]))
+    turning = iron.effect(FLIGHT).turning
+    np.testing.assert_allclose(turning[:, 2], np.gradient(off, STEP_S), atol=1e-9)
+    np.testing.assert_allclose(turning[:, :2], 0.0, atol=1e-9)
+
+
+def test_an_explanation_of_which_nothing_is_said_costs_nothing_and_is_of_any_size_and_length():
+    said = Explanation(suspect="q", kind="own", effect=lambda _: Effect())
+    assert (said.name, said.price, said.least, said.shortest_s) == ("q own", 0.0, 0.0, 0.0)
+    assert (said.low, said.high, said.reach) == (-np.inf, np.inf, np.inf)
+    assert (said.is_healthy, said.is_gain, said.lasts) == (False, False, True)
+    assert np.isnan(said.mirror)
 
 
 # which side is broken --------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from gtmbench.engine.course.course import UNITS, course_of
 from gtmbench.engine.course.explanations.registry import explanations_of
 from gtmbench.engine.course.explanations.sensor import explanations as of_sensors
 from gtmbench.engine.course.judged import course_judged
-from gtmbench.engine.course.relations import roughness
+from gtmbench.engine.course.relations import field, roughness
 from gtmbench.engine.course.relations.registry import RELATIONS, relations_of
 from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER
@@ -89,6 +89,15 @@ def test_the_noise_of_a_sensor_is_its_power_in_the_units_of_a_course():
     read = Samples(time_s, 5.0 * np.random.default_rng(1).standard_normal(len(time_s)))
     course = course_of(flight_from(flown(noise=None)), {"altitude": read})
     assert np.nanmean(course.noise["altitude"]) == pytest.approx((5.0 * UNITS["altitude"]) ** 2, rel=0.1)
+
+
+def test_a_field_that_is_missing_for_a_while_is_as_well_known_beside_it():
+    record = flown(noise=None)
+    gap = np.where(np.abs(record.time_s - 70.0) < 3.0, np.nan, record["mag_x"])
+    whole, part = (field.relation(course_from(each)).values for each in (record, record.replace("mag_x", gap)))
+    there = np.isfinite(part).all(axis=1)
+    assert 0.9 < there.mean() < 0.99
+    np.testing.assert_allclose(part[there], whole[there], atol=0.1)
 
 
 # ---- relations ----
