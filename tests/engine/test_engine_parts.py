@@ -1,6 +1,7 @@
 """Parts of the engine that stand alone, each against what it is by definition: flights, stillness, odds, IMUs."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,10 +11,11 @@ from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations import installation
 from gtmbench.engine.finding import FROZEN
 from gtmbench.engine.flight import LIVELY_S
-from gtmbench.engine.frozen import frozen_sensors
+from gtmbench.engine.frozen import _spread, frozen_sensors
 from gtmbench.engine.imus.agreement import agree, apart, change, factors, late, means_part
 from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
+from gtmbench.engine.judged import parting
 from gtmbench.engine.relation import Effect
 from gtmbench.engine.sides import _log_odds
 from tests.engine.engine_flights import felt_at_rest, flight_from
@@ -88,6 +90,22 @@ def test_what_is_usual_for_it_or_for_another_gyro_or_lasts_to_the_end_is_told_ap
     assert {each.best.suspect for each in frozen_sensors(flight_from(other, is_driven=False))} == set()
     (last,) = frozen_sensors(flight_from(stuck("r", 50.0, 200.0), is_driven=False))
     assert (last.best.suspect, last.lasts) == ("r", True)
+
+
+@pytest.mark.parametrize("count", [1, 6, 11, 40])
+def test_how_far_rates_spread_is_told_over_five_blocks_to_either_side(count):
+    rates = np.random.default_rng(1).standard_normal((count, 3))
+    middle = [min(max(row, 5), max(count - 6, 5)) for row in range(count)]
+    expected = [rates[max(at - 5, 0) : at + 6].std(axis=0) for at in middle]
+    np.testing.assert_allclose(_spread(rates), expected)
+
+
+@pytest.mark.parametrize(("least_deg_s", "far_deg_s"), [(0.0, 2.0), (1.0, 2.0), (3.0, 3.0)])
+def test_gyros_part_by_two_degrees_a_second_and_by_more_beside_a_larger_error(least_deg_s, far_deg_s):
+    sizes = (0.95 * far_deg_s, 1.05 * far_deg_s, -1.05 * far_deg_s)
+    changes = [SimpleNamespace(of="error", axis=axis, size=size) for axis, size in enumerate(sizes)]
+    assert parting(changes, least_deg_s) == ["q", "r"]
+    assert parting([SimpleNamespace(of="factor", axis=0, size=99.0)], least_deg_s) == []
 
 
 # what is healthy and looks like a fault --------------------------------------------------------------------------
