@@ -17,6 +17,7 @@ from gtmbench.engine.imus.imu import FlightImu
 from gtmbench.engine.imus.mounting import Mounting, mounting_of
 from gtmbench.engine.judged import parting
 from gtmbench.engine.relation import Effect
+from gtmbench.engine.relations import gravity
 from gtmbench.engine.sides import _log_odds
 from tests.engine.engine_flights import felt_at_rest, flight_from
 from tests.helpers.turning import from_on, motion, with_error
@@ -62,6 +63,22 @@ def test_how_lively_a_flight_is_is_the_root_mean_square_of_its_latest_rates():
     expected = np.sqrt(np.square(rates[-count:]).sum(axis=1).mean())
     assert FLIGHT.lively[-1] - expected == pytest.approx(0.5, abs=1e-9)
     np.testing.assert_allclose(FLIGHT.spread, FLIGHT.gyros.std(axis=0))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_an_angle_that_is_off_changes_the_columns_of_gravity_as_is_said_of_it(axis):
+    def flown(*lean_deg):
+        angles = np.zeros((ROWS, 3))
+        angles[:, axis] = sum(lean_deg)
+        blocks = replace(FLIGHT.blocks, angles=angles, euler_rates=np.zeros((ROWS, 3)))
+        return replace(FLIGHT, blocks=blocks, forces=felt_at_rest(np.zeros((ROWS, 3))))
+
+    level = flown()
+    changed = gravity.relation(flown(1.0)).regressors - gravity.relation(level).regressors
+    effect = Effect(turned=level.angle_axes[:, :, axis])
+    np.testing.assert_allclose(gravity.shift(level, effect), changed, atol=1e-12)
+    assert np.nanmedian(gravity.relation(flown(1.0)).values[:, axis]) == pytest.approx(1.0, abs=0.01)
+    assert gravity.response(level, effect)[:, axis] == pytest.approx(1.0)
 
 
 # gyros that stand still ------------------------------------------------------------------------------------------
