@@ -48,6 +48,14 @@ TRUTHS: dict[str, Truth] = {
         ("p", "gps"),
         "the plot: gyros at rest, and the GPS's satellites",
     ),
+    "pxf_copter_8-10-2014_11.BIN": Truth(
+        "from 103 s on the GPS's place creeps back by 20 m within half a minute, while its velocity reads none",
+        ("gps",),
+        "the plot: places, beside the velocity's integral",
+    ),
+    "pxf_copter_22-12-2014_41.BIN": Truth(
+        "q drifts to 1.7 deg/s more than the attitude turns and IMU2 reads", ("q",), "the plot, and the other IMU"
+    ),
     "pxf_copter_15-10-2014_42.BIN": Truth("p drifts to -1.5 deg/s within half a minute", ("p",), _WARM),
     "ekf_failure.ulg": Truth(
         "an estimator fails in flight", (), "its name in PX4/flight-review-rs, and its own messages"

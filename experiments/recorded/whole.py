@@ -225,7 +225,8 @@ def broken_log(log: Opened, fault: gb.Fault, estimator: gb.AttitudeEstimator | N
     if flight is not None and motion is not None:
         own = flight_of_records(changed.segments, is_driven=flight.is_driven, is_assumed=flight.is_assumed)
         flight = with_imus(own, log.imus)
-    return replace(log, own=OpenedLog(log=changed, motion=motion), flight=flight)
+    # what the engine said of the healthy flight would be taken for what it says of this one
+    return replace(log, own=OpenedLog(log=changed, motion=motion), flight=flight, judged=None)
 
 
 def broken_record(record: Record, fault: gb.Fault, estimator: gb.AttitudeEstimator | None) -> Record:

@@ -15,7 +15,7 @@ from gtmbench.engine.flight import LIVELY_S, Flight
 from gtmbench.engine.imus.agreement import apart, change, means_part
 from gtmbench.engine.imus.between import relation_of
 from gtmbench.engine.model import Model
-from gtmbench.engine.relations.attitude import log_rough
+from gtmbench.engine.relations.attitude import log_rough, over_second
 from gtmbench.engine.relations.roughness import in_motion
 from gtmbench.engine.sides import constants_of_gyro
 from gtmbench.engine.sums import CELL, blocks_of_cells
@@ -35,6 +35,7 @@ _NOTHING, _HALF = 1e-3, 0.5  # of turns; of what a gain would change
 _LATE_S, _STAYS, _YAW = (20.0, 60.0), 0.2, 2  # behind an onset; of an error; the axis that a compass corrects
 _VOTERS, _PARTS = 2, 0.35  # further IMUs; of what the furthest is from the watched one
 _ASKEW = 0.06  # three degrees
+_OF_TURNS = 0.25  # of how fast they turn: by less healthy IMUs part, scales, axes and lag taken together
 _SHARED, _ROUGHER = 0.25, 0.5  # of a gyro's rise of roughness; of another's usual one, which rises as well
 _FAR_DEG = 45.0  # by the slowest estimator: from there on its attitude is no witness of the gyro that drives it
 # times the usual: of 90 attitudes that follow a healthy gyro none is above 1.3; of 8 that follow a sign, none below 1.7
@@ -312,19 +313,28 @@ def _shaken(model: Model, finding: Finding) -> list[str]:
 def _shakes_all(flight: Flight, finding: Finding) -> list[str]:
     """Doubt noise of a gyro where others got rougher by a part of as much: what shakes all shows in the quietest most.
 
-    A relation of logarithms can't tell: the same shaking is a larger part of what a quiet gyro usually has.
+    A relation of logarithms can't tell: the same shaking is a larger part of what a quiet gyro usually has. Nor does it
+    know of a frame that shakes about one axis: accelerometers feel that, and no gyro's noise.
     """
     if finding.best.kind != "noise" or finding.best.suspect not in GYROS:
         return []
-    inside = blocks_of_cells(finding.first, finding.last, len(flight))
-    rough, asked = np.exp(log_rough(flight)), in_motion(flight)
-    if not (inside & asked).any() or not (asked & ~inside).any():
+    inside, axis = blocks_of_cells(finding.first, finding.last, len(flight)), axis_number(finding.best.suspect)
+    rises, usual = _rises(flight, np.exp(log_rough(flight)), inside)
+    if np.delete((rises > _SHARED * rises[axis]) & (rises > _ROUGHER * usual), axis).any():
+        return ["other gyros are rougher, too: vibration"]
+    if flight.felt_rough is None:
         return []
-    usual = np.nanmedian(rough[asked & ~inside], axis=0)
-    rises = np.nanmedian(rough[inside & asked], axis=0) - usual
-    axis = axis_number(finding.best.suspect)
-    is_shared = (rises > _SHARED * rises[axis]) & (rises > _ROUGHER * usual)
-    return ["other gyros are rougher, too: vibration"] if np.delete(is_shared, axis).any() else []
+    rises, usual = _rises(flight, over_second(flight, flight.felt_rough), inside)
+    return ["the accelerometers are rougher, too: vibration"] if (rises > _ROUGHER * usual).any() else []
+
+
+def _rises(flight: Flight, rough: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Return by how much roughness in motion is more within a span than elsewhere, and what it is there; else 0."""
+    known = in_motion(flight) & np.isfinite(rough).all(axis=1)
+    if not (inside & known).any() or not (~inside & known).any():
+        return np.zeros(3), np.zeros(3)
+    usual = np.median(rough[~inside & known], axis=0)
+    return np.median(rough[inside & known], axis=0) - usual, usual
 
 
 def _bears_out(finding: Finding, changed: Span) -> bool:
@@ -346,7 +356,8 @@ def _own_axis(finding: Finding) -> list[str]:
 def _regime(model: Model, finding: Finding) -> list[str]:
     """Judge nothing in motion that the rest of the log hasn't seen: as far as it takes to show, or all of a factor.
 
-    A factor shows by motion alone: one of the whole flight is how its sensor is, or its reference.
+    A factor shows by motion alone: one of the whole flight is how its sensor is, or its reference. IMUs that part by
+    far more than motion makes of how they are mounted need no other of its kind.
     """
     axis, flight = axis_number(finding.best.suspect), model.flight
     rates = np.minimum(np.abs(np.nan_to_num(flight.blocks.rates)), 400.0)
@@ -357,6 +368,10 @@ def _regime(model: Model, finding: Finding) -> list[str]:
         shows = int(np.ceil((finding.shows_s - flight.blocks.start_s) / model.cell_s))
         last = max(min(shows, last), finding.first + 1)
     inside = blocks_of_cells(finding.first, last, len(flight))
+    there = inside & flight.judged
+    turns_deg_s = np.sqrt(np.square(rates[there]).sum() / max(np.count_nonzero(there), 1))
+    if finding.parts_imus and finding.reached_deg_s > _OF_TURNS * turns_deg_s:
+        return []
     sides = [inside] if finding.side is Side.AFTER else [inside, ~inside]  # either may be the broken one
     if all(_is_seen(flight, lively, inside=each) for each in sides):
         return []
@@ -378,9 +393,13 @@ def _over(values: FloatArray, count: int) -> FloatArray:
 
 
 def _bent(model: Model, finding: Finding, found: Sequence[Finding]) -> list[str]:
-    """Judge no other axis while a gyro bends the attitude far, by its own estimator or by the one that is seen here."""
+    """Judge no other axis while a gyro bends the attitude far, by its own estimator or by the one that is seen here.
+
+    Where gyros drive the attitude and neither tells by which, it is the fastest: a slow one would bend it farther.
+    """
+    fastest_s = min(TIMES_S) if model.flight.is_driven else 0.0
     for other in found:
-        fades_s = other.best.fades_s or finding.best.fades_s
+        fades_s = other.best.fades_s or finding.best.fades_s or fastest_s
         if other is finding or not fades_s or not other.meets(finding.first, finding.last):
             continue
         if axis_number(other.best.suspect) == axis_number(finding.best.suspect):

@@ -42,6 +42,8 @@ class Flight:
     forces: FloatArray | None = field(default=None, repr=False)
     # shape (blocks,): the standard deviation of nz within a block, in g
     shaking: FloatArray | None = field(default=None, repr=False)
+    # shape (blocks, 3): mean squares of second differences of nx, ny, nz, in g^2; NaN where there is none
+    felt_rough: FloatArray | None = field(default=None, repr=False)
     gyro_step_s: float = 0.0  # the longest usual time between two samples of a gyro
     # is_driven, is_assumed: whether the gyros drive the attitude, and whether that is only assumed
     is_driven: bool = True

@@ -72,6 +72,7 @@ def flight_of(sensors: Mapping[str, Samples], *, is_driven: bool, is_assumed: bo
         blocks=blocks,
         forces=np.column_stack([mean for mean, _ in forces]),
         shaking=forces[2][1],
+        felt_rough=np.column_stack([rough_between(sensors[name], edges) for name in FORCES]),
         gyro_step_s=step_s,
         is_driven=is_driven,
         is_assumed=is_assumed,

@@ -18,6 +18,7 @@ from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 EXPECTED = 6.0  # nats: the most that chance makes of evidence on a log as the model has it
 BOUND = 16.0  # nats, tempered: the least of a finding
+_ONLY_TWO = 2.0  # chosen: a heading that drifted was 11.8 nats behind r where 11.3 are allowed; 29 other faults stay
 MISFIT = 0.05  # of the evidence: what a slightly wrong shape makes
 FIRST_S = 4.0  # of a log before an onset
 WINDOWS_S = (5.0, 10.0, 20.0, 60.0)  # of what ends: as short as a gyro fails, as long as is promised
@@ -217,10 +218,23 @@ class WindowSearch:
         if not own.ratio[0, place] / self.tempers[place] >= bound:
             return None
         margin = DECISIVE + MISFIT * float(best[place])
-        order = [int(each) for each in np.argsort(-best) if best[each] > best[place] - margin]
+        order = [
+            int(each) for each in np.argsort(-best) if best[each] > best[place] - margin * self._alike(place)[each]
+        ]
         found = self._finding(own, seen, onsets, totals, order, margin, last)
         shows = self._shows(int(onsets[row]), last, place, found.size, sums)
         return replace(found, shows_s=model.flight.blocks.start_s + shows * model.cell_s)
+
+    def _alike(self, place: int) -> FloatArray:
+        """Return how much less likely than one explanation each other may be, times the usual, and still be left.
+
+        Nobody but r holds a heading, and nobody but a heading r; whether the gyros drive it is assumed. How an error of
+        either begins is all that tells them apart, and least known.
+        """
+        own = self._suspects[place]
+        is_twin = np.isin(self._suspects, ("r", "psi")) & (self._suspects != own)
+        is_open = own in ("r", "psi") and self.model.flight.is_assumed
+        return np.where(is_twin, _ONLY_TWO, 1.0) if is_open else np.ones(len(self._suspects))
 
     def _shows(self, first: int, last: int, place: int, size: float, sums: tuple[WindowSums, ...]) -> int:
         """Return the first end, in cells, up to which it shows: by s^2 / (2 d^2), d the deviation of its size s.

@@ -11,6 +11,7 @@ import contextlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -55,6 +56,8 @@ class SensorReadings:
     values: FloatArray = field(repr=False)  # in the channels' units, shape (readings, channels)
     # whether it is slow and late by itself, as a GPS is: its readings stay in their rows and aren't interpolated
     is_late: bool = False
+    # of a GPS that tells its place: how far north and east of its first it is, in m, shape (readings, 2)
+    places: FloatArray | None = field(default=None, repr=False)
     lost: tuple[LostFix, ...] = ()  # when it lost its fix at once, of a GPS
     # what was left out, because no sensor reads it
     out_of_range: tuple[OutOfRange, ...] = field(default=(), repr=False)
@@ -162,6 +165,7 @@ class _Columns(NamedTuple):
     values: FloatArray
     is_late: bool = False
     stamps_s: FloatArray | None = None  # instead of the clock's
+    places: FloatArray | None = None
     lost: tuple[LostFix, ...] = ()
 
 
@@ -220,13 +224,14 @@ def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str
         if _PX4_GPS.fullmatch(topic) and set(_PX4_VELOCITY) <= own.keys():
             read = [own[name].stored() for name in _PX4_VELOCITY]
             fix = own["fix_type"].values() >= _FIX_3D if "fix_type" in own else np.isfinite(read[0])
-            return _with_lost(_of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix), own, fix, raw)
+            gps = _of_topic(topic, _PX4_VELOCITY, own["vel_n_m_s"], read, fix)._replace(places=_places(own, fix))
+            return _with_lost(gps, own, fix, raw)
         # in logs of 2014 stamps are the GPS's time of week, and T is the time since the start that all others have
         if _ARDUPILOT_GPS.fullmatch(topic) and {"Spd", "GCrs", "VZ", "Status"} <= own.keys():
             speed, course = own["Spd"].values(), np.deg2rad(own["GCrs"].values())
             read = [speed * np.cos(course), speed * np.sin(course), own["VZ"].values()]
             fix = own["Status"].values() >= _FIX_3D
-            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, fix)
+            gps = _of_topic(topic, ("Spd", "GCrs", "VZ"), own["Spd"], read, fix)._replace(places=_places(own, fix))
             gps = gps._replace(stamps_s=0.001 * own["T"].values()) if "T" in own else gps
             return _with_lost(gps, own, fix, raw)
     return None
@@ -234,7 +239,26 @@ def _gps(raw: RawLog, by_name: Mapping[str, RawSeries], mapped: Mapping[str, str
 
 _PX4_VELOCITY = ("vel_n_m_s", "vel_e_m_s", "vel_d_m_s")
 _SATELLITES = ("satellites_used", "NSats")
-_GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T", *_SATELLITES)
+# latitude and longitude, and the factor by which they are deg
+_PLACES = {("latitude_deg", "longitude_deg"): 1.0, ("lat", "lon"): 1e-7, ("Lat", "Lng"): 1.0}
+_GPS_FIELDS = (*_PX4_VELOCITY, "fix_type", "Spd", "GCrs", "VZ", "Status", "T", *_SATELLITES, *chain(*_PLACES))
+_EQUATOR_M, _SQUARED_ECCENTRICITY = 6_378_137.0, 0.00669438  # of the earth (WGS 84)
+
+
+def _places(own: Mapping[str, RawSeries], fix: BoolArray) -> FloatArray | None:
+    """Return how far north and east of its first place a GPS is, in m, NaN without a fix; None where it isn't logged.
+
+    By the earth's radii of curvature at that place.
+    """
+    names = next((names for names in _PLACES if own.keys() >= {*names}), None)
+    if names is None or not fix.any():
+        return None
+    north, east = (np.radians(_PLACES[names] * own[name].values()) for name in names)
+    first = int(np.argmax(fix))
+    flat = 1.0 - _SQUARED_ECCENTRICITY * np.sin(north[first]) ** 2
+    radii_m = _EQUATOR_M / np.sqrt(flat) * np.array([(1.0 - _SQUARED_ECCENTRICITY) / flat, np.cos(north[first])])
+    moved = np.column_stack([north - north[first], east - east[first]]) * radii_m
+    return np.where(fix[:, np.newaxis], moved, np.nan)
 
 
 def _of_columns(series: Sequence[RawSeries], signs: Sequence[float]) -> _Columns | None:
@@ -274,6 +298,8 @@ def _readings(told: _Columns, raw: RawLog) -> SensorReadings | None:
     own = cleared[told.clock]
     values = told.values[own.rows]
     read = ~np.isnan(values).all(axis=1) & np.isfinite(own.time_s)
+    if told.places is not None:
+        told = told._replace(places=told.places[own.rows][read])
     return _kept(told, own.time_s[read], values[read])
 
 
@@ -296,8 +322,10 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
         if rows.any()
     )
     whole = np.isfinite(values).all(axis=1) & ~outside.any(axis=1)
+    places = told.places
     if not whole.all():
         time_s, values = time_s[whole], values[whole]
+        places = None if places is None else places[whole]
     is_read = readings_at(time_s, values)
     if np.count_nonzero(is_read) < _FEWEST and not beyond:
         return None
@@ -309,6 +337,7 @@ def _kept(told: _Columns, time_s: FloatArray, values: FloatArray) -> SensorReadi
         time_s=time_s[is_read],
         values=values[is_read],
         is_late=told.is_late,
+        places=None if places is None else places[is_read],
         lost=told.lost,
         out_of_range=beyond,
     )

@@ -439,6 +439,16 @@ def test_what_shows_only_over_far_longer_than_is_known_before_it_names_nobody(
     assert ("are known before it" in said.doubt) == is_doubted
 
 
+def test_what_bends_the_attitude_by_the_fastest_estimator_bends_it_by_any(model, finding):
+    """A drift that ends up 30 deg/s off, by an estimator that nobody can tell, and a small bias of another gyro."""
+    both = [finding("q drift", 40.0, size=0.2), finding("r bias", 120.0, size=2.0)]
+    told = {each.best.suspect: each for each in with_doubts(model, both)}
+    assert (told["q"].named, told["r"].named) == ("q", None)
+    assert told["r"].doubt.startswith("q bends the attitude by ")
+    own = replace(model, flight=replace(model.flight, is_driven=False))
+    assert [each.named for each in with_doubts(own, both)] == ["q", "r"]
+
+
 # gains that further IMUs show -------------------------------------------------------------------------------------
 
 

@@ -329,3 +329,15 @@ def test_what_shakes_all_gyros_from_some_time_on_is_nobodys_fault(seed, deviatio
 def test_a_gyro_that_gets_noisy_alone_is_named(gyro, deviation):
     found = said(2, gb.Noise(channel=gyro, onset_s=60.0, deviation=deviation, seed=5))
     assert names_of(found) == [gyro]
+
+
+@pytest.mark.parametrize("read_from_s", [0.0, 90.0])
+def test_a_frame_that_shakes_about_one_axis_is_no_gyros_noise(read_from_s):
+    flight = flight_from(gb.inject(flown(2), gb.Noise(channel="p", onset_s=60.0, deviation=2.5, seed=5)))
+    at_rest = 0.01 * np.random.default_rng(3).exponential(size=(len(flight), 3))
+    at_rest[flight.time_s < read_from_s] = np.nan
+    assert names_of(judged(replace(flight, felt_rough=at_rest))) == ["p"]
+    shaken = np.where((flight.time_s > 60.0)[:, np.newaxis] & [False, False, True], 3.0, 1.0) * at_rest
+    [found] = judged(replace(flight, felt_rough=shaken)).found
+    # what they read elsewhere has to be known
+    assert found.accuses == (read_from_s > 60.0)

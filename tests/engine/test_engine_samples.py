@@ -262,6 +262,7 @@ def test_forces_are_means_of_each_block_and_shaking_is_the_deviation_of_the_vert
     loud, quiet = flight.shaking[edges[:-1] > 30.2], flight.shaking[edges[1:] < 29.8]
     assert np.median(loud) == pytest.approx(0.28, abs=0.05)
     assert np.median(quiet) == pytest.approx(0.0095, abs=0.002)
+    np.testing.assert_allclose(np.nanmean(flight.felt_rough, axis=0)[:2], 6.0 * 0.5**2, rtol=0.2)
 
 
 def test_forces_that_are_missing_are_not_known_and_a_few_samples_do_not_tell_of_shaking():

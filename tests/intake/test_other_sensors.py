@@ -52,10 +52,28 @@ def test_of_an_ardupilot_log_its_sensors_and_not_what_its_estimator_made_of_them
     assert sensors["tas"].values[:, 0] * 0.514444 == pytest.approx(SPEED, rel=1e-4)
     assert sensors["altitude"].values[:, 0] * 0.3048 == pytest.approx(HEIGHT_M, rel=1e-4)
     assert sensors["altitude"].time_s == pytest.approx(TIME_S, abs=1e-5)
+    assert sensors["gps_north"].places is None
 
 
 def test_a_gps_without_a_fix_reads_nothing(record, tmp_path):
     assert "gps_north" not in found(tmp_path / "log.bin", ardupilot([record], more=of_ardupilot(status=1)))
+
+
+@pytest.mark.parametrize("latitude_deg", [47.0, -60.0])
+def test_places_are_metres_north_and_east_of_the_first_fix(record, tmp_path, latitude_deg):
+    # 10 m north and 20 m east a second, by the lengths of a degree that are tabled for these latitudes (WGS 84)
+    degree_m = {47.0: (111_170.0, 76_056.0), -60.0: (111_412.0, 55_800.0)}[latitude_deg]
+    latitudes, longitudes = latitude_deg + 10.0 * TIME_S / degree_m[0], 8.0 + 20.0 * TIME_S / degree_m[1]
+    fix = np.where(TIME_S < 2.0, 1, 3).tolist()
+    rows = stamped(fix, SPEED, COURSE, DOWN, latitudes, longitudes)
+    of_ardupilot = ardupilot([record], more={"GPS": ("QBfffdd", "TimeUS,Status,Spd,GCrs,VZ,Lat,Lng", rows)})
+    fields = [*(f"float vel_{axis}_m_s" for axis in "ned"), "uint8_t fix_type", "int32_t lat", "int32_t lon"]
+    stored = (np.rint(1e7 * each).astype(int).tolist() for each in (latitudes, longitudes))
+    of_px4 = px4(record, more={"sensor_gps": (fields, list(zip(TIME_S, NORTH, EAST, DOWN, fix, *stored, strict=True)))})
+    for name, content in (("log.bin", of_ardupilot), ("log.ulg", of_px4)):
+        gps = found(tmp_path / name, content)["gps_north"]
+        since_s = gps.time_s - 2.0
+        np.testing.assert_allclose(gps.places, np.column_stack([10.0 * since_s, 20.0 * since_s]), atol=0.2)
 
 
 def test_of_px4_the_airspeed_sensor_and_the_pressure(record, tmp_path):

@@ -28,7 +28,8 @@ _KNOWN = 0.5  # of a chunk's blocks
 ERROR_FLOOR_DEG_S = 0.3  # smaller differences are installation, warming and wind
 _GAIN_FLOOR, _NOISE_FLOOR = 0.1, 0.7  # of a gain; of the logarithm of a power: it doubles
 _BINS, _FEWEST = 8, 12  # of chunks as lively, so many in each at least
-_JUMPS = (1, 5, 20)  # blocks over which an angle's jump is summed; over the last it stays
+# blocks over which an angle's jump is summed: between two samples it stands in two, or three; over the last it stays
+_JUMPS = (3, 5, 20)
 _LOCAL = 75  # blocks on either side, whose median is the error that isn't a jump
 _JUMP_DEVIATIONS = 6.0  # of jumps as large as usual there
 _HALF, _KNOWN_SHARE = 0.5, 0.2  # of a share, and how well a quarter of a log has to know it
@@ -243,8 +244,8 @@ def jumps_deg(alignment: Alignment, known: BoolArray) -> Jumps:
     """Return by how much each angle may jump at every block.
 
     A jump of an angle turns the attitude by a rotation about that angle's axis a which no gyro reads. It stands in e of
-    one block, whole: a.e / a.a over the gyros that are known, times the block's length. It is summed over a few blocks,
-    for what a lag leaves of a hard turn is taken back at once: it doesn't stay for seconds.
+    the blocks between two samples: a.e / a.a over the gyros that are known, times the block's length. It is summed over
+    a few blocks, for what a lag leaves of a hard turn is taken back at once: it doesn't stay for seconds.
 
     `known`, shape (blocks, 3): whose errors tell: those of gyros that read right, but for a constant.
     """

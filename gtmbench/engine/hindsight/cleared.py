@@ -309,7 +309,8 @@ def _of_angle(alignment: Alignment, axis: int, jumps: Jumps, changes: Sequence[L
     jump, usual, stay = jumps
     bounds = np.where(np.isfinite(jump), jump + SPARE * np.maximum(usual, _JUMP_FLOOR_DEG), np.inf)
     seen = np.isfinite(jump) & (jump > np.maximum(usual, _JUMP_FLOOR_DEG)) & (stay > 0.5 * jump)
-    left = np.maximum.accumulate(np.where(seen, bounds, 0.0))  # an angle that jumped may be wrong from there on
+    whole = bounds + np.maximum(stay - jump, 0.0)  # where samples are rare, a jump takes longer than a few blocks
+    left = np.maximum.accumulate(np.where(seen, whole, 0.0))  # an angle that jumped may be wrong from there on
     worst_row = int(np.argmax(np.where(seen, jump, 0.0)))
     since_s = start_s + worst_row * alignment.blocks.period_s
     chunks = alignment.chunked(np.maximum(bounds, left))

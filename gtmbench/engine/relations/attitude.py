@@ -65,5 +65,10 @@ def log_rough(flight: Flight) -> FloatArray:
 
     Of less than half a second it is none: by luck a few samples are as smooth as no noise is, and its logarithm tells.
     """
+    return np.asarray(np.log(over_second(flight, flight.blocks.rough) + 1e-8))
+
+
+def over_second(flight: Flight, values: FloatArray) -> FloatArray:
+    """Return means over about a second that ends with each block; NaN where less than half of it is known."""
     over = max(round(1.0 / flight.blocks.period_s), 1)
-    return np.log(trailing_means(flight.blocks.rough, over, (over + 1) // 2) + 1e-8)
+    return trailing_means(values, over, (over + 1) // 2)

@@ -1,7 +1,9 @@
-"""A GPS that shows by itself that it failed: it loses its fix at once in flight, or its velocity jumps as none can.
+"""A GPS that shows by itself that it failed: its fix is lost at once, its velocity jumps, or its place parts from that.
 
 The engine asks what a GPS reads of a flight's course. It sees no fix that is lost, because then nothing is read, and
-names no GPS that accelerometers alone contradict; but no aircraft takes such a step.
+names no GPS that accelerometers alone contradict; but no aircraft takes such a step. Nor does it read places. A
+receiver measures its velocity by the Doppler shift and its place by the signals' travel, so each is a witness of the
+other.
 """
 
 from __future__ import annotations
@@ -19,12 +21,17 @@ from gtmbench.study.log.records import LIVELY_DEG_S, turning_by_second
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, G_M_S2, GPS_VELOCITY, GYROS
 from gtmbench.values.record import FloatArray, Record
 
-FIX, JUMP = "fix", "velocity jump"  # sources and tests of such alarms
+FIX, JUMP, PLACE = "fix", "velocity jump", "place"  # sources and tests of such alarms
 _GPS = "gps"
 _LASTS_S = 5.0  # a fix that is back sooner may have been skipped by the receiver
 _JUMP_M_S, _JUMP_M_S2 = 4.0, 25.0  # at least
+_PAUSE_S = 1.5  # between two readings: in it, a velocity that isn't read makes up to a metre or two
 _LONGEST_S = 0.55  # between two readings of which the second may have jumped
 _FORCE_G, _BEFORE_S, _BEHIND_S = 2.0, 5.0, 0.5  # more is read in an impact, which may turn an antenna to the ground
+# within so long a place moves by so much more or less than its velocity makes (in 25 real flights 9 m at most); one
+# of both is late behind the other by half a second at most
+_OVER_S, _PARTS_M, _LATE_S = 20.0, 20.0, 0.5
+_BEGUN = 0.25  # of what they part by, which shows since when
 _BEYOND = 1.5  # times the largest acceleration that the force they read, and gravity, allow
 _ABOUT_S = 2.0  # before an excursion, and before the last motion: it may have begun already
 _MOVES_S, _FEWEST_LIVELY = 10.0, 3  # after an alarm; seconds in which the aircraft turns
@@ -50,7 +57,7 @@ class _Flown(NamedTuple):
 def gps_alarms(
     sensors: Sequence[SensorReadings], moving: Sequence[Record], excursions: Sequence[Excursion]
 ) -> tuple[Alarm, ...]:
-    """Return an alarm for each fix that a GPS lost and each jump of its velocity, in time; some with a doubt.
+    """Return an alarm for each fix that a GPS lost, its velocity's jump and its place's error, in time; some doubted.
 
     `excursions`: contacts with the ground and motion beyond what was learnt: what begins there may be no fault.
     """
@@ -66,6 +73,7 @@ def gps_alarms(
 
 def _shown(sensor: SensorReadings, forces: SensorReadings | None, flown: _Flown) -> Iterator[Alarm]:
     yield from _lost(sensor, flown)
+    yield from _parts(sensor)
     if forces is not None:
         yield from _jumps(sensor, forces)
 
@@ -78,6 +86,30 @@ def _lost(sensor: SensorReadings, flown: _Flown) -> Iterator[Alarm]:
         if turns and lasts_s >= _LASTS_S:
             why = f"it lost its {lost.satellites} satellites at once, and found none for {lasts_s:.1f} s"
             yield _alarm(FIX, (lost.start_s, lost.end_s), lost.start_s + _LASTS_S, why)
+
+
+def _parts(sensor: SensorReadings) -> Iterator[Alarm]:
+    """Give when the place first moves otherwise than the velocity makes, without a pause in between."""
+    if sensor.places is None:
+        return
+    time_s, velocity = sensor.time_s, sensor.values[:, :2]
+    steps_s = np.diff(time_s)
+    made = 0.5 * (velocity[1:] + velocity[:-1]) * steps_s[:, np.newaxis]
+    apart = np.diff(sensor.places, axis=0) - made
+    even = np.isfinite(apart).all(axis=1) & (steps_s <= _PAUSE_S)
+    apart = np.concatenate([np.zeros((1, 2)), np.cumsum(np.where(even[:, np.newaxis], apart, 0.0), axis=0)])
+    pauses = np.concatenate([[0], np.cumsum(~even)])
+    first = np.searchsorted(time_s, time_s - _OVER_S)
+    parted_m = np.linalg.norm(apart - apart[first], axis=1)
+    bound_m = _PARTS_M + _LATE_S * np.linalg.norm(velocity - velocity[first], axis=1)
+    for row in np.flatnonzero((parted_m > bound_m) & (pauses == pauses[first])):
+        own = slice(first[row], row + 1)
+        before = np.linalg.norm(apart[own] - apart[first[row]], axis=1) < _BEGUN * parted_m[row]
+        begun = int(first[row] + np.flatnonzero(before)[-1])
+        over_s = float(time_s[row] - time_s[begun])
+        why = f"its place moves otherwise than its velocity makes, by {parted_m[row]:.0f} m within {over_s:.2g} s"
+        yield _alarm(PLACE, (float(time_s[begun]), None), float(time_s[row]), why)
+        return
 
 
 def _jumps(sensor: SensorReadings, forces: SensorReadings) -> Iterator[Alarm]:

@@ -17,6 +17,7 @@ from gtmbench.engine.hindsight.alignment import (
     noise_size,
     of_euler_rates,
 )
+from gtmbench.engine.samples import Samples, flight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.night import by_day
 from tests.helpers.turning import from_on, motion, with_error
@@ -299,6 +300,29 @@ def test_a_jump_of_an_angle_is_found_where_it_is_and_as_large_as_it_is(axis, siz
     assert jump[350, axis] + max(usual[350, axis], 1.0) >= abs(size)
     assert jump[350, axis] == pytest.approx(abs(size), rel=0.15, abs=0.5)
     assert jump[350, axis] > usual[350, axis]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.3, 0.5, 0.9])
+def test_a_jump_between_two_samples_is_as_large_however_these_lie_in_blocks(late):
+    """Between slow samples an angle grows to its jump over a block, of which one may hold any part."""
+    flown = motion()
+    angle, rows = flown["psi"], round(0.2 / flown.sample_period_s)
+    grown = np.clip((np.arange(len(flown)) - 350 * rows - late * rows) / rows, 0.0, 1.0)
+    blocks = blocks_of([flown.replace("psi", angle + 4.0 * grown)])
+    jump, _, stay = jumps_deg(alignment_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    assert jump[350, 2] == pytest.approx(4.0, abs=0.6)
+    assert stay[350, 2] == pytest.approx(4.0, abs=0.6)
+
+
+@pytest.mark.parametrize("onset_s", [70.0, 70.05, 70.1, 70.15, 70.2])
+def test_a_jump_is_as_large_wherever_it_lies_between_the_edges_of_blocks(onset_s):
+    record = with_error(motion(), "phi", from_on(onset_s, 10.0))
+    time_s = np.arange(0.03, record.end_s, 0.07)  # an edge lies amid two samples
+    sensors = {name: Samples(time_s, np.interp(time_s, record.time_s, record[name])) for name in (*GYROS, *ATTITUDE)}
+    blocks = flight_of(sensors, is_driven=False).blocks
+    jump, _, _ = jumps_deg(alignment_of(blocks), np.ones((len(blocks), 3), dtype=bool))
+    about = np.abs(blocks.time_s - onset_s) < 0.5
+    assert jump[about, 0].max() == pytest.approx(10.0, rel=0.15)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -187,3 +187,20 @@ def test_what_the_others_agree_on_is_no_gyros_fault():
     assert is_contradicted(alarm, judged(flown(drifting)))
     assert not is_contradicted(alarm, said((0, gb.Bias(channel="p", onset_s=ONSET_S, size=4.0)), driver=1))
     assert not is_contradicted(alarm, judged(flown(drifting[:1])))
+
+
+@pytest.mark.parametrize(("size", "is_told"), [(8.0, True), (0.4, False)])
+def test_imus_that_part_by_more_than_their_motion_makes_need_no_such_motion_elsewhere(size, is_told):
+    """The aircraft turns for some seconds behind the onset alone; a small difference may be that motion's."""
+    records = imus(3, driver=0)
+    calm = [_calmed(each) for each in records]
+    calm[2] = gb.inject(calm[2], gb.Bias(channel="q", onset_s=ONSET_S, size=size))
+    failed, _ = accused(judged(flown(calm)))
+    assert failed == ({gyro_of("q", "IMU3")} if is_told else set())
+
+
+def _calmed(record):
+    """Return a record that hardly turns but for some seconds."""
+    still, time_s = record.values.copy(), record.time_s
+    still[(time_s < ONSET_S) | (time_s > ONSET_S + 7.0)] *= 0.02
+    return gb.Record(still, channels=record.channels, sample_period_s=record.sample_period_s, start_s=record.start_s)

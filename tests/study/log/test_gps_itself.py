@@ -1,4 +1,6 @@
-"""A GPS whose velocity jumps: named where no aircraft moves so and no accelerometer felt it."""
+"""A GPS whose velocity jumps, or parts from its place: named where no aircraft moves so."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -6,7 +8,7 @@ import pytest
 from gtmbench.detectors.excursion import Excursion
 from gtmbench.intake.other_sensors import SensorReadings
 from gtmbench.report.words.other_sensors import gps_lines, gps_why
-from gtmbench.study.log.gps_itself import JUMP, gps_alarms
+from gtmbench.study.log.gps_itself import JUMP, PLACE, gps_alarms
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY
 from gtmbench.values.record import Record
 
@@ -66,3 +68,54 @@ def test_a_jump_beside_a_contact_with_the_ground_may_be_no_fault():
 )
 def test_what_an_aircraft_may_do_is_no_failure(how):
     assert told(**how) == ()
+
+
+def placed(wrong_m=lambda _: 0.0, *, off_m_s=0.0, late_s=0.0, pause=None, every_s=0.2):
+    """Return the alarms of a GPS that flies an eight at 25 m/s, whose place or velocity is off from a time on."""
+    time_s = np.arange(0.0, 100.0, every_s)
+    if pause:
+        time_s = time_s[(time_s < pause[0]) | (time_s > pause[1])]
+    behind = time_s - JUMP_S
+    places = np.column_stack([80.0 * np.sin(0.3 * time_s), 60.0 * np.sin(0.15 * time_s)])
+    places += np.random.default_rng(4).standard_normal(places.shape)
+    places[:, 0] += np.where(behind >= 0.0, wrong_m(behind), 0.0)
+    of_s = time_s - late_s
+    velocity = np.column_stack([24.0 * np.cos(0.3 * of_s), 9.0 * np.cos(0.15 * of_s), 0.0 * of_s])
+    velocity[:, 1] += off_m_s * (behind >= 0.0)
+    gps = replace(sensor(GPS_VELOCITY, time_s, velocity, is_late=True), places=places)
+    return gps_alarms([gps], [turning()], ())
+
+
+@pytest.mark.parametrize(
+    ("how", "within_s"),
+    [
+        ({"wrong_m": lambda _: 30.0}, 0.5),
+        ({"wrong_m": lambda _: -45.0, "late_s": 0.2}, 0.5),
+        ({"wrong_m": lambda behind_s: 1.5 * np.minimum(behind_s, 20.0)}, 20.0),
+        ({"wrong_m": lambda behind_s: 30.0 * np.random.default_rng(5).standard_normal(len(behind_s))}, 5.0),
+        ({"off_m_s": 3.0}, 10.0),
+        ({"off_m_s": -8.0}, 4.0),
+    ],
+)
+def test_a_place_that_parts_from_its_velocity_is_named(how, within_s):
+    (alarm,) = placed(**how)
+    assert (alarm.sensor, alarm.test, alarm.doubt) == ("gps", PLACE, "")
+    assert JUMP_S - 3.0 < alarm.onset_s < JUMP_S + 0.6 * within_s
+    assert JUMP_S - 0.2 < alarm.time_s <= JUMP_S + within_s
+    assert "its place moves otherwise than its velocity makes" in gps_why(alarm)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"late_s": 0.4},
+        {"late_s": -0.4, "every_s": 1.0},
+        {"wrong_m": lambda _: 8.0},  # another choice of satellites
+        {"wrong_m": lambda behind_s: 0.4 * behind_s},
+        {"off_m_s": 0.3},
+        {"wrong_m": lambda _: 200.0, "pause": (60.0, 70.1)},  # what happened in between isn't known
+    ],
+)
+def test_a_place_that_wanders_as_receivers_do_is_no_failure(how):
+    assert placed(**how) == ()
