@@ -176,6 +176,19 @@ def test_the_unit_of_white_errors_is_their_deviation_and_jumps_raise_it_little()
     white[:20] = 1e5
     assert unit_of(white) < 0.9
     assert unit_of(np.zeros(0)) == 1.0
+    assert unit_of(np.array([0.0, 0.0, 0.0, 10.0])) == pytest.approx(
+        2.0
+    )  # the root of a quarter of what is beyond four
+    assert unit_of(np.array([1.0, -1.0])) == pytest.approx(0.455**-0.5)  # by the median of chi square
+
+
+def test_what_is_beyond_five_deviations_counts_as_five():
+    errors, lively = np.tile([1.0, -1.0], 453), np.arange(1.0, 907.0)
+    errors[-1] = 1e6
+    amid_the_last_sixth = 5 * 151 + 75
+    expected = np.sqrt((150.0 + (5.0 * 1.4826) ** 2) / 151.0)
+    level = level_of(errors, np.ones(906, dtype=bool), lively)
+    assert (level[10], level[amid_the_last_sixth]) == pytest.approx((1.0, expected))
 
 
 def chunk_means(seed, wander, count=60, noise=0.05):
@@ -218,7 +231,7 @@ def test_few_chunks_leave_wander_as_it_is_believed():
     means, precisions = np.full(60, np.nan), np.full(60, 400.0)
     assert wander_of(means, precisions, 0.3) == pytest.approx(0.3)
     means[:4] = [5.0, -5.0, 5.0, -5.0]
-    assert wander_of(means, precisions, 0.3) < 0.4
+    assert wander_of(means, precisions, 0.3) == pytest.approx(0.3 * np.sqrt(4.0 / (4.0 + 4.0)))  # four chunks' worth
 
 
 # equations ---------------------------------------------------------------------------------------

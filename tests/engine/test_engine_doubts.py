@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gtmbench.engine.doubts import with_doubts
+from gtmbench.engine.doubts import _bears_out, with_doubts
 from gtmbench.engine.explanation import Explanation
 from gtmbench.engine.explanations.registry import explanations_of
 from gtmbench.engine.finding import FROZEN, Finding, Side
@@ -447,3 +447,21 @@ def test_what_bends_the_attitude_by_the_fastest_estimator_bends_it_by_any(model,
     assert told["r"].doubt.startswith("q bends the attitude by ")
     own = replace(model, flight=replace(model.flight, is_driven=False))
     assert [each.named for each in with_doubts(own, both)] == ["q", "r"]
+
+
+# gains that further IMUs show -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sensor", ["q", "q of IMU2"])
+@pytest.mark.parametrize("gain", [-1.0, 0.4])
+def test_shares_of_turns_bear_out_a_gain_that_changes_them_by_half_of_what_it_does(finding, sensor, gain):
+    """A gyro that reads f = 1 / (1 - k) of its turns: beside it a healthy one reads 1 / f of that, and it f of hers."""
+    gyro = (Explanation(suspect=sensor, kind="scale", effect=nothing), 0.0)
+    told = finding(size=gain, ranked=(gyro,))
+    reads = 1.0 / (1.0 - gain)
+    does = (1.0 / reads if sensor == "q" else reads) - 1.0
+    assert _bears_out(told, (does, does))
+    assert _bears_out(told, (0.55 * does, 0.55 * does))
+    assert not _bears_out(told, (0.45 * does, 0.45 * does))
+    assert not _bears_out(told, (-does, -does))
+    assert not _bears_out(told, (-0.01, does) if does > 0.0 else (does, 0.01))  # it may be none

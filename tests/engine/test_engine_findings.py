@@ -136,7 +136,7 @@ def test_a_bias_of_a_gyro_alone_is_named_dated_and_sized(seed, gyro, onset_s):
         assert share_clear(found, other, below=2.5) >= 0.7
 
 
-@pytest.mark.parametrize(("seed", "gyro", "onset_s"), THROUGH)
+@pytest.mark.parametrize(("seed", "gyro", "onset_s"), by_day(THROUGH))
 def test_a_bias_that_an_estimator_follows_is_named_and_dated(seed, gyro, onset_s):
     found = said(seed, bias(gyro, onset_s), is_through=True)
     own = assert_named(found, gyro, onset_s, "bias")
@@ -213,6 +213,7 @@ def test_a_bias_that_was_there_before_the_log_and_ends_is_on_the_side_before():
         assert timeline.at("q", time_s).state is not State.FAILED
 
 
+@pytest.mark.nightly
 def test_all_gyros_at_once_name_nobody():
     found = said(1, *(bias(gyro, 50.0) for gyro in GYROS))
     assert found.found
@@ -317,7 +318,7 @@ def test_a_gyro_that_no_healthy_one_is_like_throughout_the_log_is_not_clear():
 # noise -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("seed", "deviation"), [(1, 0.9), (1, 1.6), (2, 1.2), (2, 2.0)])
+@pytest.mark.parametrize(("seed", "deviation"), by_day([(1, 0.9), (2, 2.0), (1, 1.6), (2, 1.2)], 2))
 def test_what_shakes_all_gyros_from_some_time_on_is_nobodys_fault(seed, deviation):
     noise = [gb.Noise(channel=gyro, onset_s=60.0, deviation=deviation, seed=i) for i, gyro in enumerate(GYROS)]
     found = said(seed, *noise)

@@ -163,6 +163,7 @@ def test_angles_that_are_rounded_have_not_frozen(step_deg):
     assert not [each for each in judged(flight_from(rounded, is_driven=False)).found if each.is_frozen]
 
 
+@pytest.mark.nightly
 def test_what_is_left_out_of_a_flight_is_asked_nothing():
     flight = flight_from(with_error(motion(), "q", from_on(60.0, 3.0)), is_driven=False)
     assert judged(flight.without([(57.0, np.inf)])).accused == ()

@@ -8,8 +8,8 @@ from hypothesis.extra import numpy as npst
 
 import gtmbench as gb
 from gtmbench.errors import InputError
-from gtmbench.faults.distortions import rate_limited
-from gtmbench.faults.fault import inject
+from gtmbench.faults.distortions import lagged, rate_limited
+from gtmbench.faults.fault import inject, periods
 from gtmbench.faults.kinds.additive import Bias, Drift, GSensitivity, Noise, Oscillation, RandomWalk, Spikes
 from gtmbench.faults.kinds.replacing import Delay, Dropout, Hardover, Jam, Stale, Stuck, Swap
 from gtmbench.faults.kinds.shaping import (
@@ -72,6 +72,13 @@ def test_a_step_or_a_lag_is_positive(cls, least):
     (item,) = cls.parameters()
     with pytest.raises(InputError, match=f"{item.name} is 0.0; it must be a finite number ?{least}"):
         cls(**WHERE, **{item.name: 0.0})
+
+
+@pytest.mark.parametrize("sample_s", [0.01, 0.2])
+def test_a_period_is_over_up_to_a_thousandth_of_a_sample_before_its_end(sample_s):
+    ends_s = sample_s * np.arange(1.0, 40.0)
+    np.testing.assert_array_equal(periods(ends_s - 1.1e-3 * sample_s, sample_s, sample_s), np.arange(0.0, 39.0))
+    np.testing.assert_array_equal(periods(ends_s - 0.9e-3 * sample_s, sample_s, sample_s), np.arange(1.0, 40.0))
 
 
 # what is added
@@ -327,6 +334,7 @@ def test_a_lag_turns_a_step_into_an_exponential_of_its_time_constant():
     assert abs(left[-1]) < 1e-9
     held = np.full((400, 4), 1.7)
     np.testing.assert_array_equal(read(Lag(**WHERE, lag_s=0.2), record(held)), 1.7)
+    np.testing.assert_array_equal(lagged(held[:, 0], 0.2, PERIOD_S)[0], 1.7)
 
 
 def test_a_lag_shrinks_and_shifts_a_sine_as_its_transfer_function_says():
@@ -505,3 +513,12 @@ def test_what_px4_leaves_open_is_asked_for():
 def test_a_word_that_px4_doesnt_have_is_answered_with_those_that_it_has():
     with pytest.raises(gb.InputError, match=r"fault 'px4_slo:q': PX4 has no such failure; .*px4_slow.*mean"):
         gb.fault("px4_slo:q", onset_s=3.0)
+
+
+def test_px4s_intermittent_failure_lasts_a_second_on_average_and_half_of_the_time():
+    """Spells of an exponential law scatter as much as they last; beginnings, a Poisson process, as their root."""
+    on = gb.fault("px4_intermittent:p", onset_s=0.0).active(np.arange(0.0, 4000.0, 0.01))
+    begins, ends = (np.flatnonzero(np.diff(on.astype(int)) == change) for change in (1, -1))
+    lasted_s = 0.01 * (ends[1:] - begins[: len(ends) - 1])
+    assert on.mean() == pytest.approx(0.5, abs=0.05)
+    assert (lasted_s.mean(), lasted_s.std()) == pytest.approx((1.0, 1.0), abs=0.1)

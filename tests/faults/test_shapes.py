@@ -9,6 +9,7 @@ import gtmbench as gb
 from gtmbench.faults import registry
 from gtmbench.faults.linear import check_shape, grows, tried
 from gtmbench.faults.registry import FAULTS
+from gtmbench.faults.shape import is_always, is_beyond, is_constant, is_last, is_one_sided
 
 LINEAR = [cls for cls in FAULTS.values() if cls.shape is not None and cls.shape.how in ("linear", "gain")]
 SIGNAL = 4.0 * np.sin(np.arange(300) / 9.0)
@@ -42,6 +43,12 @@ def test_a_linear_kind_adds_its_size_times_what_it_adds_at_size_one(cls):
     assert not tried(cls, {name: healthy}).any()
 
 
+def test_the_figure_of_a_kind_is_what_makes_it_larger():
+    figures = {kind: cls.shape.figure for kind, cls in FAULTS.items() if cls.shape is not None and cls.shape.figure}
+    assert all(name in {each.name for each in FAULTS[kind].parameters()} for kind, name in figures.items())
+    assert (figures["thermal_bias"], figures["lag"], figures["bias"]) == ("size", "lag_s", "size")
+
+
 def test_what_grows_is_what_does_more_a_second_later():
     assert {cls.kind for cls in FAULTS.values() if grows(cls)} == {"drift", "thermal_bias", "scale_drift", "clock_slip"}
 
@@ -58,6 +65,25 @@ def test_what_should_have_been_read_reads_the_same_once_more(fault):
     np.testing.assert_allclose(read(should), broken, atol=1e-12)
     told = (broken != 0.0) & (np.abs(broken) < 2.0 - 1e-6)  # what it doesn't tell is taken from what is expected
     np.testing.assert_allclose(should[told], SIGNAL[told], atol=1e-12)
+
+
+def test_what_reads_as_another_kind_would_is_told_by_the_readings_at_their_limits():
+    before, last = np.tile([-1.0, 1.0], 50), 1.0
+    within = 3.0 * np.sqrt(2.0)  # three deviations of a noise whose steps have one of 2
+    for sign in (-1.0, 1.0):
+        assert is_last(before, np.array([9.0, last + sign * 0.999 * within]))
+        assert not is_last(before, np.array([last, last + sign * 1.001 * within]))
+        assert is_beyond(before, np.array([sign * 1.001]))
+        assert not is_beyond(before, np.array([sign * 2.0, sign * 1.0]))
+        assert is_one_sided(before, sign * np.array([0.1, 2.0]))
+        assert not is_one_sided(before, sign * np.array([0.1, 0.0]))
+    assert is_last(before[:2], before[1:2])
+    assert not is_last(before[:1], before[:1])
+    assert not is_beyond(before[:0], before)
+    assert is_beyond(before[:1], 2.0 * before)
+    assert is_always(before, before)
+    assert is_constant(before, np.ones(3))
+    assert not is_constant(before, before)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 import gtmbench as gb
-from gtmbench.method.attitude_origin import origin_of
+from gtmbench.method.attitude_origin import _beside, _standing, origin_of
+from gtmbench.method.rate_spectra import RateSpectra, spectra_of
 from gtmbench.values.attitude import carried_on
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers.night import by_day
@@ -110,3 +111,89 @@ def test_several_stretches_are_asked_together():
     parts = [whole.between(0.0, 25.0), whole.between(26.0, 59.0)]
     assert not origin_of(parts).is_driven
     assert origin_of([*parts, logged(tau=5.0)]).is_driven
+
+
+@pytest.mark.parametrize("every", [1, 2, 3, 5])
+def test_an_interpolated_angle_tells_of_frequencies_below_half_the_rate_at_which_it_is_new(every):
+    """A straight line between two readings bends at one sample in `every`; of readings that are all new at none."""
+    samples = np.random.default_rng(1).standard_normal((3000, 6))
+    rows = np.arange(3000)
+    for column in (3, 4, 5):
+        samples[:, column] = np.interp(rows, rows[::every], samples[::every, column])
+    spectra = spectra_of([gb.Record(samples, channels=[*GYROS, *ATTITUDE], sample_period_s=0.02)])
+    highest_hz = 0.9 * 25.0 if every == 1 else 0.8 * 25.0 / (2 * every)
+    assert spectra["p"].highest_hz == pytest.approx(highest_hz, rel=0.1)
+
+
+@pytest.mark.parametrize("angle", ["phi", "theta"])
+def test_beyond_sixty_degrees_nothing_is_told(angle):
+    samples = np.random.default_rng(1).standard_normal((3000, 6))
+    for lean_deg, told in ((52.0, {*GYROS}), (68.0, set())):
+        record = gb.Record(samples, channels=[*GYROS, *ATTITUDE], sample_period_s=0.02)
+        assert {*spectra_of([record.replace(angle, record[angle] + lean_deg)])} == told
+
+
+def test_the_quieter_half_holds_the_window_in_the_middle():
+    power = np.array([4.0, 1.0, 3.0, 2.0, 5.0])
+    quiet, loud = RateSpectra(
+        frequency_hz=np.ones(1),
+        gyro=np.sqrt(power)[:, np.newaxis] + 0j,
+        rate=np.ones((5, 1)) + 0j,
+        scale=np.ones(1),
+        highest_hz=1.0,
+        quantum=0.0,
+    ).halves
+    assert quiet.tolist() == [False, True, True, True, False]
+    assert (loud == ~quiet).all()
+
+
+def followed(share, *, late_s=0.0, noise=0.0, motion=0.0):
+    """Return spectra of 40 windows: of a gyro's noise the rate has a share, of its motion all; and noise of its own."""
+    random = np.random.default_rng(1)
+    frequency_hz = np.arange(0.0, 50.5, 0.5)
+    wave, own, apart = (random.standard_normal((2, 40, len(frequency_hz))) for _ in range(3))
+    gyro, moved, other = (real + 1j * imaginary for real, imaginary in (wave, own, apart))
+    delay = np.exp(-2j * np.pi * frequency_hz * late_s)
+    return RateSpectra(
+        frequency_hz=frequency_hz,
+        gyro=gyro + motion * moved,
+        rate=(share * gyro + motion * moved) * delay + noise * other,
+        scale=np.full(len(frequency_hz), 0.25),
+        highest_hz=45.0,
+        quantum=0.0,
+    )
+
+
+EVERY = np.ones(40, dtype=bool)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6, 0.0])
+def test_a_gain_is_the_regression_at_the_best_delay_with_its_standard_error(share):
+    spectra = followed(share, late_s=0.05, noise=0.2)
+    gain, rows = spectra.gain(10.0, 20.0, EVERY), 40 * 20
+    assert gain.value == pytest.approx(share, abs=6.0 * gain.deviation)
+    assert gain.deviation == pytest.approx(0.2 / np.sqrt(rows), rel=0.1)
+    assert gain.density == pytest.approx(0.25 * 2.0, rel=0.1)
+    assert gain.of_density == pytest.approx(np.sqrt(2.0 / rows))
+    if share:
+        assert spectra.late_s(10.0, 20.0, EVERY, 0.001) == pytest.approx(0.05, abs=0.0015)
+        assert spectra.gain_at(10.0, 20.0, EVERY, 0.05) == pytest.approx(share, abs=0.05)
+    assert spectra.gain(10.0, 20.0, np.arange(40) < 3) is None
+
+
+@pytest.mark.parametrize(("share", "agrees"), [(0.0, True), (0.5, False)])
+def test_beside_noise_that_is_missing_a_rate_follows_all_the_rest(share, agrees):
+    """Of a power of 4, 2 of them noise, half is to be followed; what of the noise is followed besides is excess."""
+    spectra = followed(share, motion=1.0)
+    noise = 0.25 * 2.0  # its density
+    beside = _beside(spectra, (10.0, 20.0), EVERY, noise)
+    assert beside.motion == pytest.approx(0.5, abs=0.05)
+    assert beside.excess == pytest.approx(share, abs=0.1)
+    assert beside.agrees == agrees
+
+
+def test_what_stands_of_a_gyro_is_told_by_the_highest_octave_where_most_of_it_does():
+    assert _standing(followed(0.8, noise=0.05)) == pytest.approx(0.2, abs=0.03)
+    assert _standing(followed(1.1, noise=0.05)) == 0.0
+    assert _standing(followed(0.3, noise=0.05)) is None
+    assert _standing(followed(0.8, noise=9.0)) is None

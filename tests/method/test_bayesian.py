@@ -10,6 +10,7 @@ from gtmbench.detectors.bank.bank import ResidualSpec
 from gtmbench.detectors.bank.identification import identified
 from gtmbench.errors import InputError
 from gtmbench.method.estimators.bayesian import Bayesian
+from gtmbench.method.estimators.kinematic import Expected, _pinned, _raw
 from gtmbench.method.identify import identify
 from gtmbench.method.regression.slow import slow
 from gtmbench.values.record import Record
@@ -144,6 +145,43 @@ def test_fast_motion_leaves_nothing_however_late_the_attitude_is(delay_s):
     faster = reading(delay_s=delay_s, band=0.04, noise=(0.0, 0.0), seed=11)
     left = faster["p"] - fit.operator.predict(faster)[:, 0]
     assert np.nanstd(left) < 0.012 * np.std(faster["p"])
+
+
+@pytest.mark.parametrize(("offsets", "factors"), [([0.0, 0.0], [1.0, 3.0]), ([5.0, -20.0], [0.2, 1.0])])
+def test_neither_scale_nor_means_change_what_physics_fixes(offsets, factors):
+    record = reading(noise=(0.05, 0.3))
+    fit = found_on([record], spec())
+    shifted = Record(record.values + offsets, channels=record.channels, sample_period_s=PERIOD_S)
+    same(found_on([shifted], spec(), scale=fit.scale * factors), fit)
+
+
+def test_the_variance_of_what_physics_fixes_is_that_of_the_sensors_noise():
+    assert found_on([reading(noise=(0.3, 0.0))], spec()).variance == pytest.approx(0.3**2, rel=0.1)
+
+
+def test_moments_that_physics_does_not_fix_are_as_sure_as_what_they_are_made_of():
+    """Gain, delay and second moment about it, (g, b/g, c/g - (b/g)^2), by their derivatives."""
+
+    def made_of(step):
+        gain, first, second = np.array([1.0, 0.0, 0.0]) + step
+        return np.array([gain, first / gain, second / gain - (first / gain) ** 2])
+
+    step, root = np.array([0.3, 0.2, 0.5]), 1e-3 * np.random.default_rng(1).standard_normal((3, 3))
+    expected = Expected(curvature=-9.0, gain=1.0, delay=1.0, bend=1.0)
+    found = _pinned(step, root @ root.T, 0, np.arange(-2.0, 3.0), expected)
+    slope = np.array([(made_of(step + each) - made_of(step - each)) / 2e-6 for each in 1e-6 * np.eye(3)]).T
+    assert found.contradicted == (2, 0)
+    np.testing.assert_allclose(found.mean, made_of(step))
+    np.testing.assert_allclose(found.covariance, slope @ root @ root.T @ slope.T, rtol=1e-4, atol=1e-12)
+    mean, derived = _raw(made_of(step))
+    np.testing.assert_allclose(mean, np.array([1.0, 0.0, 0.0]) + step)  # and back again
+    np.testing.assert_allclose(derived @ slope, np.eye(3), atol=1e-5)
+
+
+def test_three_lags_are_enough_for_a_delay():
+    fit = found_on([reading(delay_s=0.013, noise=(0.05, 0.3))], spec(look_s=PERIOD_S))
+    expected = [1.0, 0.013 / PERIOD_S, -1.0 / 3.0]
+    assert moments(fit.operator.markov[:, 0, 0]) == pytest.approx(expected, abs=0.05)
 
 
 MIXED = spec(inputs=("p_att", "ny", "beta"))

@@ -83,7 +83,7 @@ def roots(parts, r, d):
     return np.concatenate([np.sqrt(w[r : len(w) - d]) if len(w) > r + d else [] for w in weights])
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(regressions())
 def test_gram_is_the_product_of_the_written_out_equations(drawn):
     """To rounding: an FFT of N points errs by a few log2(N) eps of the signals' norms, 100 eps here."""
@@ -105,7 +105,7 @@ def test_gram_is_the_product_of_the_written_out_equations(drawn):
     np.testing.assert_allclose(sums, roots(parts, r, d) @ equations, rtol=0, atol=100 * EPS * norm)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(regressions(), st.booleans(), st.booleans())
 def test_the_triangle_stands_for_the_equations_whichever_method_made_it(drawn, reflected, constant):
     parts, channels, r, d, chunk, rows = drawn

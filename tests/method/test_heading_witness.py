@@ -34,7 +34,7 @@ def disturbed(flight, per_second):
     return flight
 
 
-@pytest.mark.parametrize("size", [-8.0, -5.0, 5.0, 8.0])
+@pytest.mark.parametrize("size", by_day([-8.0, 5.0, -5.0, 8.0], 2))
 def test_a_wrong_yaw_gyro_is_measured_and_named(flight, witness, size):
     broken = gb.inject(flight, gb.Bias(channel="r", onset_s=START_S, size=size))
     opinion = witness.judge(broken, START_S, STOP_S, error_deg_s=size / 2.0)  # the driven heading shows half of it
@@ -62,7 +62,7 @@ def test_a_claim_that_the_field_contradicts_accuses_nobody(flight, witness):
 
 
 @pytest.mark.parametrize("gyro", ["p", "q"])
-@pytest.mark.parametrize("size", [-3.0, 10.0])
+@pytest.mark.parametrize("size", by_day([-3.0, 10.0]))
 def test_an_error_of_another_gyro_is_never_laid_on_r(flight, witness, gyro, size):
     broken = gb.inject(flight, gb.Bias(channel=gyro, onset_s=START_S, size=size))
     for claimed in (-3.0, 3.0):

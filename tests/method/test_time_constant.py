@@ -10,6 +10,7 @@ from gtmbench.method.time_constant import accelerometers_tilt, time_constant_of
 from gtmbench.study.log.bending import following_in_log
 from gtmbench.testing.shared_flights import fly_once
 from gtmbench.values.channels import ATTITUDE
+from tests.helpers.night import by_day
 
 
 @cache
@@ -32,7 +33,7 @@ def estimated(tau, *, by_accelerometers=1.0, angles=("phi", "theta"), bias=0.0, 
 
 
 @pytest.mark.parametrize("bias", [0.0, 0.5])
-@pytest.mark.parametrize("tau", [1.0, 5.0, 20.0])
+@pytest.mark.parametrize("tau", by_day([1.0, 20.0, 5.0], 2))
 def test_a_filter_that_accelerometers_correct_is_identified_whatever_the_gyros_bias(tau, bias):
     found = time_constant_of([estimated(tau, bias=bias)])
     assert abs(found.time_constant_s - tau) < 0.05 * tau
@@ -40,7 +41,7 @@ def test_a_filter_that_accelerometers_correct_is_identified_whatever_the_gyros_b
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
-@pytest.mark.parametrize("tau", [1.0, 5.0, 20.0])
+@pytest.mark.parametrize("tau", by_day([5.0, 1.0, 20.0]))
 def test_nothing_is_said_where_something_else_corrects_it_or_corrects_it_too(tau, share):
     """Accelerometers that have half of the weight explain nearly all of it by twice the time constant."""
     assert time_constant_of([estimated(tau, by_accelerometers=share)]) is None

@@ -71,7 +71,7 @@ def test_a_list_of_one_record_takes_a_list_of_one_array_of_weights():
     assert siso([uneven(0)[0]], weights=[np.ones(300)]).rank == 5
 
 
-@settings(max_examples=150)
+@settings(max_examples=50)
 @given(flights())
 def test_records_and_weights_give_the_stacked_weighted_equations(drawn):
     records, inputs, outputs, r, d, weights = drawn

@@ -40,6 +40,7 @@ def test_memory_doesnt_grow_with_the_record():
     assert abs(long / short - 1.0) < 0.2
 
 
+@pytest.mark.nightly
 def test_nor_where_every_sample_has_its_weight_or_an_orthogonal_method_takes_over():
     """Weights themselves are the record's; what is made beside them is less than the regressor's eighth."""
     record = white(100_000)

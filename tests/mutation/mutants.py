@@ -17,7 +17,8 @@ CHOICES |= {"argmin": "argmax", "argmax": "argmin", "hstack": "vstack", "vstack"
 SILENT = (ast.Raise, ast.JoinedStr, ast.Import, ast.ImportFrom)
 """In what nothing is changed: messages and imports."""
 DECLARED = {"repr", "strict", "frozen", "kw_only", "eq", "init", "compare", "slots", "check", "maxsize", "stacklevel"}
-"""Keywords that say how something is declared, which no reading or verdict depends on."""
+DECLARED |= {"shown"}
+"""Keywords that say how something is declared, or how large a picture shows it: no reading or verdict depends on it."""
 
 
 Place = tuple[int, int, str]

@@ -546,7 +546,11 @@ def lasting_rows(sample_period_s: float) -> int:
 
 
 def lasting(sizes: Iterable[float]) -> float:
-    """Return what a row counts for at least, by the sizes of the last ones, its own among them."""
+    """Return what a row counts for at least, by the sizes of the last ones, its own among them.
+
+    >>> lasting([1.0, 2.0, 9.0])
+    3.0
+    """
     return _OF_LASTING * statistics.median(sizes)
 
 

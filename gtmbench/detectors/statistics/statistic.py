@@ -343,6 +343,8 @@ def ordinary_powers(rows: int, nats: float) -> tuple[float, float]:
     >>> low, high = ordinary_powers(100, 10.0)
     >>> round(low, 2), round(high, 2)
     (0.49, 1.77)
+    >>> ordinary_powers(4, 200.0)[0]  # however quiet
+    0.0
     """
     powers = np.geomspace(1e-12, 1e6, 20_000)
     near = powers[0.5 * rows * (powers - 1.0 - np.log(powers)) < nats]

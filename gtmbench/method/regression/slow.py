@@ -75,6 +75,8 @@ def regressors(motion: FloatArray, lags: int) -> FloatArray:
     >>> regressors(np.array([[1.0, 10.0], [2.0, 20.0], [3.0, 30.0]]), 2)
     array([[ 2., 20.,  1., 10.],
            [ 3., 30.,  2., 20.]])
+    >>> regressors(np.ones((1, 2)), 2).shape
+    (0, 4)
     """
     rows, inputs = motion.shape
     if rows < lags:

@@ -5,7 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 import gtmbench as gb
-from gtmbench.detectors.statistics.learnt_noise import NoiseFollower, followed
+from gtmbench.detectors.statistics.learnt_noise import BLOCK_S, NoiseFollower, followed
+from gtmbench.detectors.statistics.noise_model import FIRST, SUM, LearntBlocks
 from gtmbench.detectors.statistics.statistic import Allowance, Statistic
 from gtmbench.detectors.statistics.whitening import White, Whitener
 from tests.helpers.monitors import monitor, record, truth
@@ -42,7 +43,7 @@ def greatest(residual, whitener=CALIBRATED):
     return max(np.nanmax(score.values) for score in Statistic().scores(residual, told, TS, Allowance()))
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 50, 333, 20_000])
+@pytest.mark.parametrize("chunk", by_day([50, 20_000, 1, 7, 333], 2))
 def test_the_same_in_whatever_chunks(chunk):
     noise = COLOURED[:6000].copy()
     noise[2500:2520] = np.nan
@@ -81,6 +82,37 @@ def test_another_level_changes_next_to_nothing(level):
     one, other = followed(CALIBRATED, COLOURED, TS), followed(CALIBRATED, level * COLOURED, TS)
     apart = np.nanmax(np.abs(one.values - other.values))
     assert apart < (0.3 if level < 1.0 else 0.02)  # a floor far below the calibrated noise is all that tells them apart
+
+
+def test_a_mean_that_was_there_from_the_first_changes_nothing():
+    one, other = followed(CALIBRATED, COLOURED[:4000], TS), followed(CALIBRATED, COLOURED[:4000] + 100.0, TS)
+    np.testing.assert_allclose(other.values, one.values, atol=1e-9)
+    np.testing.assert_allclose(other.unsteady, one.unsteady, atol=1e-9)
+
+
+def test_noise_is_learnt_once_the_first_blocks_are_there_and_nothing_is_clipped_before_an_outlier():
+    follower, rows = NoiseFollower(CALIBRATED, TS), FIRST * round(BLOCK_S / TS)
+    assert len(follower.push(COLOURED[: rows - 1])) == 0
+    told = follower.push(COLOURED[rows - 1 : rows])
+    assert (follower.is_learnt, len(told)) == (True, rows)
+    assert np.nanmax(np.abs(told.values[100:].reshape(-1, 25)), axis=1).min() > 1.1
+
+
+@pytest.mark.parametrize("row", [1000, 1049, 1050, 2000])  # blocks begin at multiples of 50
+def test_a_row_is_whitened_by_what_is_told_of_it(row):
+    follower = NoiseFollower(CALIBRATED, TS)
+    told, by = follower.push(COLOURED[:3000]), follower.whitener_at(row)
+    assert told.values[row] == pytest.approx(by.whiten(COLOURED[row - by.order : row + 1])[-1], rel=1e-9)
+
+
+def test_the_trend_of_blocks_is_the_variance_of_the_line_through_their_sums():
+    table = np.zeros((60, 40))
+    table[:, SUM] = 5.0 + np.cumsum(white(2, 60))
+    first, end = np.array([3, 10]), np.array([40, 55])
+    found = LearntBlocks(table, 1, np.array([60]), 50)._trend(first, end)
+    for place, (start, stop) in enumerate(zip(first, end, strict=True)):
+        line = np.polyval(np.polyfit(np.arange(start, stop), table[start:stop, SUM], 1), np.arange(start, stop))
+        assert found[place] == pytest.approx(line.var())
 
 
 def test_no_sample_stands_on_a_later_one():
@@ -224,7 +256,7 @@ def wandering_record(seed):
     return healthy
 
 
-@pytest.mark.parametrize("seed", by_day([1, 2, 3], 2))
+@pytest.mark.parametrize("seed", by_day([1, 2, 3]))
 @pytest.mark.parametrize("channel", by_day(["p", "r", "phi", "psi"], 2))
 def test_what_is_named_in_noise_that_wanders_is_what_failed(seed, channel):
     slope = 12.0 * gb.CHANNELS["p"].noise  # of an angle: what it adds to the gyro's residual

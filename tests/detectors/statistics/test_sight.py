@@ -56,11 +56,18 @@ def test_without_any_finite_threshold_a_residual_is_blind(test):
 
 
 @pytest.mark.parametrize("test", STATISTICS[:-1], ids=lambda test: f"{test.name} {len(test.windows_s)}")
-def test_every_test_has_a_greatest_value(test):
-    thresholds, tolerance = healthy_thresholds(test, 300.0)
+def test_every_test_has_a_greatest_value_in_the_residuals_unit(test):
+    deviation = 1e-3
+    thresholds, tolerance = healthy_thresholds(test, 300.0, deviation)
     for label in thresholds:
-        with pytest.raises(gb.InputError, match=f"'{label}' is 1e\\+308; nothing passes that"):
-            check_sight("p", thresholds | {label: 1e308}, test, tolerance, PERIOD_S)
+        with pytest.raises(gb.InputError, match=f"'{label}' is 1e\\+308; nothing passes that") as refused:
+            check_sight("p", thresholds | {label: 1e308}, test, tolerance, PERIOD_S, deviation=deviation)
+        greatest = float(str(refused.value).rpartition(" ")[2])
+        if label.endswith(" low"):  # which are negative
+            continue
+        check_sight("p", thresholds | {label: 0.98 * greatest}, test, tolerance, PERIOD_S, deviation=deviation)
+        with pytest.raises(gb.InputError, match="nothing passes that"):
+            check_sight("p", thresholds | {label: 1.02 * greatest}, test, tolerance, PERIOD_S, deviation=deviation)
 
 
 @pytest.mark.parametrize("test", STATISTICS, ids=lambda test: f"{test.name} {len(test.windows_s)}")

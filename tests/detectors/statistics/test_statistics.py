@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from gtmbench.detectors.statistics.statistic import STATISTICS, Allowance, Statistic, tolerance_of
+from gtmbench.detectors.statistics.statistic import STATISTICS, Allowance, Spread, Statistic, tolerance_of
 from gtmbench.detectors.statistics.whitening import White
 
 TS = 0.1
@@ -312,3 +312,21 @@ def test_one_spike_of_a_healthy_record_weighs_as_much_in_its_tolerance_as_in_its
 @pytest.mark.parametrize("samples", [0, 1, 3, 7, 39])
 def test_no_data_ask_for_no_tolerance_of_the_mean(samples):
     assert tolerance_of([noise(samples), np.full(5, np.nan)], Statistic(), 0.01).mean == 0.0
+
+
+@every_statistic
+def test_an_operator_without_error_changes_nothing(name):
+    e = noise()
+    known = Spread(raw=np.ones(len(e)), white=np.ones(len(e)))
+    test = Statistic(name=name, **GIVEN)
+    for score, plain in zip(
+        test.scores(e, White.steady(e), TS, SOME, known), test.scores(e, White.steady(e), TS, SOME), strict=True
+    ):
+        np.testing.assert_allclose(score.values, plain.values, atol=1e-12)
+
+
+@pytest.mark.parametrize(("period_s", "is_tolerated"), [(10.0, False), (13.0, True)])
+def test_a_wave_is_tolerated_unless_twenty_seconds_hold_it_a_whole_number_of_times(period_s, is_tolerated):
+    elapsed_s = np.arange(20_000) * TS
+    wave = np.where(elapsed_s > 100.0, 3.0 * np.sin(2.0 * np.pi * elapsed_s / period_s), 0.0)
+    assert (tolerance_of([wave], Statistic(), TS).mean > 0.1) == is_tolerated

@@ -17,6 +17,7 @@ from gtmbench.detectors.statistics.thresholds import (
     tail_threshold,
 )
 from gtmbench.errors import InputError
+from tests.helpers.night import by_day
 
 REPEATS = 300
 LENGTH = 1000  # samples a block
@@ -47,7 +48,7 @@ LIGHT = [stats.expon(), stats.chi2(1), stats.norm(), stats.uniform()]  # exponen
 
 
 @pytest.mark.parametrize("distribution", LIGHT, ids=lambda law: law.dist.name)
-@pytest.mark.parametrize("blocks", [20, 40, 100, 400])
+@pytest.mark.parametrize("blocks", by_day([20, 400, 40, 100], 2))
 def test_fresh_blocks_pass_no_more_often_than_documented(distribution, blocks):
     for share in (1e-2, 1e-3, 1e-4):
         passed = exceeded(distribution, blocks, share, seed=7)
@@ -269,3 +270,21 @@ def test_a_window_that_no_calibration_judges_owes_nothing_to_luck():
     inf = math.inf
     assert Luck.of(np.array([[inf, 2.0], [inf, 2.0]])) == Luck(median=1.0, within=1.0)
     assert Luck.of(np.array([[inf, 2.0], [5.0, 2.0], [5.0, 2.0]])).within == inf
+
+
+@pytest.mark.parametrize(
+    ("spread", "told"),
+    [
+        ({"median": 1.2, "within": 2.0}, (1.2, 2.0)),
+        ({"median": 1.0, "within": None}, (1.0, math.inf)),
+        ({"median": 0.9, "within": 2.0}, None),
+        ({"median": 1.2}, None),
+        ("wide", None),
+        (None, None),
+    ],
+)
+def test_luck_is_read_of_a_file_that_may_hold_anything(spread, told):
+    """And where thresholds are a factor m apart, (log m / log 3)^2 times as many records bring them to three."""
+    luck = Luck.from_provenance({"threshold_spread": spread})
+    assert (luck and (luck.median, luck.within)) == told
+    assert Luck(median=9.0, within=99.0).enough(10) == 4 * 10 + 1

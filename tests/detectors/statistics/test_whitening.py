@@ -112,6 +112,7 @@ def test_a_constant_residual_is_refused(value, order):
 def test_too_few_samples_are_refused(residuals, count):
     with pytest.raises(InputError, match=f"{count} samples .* too few for a whitening filter of 9 .* at least 100"):
         fit_whitener(residuals, order=9)
+    assert len(fit_whitener([np.random.default_rng(1).standard_normal(100)], order=9).coefficients) == 10
 
 
 def residuals(kind, samples, seed):

@@ -66,7 +66,7 @@ def test_a_surface_is_named_with_its_kind_and_its_onset(surface: str, kind: str)
         assert failed.judgement.parameters["factor"] == pytest.approx(0.5, abs=0.05)
 
 
-@pytest.mark.parametrize("seed", [10, 11])
+@pytest.mark.parametrize("seed", by_day([10, 11]))
 def test_a_healthy_flight_accuses_nobody(seed: int) -> None:
     said = judged(answering(seed=seed), [])
     assert said.named is None

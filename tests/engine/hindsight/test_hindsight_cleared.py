@@ -12,6 +12,7 @@ from gtmbench.engine.flight import Flight
 from gtmbench.engine.hindsight.cleared import Failure, agrees_from_s, hindsight_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
+from tests.helpers.night import by_day
 from tests.helpers.turning import (
     ANGLE_NOISE,
     GYRO_NOISE,
@@ -111,8 +112,8 @@ def test_a_log_that_is_too_short_clears_no_gyro(duration_s):
 
 
 @pytest.mark.parametrize("times", [-1.1, 1.1])
-@pytest.mark.parametrize("onset_s", ONSETS_S)
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
+@pytest.mark.parametrize("axis", by_day(range(3), 2))
 def test_a_bias_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axis, onset_s, times):
     size = times * stated(healthy(), GYROS[axis], onset_s).error
     said = said_of(with_error(motion(), GYROS[axis], from_on(onset_s, size)))
@@ -135,7 +136,7 @@ def test_a_factor_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(a
         assert {change.axis for change in said.changes} <= {axis}
 
 
-@pytest.mark.parametrize("onset_s", ONSETS_S)
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
 @pytest.mark.parametrize("axis", range(3))
 def test_noise_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axis, onset_s):
     name, record = GYROS[axis], motion()
@@ -192,8 +193,8 @@ def test_half_of_a_stated_bias_leaves_a_gyro_clear_more_often_than_not(axis):
 
 
 @pytest.mark.parametrize("times", [-1.1, 1.1])
-@pytest.mark.parametrize("onset_s", ONSETS_S)
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("onset_s", by_day(ONSETS_S))
+@pytest.mark.parametrize("axis", by_day(range(3), 2))
 def test_a_jump_of_an_angle_of_the_stated_size_is_not_inside_a_span_that_is_clear_for_it(axis, onset_s, times):
     size = times * stated(healthy(), ATTITUDE[axis], onset_s).error
     said = said_of(with_error(motion(), ATTITUDE[axis], from_on(onset_s, size)))
@@ -425,7 +426,7 @@ def test_beside_a_gap_all_is_clear():
 
 
 @pytest.mark.parametrize(("lasts_s", "is_told"), [(2.0, False), (4.0, True), (8.0, True)])
-@pytest.mark.parametrize("name", SENSORS)
+@pytest.mark.parametrize("name", by_day(SENSORS, 2, seed=1))
 def test_a_sensor_that_reads_one_value_for_more_than_three_seconds_in_motion_is_not_judged_there(
     name, lasts_s, is_told
 ):
@@ -504,7 +505,7 @@ def lowpassed(time_s, onset_s, size, tau_s):
 
 @pytest.mark.parametrize("tau_s", [2.0, 20.0])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("axis", by_day(range(3)))
 def test_a_bias_that_shows_as_slowly_as_an_estimator_lets_it_shows_at_the_stated_size(axis, sign, tau_s):
     """Of a bias, the attitude takes over at first all, and in the end nothing: 1 - exp(-t / tau) of it shows."""
     for onset_s in (12.0, 56.0):

@@ -152,6 +152,7 @@ def test_one_that_is_mounted_askew_is_told_and_not_judged():
     assert {span.state for _, span in told.claims} == {State.NOT_JUDGED}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("factor", by_day([0.95, 1.03]))
 def test_a_scale_that_lasts_is_told_and_accuses_nobody(factor):
     found = said(turned=factor * np.eye(3))
@@ -177,6 +178,7 @@ def test_one_that_is_late_and_scaled_is_judged_none_the_worse():
     assert gyro_of("p", "IMU2") in set().union(*accused(late))
 
 
+@pytest.mark.nightly
 def test_what_the_others_agree_on_is_no_gyros_fault():
     """The attitude is wrong: an alarm that names the gyro is contradicted, where the other reads the same."""
     judgement = gb.Judgement(time_s=ONSET_S + 9.0, sensor="p", candidates=("p",), kind="bias")
