@@ -25,7 +25,7 @@ nightly: .venv/ready ## looks for more than tests do, with other seeds every day
 	  "tests.mutation --reach" "tests.mutation --seed $$seed"; \
 	do echo "== $$each"; OPENBLAS_NUM_THREADS=1 $(BIN)/python -m $$each || failed="$$failed; $$each"; done; \
 	GTMBENCH_DAMAGED=200 GTMBENCH_SEED=$$seed GTMBENCH_ORACLES=$$seed OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest \
-	  -q -m "" tests/intake/test_every_log_hostile.py tests/intake/test_intake_hostile.py tests/verdicts/test_metamorphic.py || failed="$$failed; pytest"; \
+	  -q -m "" tests/intake/test_every_log_hostile.py tests/intake/test_intake_hostile.py tests/verdicts/test_metamorphic.py tests/verdicts/test_drawn_flights.py || failed="$$failed; pytest"; \
 	test -z "$$failed" || { echo "found something:$$failed"; exit 1; }
 
 lint: .venv/ready ## style, types, layers
