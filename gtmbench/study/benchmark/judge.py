@@ -258,8 +258,9 @@ def _drawn_quickness(
 def drawn_anew(counted: Sequence[Outcome], delays_s: FloatArray) -> FloatArray:
     """Return quickness with faults, flights and calibration drawn anew; of all rows alike, so that they pair.
 
-    A kind of fault keeps its number of faults, as the definition deals them out. `delays_s`, shape (calibrations,
-    flights): with the calibration as it is, and drawn anew.
+    A kind of fault keeps its number of faults, as the definition deals them out. Draws are about quickness as it is: a
+    mean of few delays, and the largest of few healthy scores, are smaller where values are drawn twice. `delays_s`,
+    shape (calibrations, flights): with the calibration as it is, and drawn anew.
     """
     draw = np.random.default_rng(len(counted))
     reference_s, horizon_s, cases = _columns(counted)
@@ -274,7 +275,8 @@ def drawn_anew(counted: Sequence[Outcome], delays_s: FloatArray) -> FloatArray:
             within = draw.multinomial(len(own), np.full(len(own), 1.0 / len(own)), size=DRAWS)
             weights[:, own] = within * often[:, np.newaxis]
     calibrations = draw.integers(0, len(delays_s), DRAWS)
-    return _drawn_quickness(delays_s[calibrations], reference_s, horizon_s, cases, weights)
+    drawn = _drawn_quickness(delays_s[calibrations], reference_s, horizon_s, cases, weights)
+    return drawn - np.median(drawn) + _quickness(delays_s[0], counted)
 
 
 def estimated(value: float, drawn: FloatArray) -> Estimate:
