@@ -178,7 +178,7 @@ def report(table: pd.DataFrame, flights: int) -> str:
 
 `python experiments/hard_motion.py{"" if flights == 10 else f" --flights {flights}"}`. Closed loop, {FLIGHT_S:g} s, from
 {STUCK_S:g} s on; seeds from {SEED} on. They were looked at when the vertical and faults dated later than motion
-entered the rule: on 160 flights of two others, 5000 and 7000, a healthy sensor was named on 12 before that, on none after.
+entered the rule: on 160 flights of two others, 5000 and 7000, a healthy sensor was named on 12 before, on none after.
 
 {markdown(pd.DataFrame(lines))}
 """
