@@ -370,6 +370,8 @@ def _why_masked(alignment: Alignment, axis: int, first: int, stop: int) -> str:
     rows = slice(first * alignment.per_chunk, stop * alignment.per_chunk)
     there = np.isfinite(alignment.error[rows, axis])
     is_failed = len(there) and float(there.mean()) > 0.5 > float(alignment.known[rows, axis].mean())
+    if not is_failed and there.all() and (first == 0 or rows.stop >= len(alignment.error)):
+        return _AT_EDGE
     return f"{' or '.join(_AXES[axis])} failed, and nothing else tells" if is_failed else _MASKED
 
 
