@@ -7,13 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gtmbench.detectors.alarm import Judgement
 from gtmbench.report.figures.log import log_figure
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.timeline import timeline_table
 from gtmbench.report.words.timeline import span_lines, timeline_rows
 from gtmbench.report.words.verdict import first_line, verdict_lines
-from gtmbench.verdict.timeline import Sizes, State
+from gtmbench.verdict.scope import Scope
+from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
 from gtmbench.verdict.verdict import verdict_of
 from tests.helpers.logged import jammed
 from tests.helpers.timelines import (
@@ -203,6 +205,15 @@ def test_failures_beside_sensors_that_arent_judged_are_both_told():
 def test_who_is_clear_in_a_part_is_said_so():
     made = clear(0.0, 144.0) | {"q": [failed("q", 0.0, 20.0), *clear(20.0)["q"]]}
     assert first_line(verdict(made)).endswith(". p, r, phi, theta, psi are clear in the 144 of 180 s that are judged.")
+
+
+def test_suspicions_of_who_was_not_asked_come_after_whom_nobody_can_tell():
+    judgement = Judgement(time_s=1.0, sensor=None, candidates=("q", "tas"), kind="bias")
+    both = SensorSpan(start_s=0.0, end_s=100.0, state=State.SUSPECTED, suspects=("q", "tas"), judgement=judgement)
+    rows = {"q": [both], "p": [unjudged("nothing predicts it here", 0.0, END_S)], "tas": [both]}
+    judged = verdict_of(laid_out((0.0, END_S), rows, motion_s=[(0.0, END_S)]), Scope(sensors=("p",)))
+    assert judged.exit_code == 3
+    assert first_line(judged).startswith("Cannot tell: nothing predicts it here. One of the pitch gyro (q) and")
 
 
 @given(cases())

@@ -89,7 +89,10 @@ def first_line(verdict: LogVerdict) -> str:
         judged_s = total_s * verdict.judged_share(*asked)
         clear = f"No fault found in {', '.join(asked)}: {of_text(judged_s, total_s)} judged{_sizes_text(verdict)}."
         return " ".join(filter(None, [clear, _accusations_text(verdict)]))
-    sentences = [_accusations_text(verdict), _unjudged_text(verdict), _clear_text(verdict)]
+    first = [_accusations_text(verdict), _unjudged_text(verdict)]
+    if verdict.outcome is Outcome.UNKNOWN:  # whoever is suspected wasn't asked for
+        first.reverse()
+    sentences = [*first, _clear_text(verdict)]
     return " ".join(sentence for sentence in sentences if sentence)
 
 
