@@ -77,6 +77,8 @@ def _is_steep(record: Record) -> BoolArray:
     rows = max(round(APART_S / record.sample_period_s), 1)
     with np.errstate(invalid="ignore"):
         is_steep = np.abs(theta) > STEEP_DEG
+    if not is_steep.any():  # as nearly always, and every look at an alarm asks
+        return np.asarray(is_steep)
     turned = np.cumsum(np.nan_to_num(np.linalg.norm(rates, axis=1))) * record.sample_period_s
     came = np.diff(is_steep, prepend=False) & is_steep
     since = np.maximum.accumulate(np.where(came, np.arange(len(theta)), 0))  # the row with which it became steep

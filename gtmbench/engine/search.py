@@ -218,9 +218,8 @@ class WindowSearch:
         if not own.ratio[0, place] / self.tempers[place] >= bound:
             return None
         margin = DECISIVE + MISFIT * float(best[place])
-        order = [
-            int(each) for each in np.argsort(-best) if best[each] > best[place] - margin * self._alike(place)[each]
-        ]
+        least = best[place] - margin * self._alike(place)
+        order = [int(each) for each in np.argsort(-best) if best[each] > least[each]]
         found = self._finding(own, seen, onsets, totals, order, margin, last)
         shows = self._shows(int(onsets[row]), last, place, found.size, sums)
         return replace(found, shows_s=model.flight.blocks.start_s + shows * model.cell_s)
