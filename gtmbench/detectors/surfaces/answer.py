@@ -11,9 +11,7 @@ theta by least squares in coloured noise (`identification.py`). A surface that i
 its own column of theta to every equation at once, Q being the dynamic pressure. So the residuals e, weighed by their
 covariance S on healthy flight, say by how many degrees each surface seems to be off,
 
-    d = (G' S^-1 G)^-1 G' S^-1 e / Q,
-
-and what no surface explains is left: z, of deviation 1 on healthy flight, to tell that something else happened.
+    d = (G' S^-1 G)^-1 G' S^-1 e / Q.
 
 Where the forward acceleration is read, too, the throttle is one of them (`thrust.py`): thrust is a cause of q', nz and
 nx, in steps of 20 % and whatever the dynamic pressure is. S holds no covariance of nx with another equation, so that
@@ -47,10 +45,6 @@ class Deviations(NamedTuple):
     # in its unit and per second: as a servo that is slow by some tenths of a second sees it
     commanded: FloatArray
     slew: FloatArray
-    left: FloatArray  # shape (samples, any): what no surface explains, in deviations on healthy flight
-    # shape (samples,): by how much the airspeed grew since the sample before, less what accelerometers tell, in kt; 0
-    # where the throttle isn't judged
-    wind: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,8 +55,6 @@ class Answer:
     # by equation: effects: first those of the surfaces, in their order, 0 where there is none
     theta: Mapping[str, FloatArray]
     covariance: FloatArray  # shape (equations, equations): S, of what the equations leave on healthy flight
-    # shape (equations,): what a knot that the airspeed is wrong changes of the equations' residuals
-    by_airspeed: FloatArray
 
     @property
     def flow(self) -> Flow:
@@ -84,21 +76,6 @@ class Answer:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
         return np.array([self.theta[name][: len(self.surfaces)] for name in self.equations])
 
-    def effect(self, equation: str, vane: str) -> float:
-        """Return what a degree of a vane changes of an equation, where the dynamic pressure is 1."""
-        explained_by = {"alpha": ("longitudinal", "forward"), "beta": ("lateral",)}[vane]
-        explains = self.equations[equation] in explained_by
-        if not explains:
-            return 0.0
-        linear, square = self.theta[equation][len(self.surfaces) :][:2]  # the first causes beside surfaces
-        return float(linear + 2.0 * self.frame.alpha * square if vane == "alpha" else linear)
-
-    @property
-    def series(self) -> tuple[str, ...]:
-        """The names of what is judged: the surfaces, and what none of them explains."""
-        left = len(self.equations) - len(self.surfaces)
-        return (*self.surfaces, *(f"left {i + 1}" for i in range(left)))
-
     def start(self, sample_period_s: float) -> Answering:
         """Return what makes deviations of samples as they come in."""
         return Answering(self, sample_period_s)
@@ -114,10 +91,8 @@ class Answer:
             "servo_s": frame.servo_s,
             "engine": frame.engine.table(),
             "reference": frame.reference,
-            "alpha": frame.alpha,
             "theta": {name: values.tolist() for name, values in self.theta.items()},
             "covariance": self.covariance.tolist(),
-            "by_airspeed": self.by_airspeed.tolist(),
         }
 
 
@@ -128,7 +103,8 @@ class Answering:
         self._answer = answer
         self._regressing = Regressing(answer.frame, sample_period_s)
         self._by_air = np.array([name != THROTTLE for name in answer.surfaces])
-        self._off, self._left = solved(answer)
+        root = np.linalg.cholesky(answer.covariance)
+        self._off = np.linalg.pinv(np.linalg.solve(root, answer.effects)) @ np.linalg.inv(root)
 
     def push(self, values: FloatArray) -> Deviations:
         """Return the deviations of the next rows, of the channels in their order."""
@@ -137,17 +113,7 @@ class Answering:
             [made.explained[name] - made.regressors[name] @ theta for name, theta in self._answer.theta.items()]
         )
         off = (residuals @ self._off.T) / np.where(self._by_air, made.pressure[:, np.newaxis], 1.0)
-        left = residuals @ self._left.T
-        return Deviations(off=off, commanded=made.commanded, slew=made.slew, left=left, wind=made.wind)
-
-
-def solved(answer: Answer) -> tuple[FloatArray, FloatArray]:
-    """Return what makes deviations, and what is left, of the equations' residuals."""
-    root = np.linalg.cholesky(answer.covariance)
-    white = np.linalg.solve(root, answer.effects)
-    whole, _ = np.linalg.qr(white, mode="complete")
-    inverse = np.linalg.inv(root)
-    return np.linalg.pinv(white) @ inverse, whole[:, len(answer.surfaces) :].T @ inverse
+        return Deviations(off=off, commanded=made.commanded, slew=made.slew)
 
 
 def answer_of(where: str, given: Any) -> Answer:
@@ -160,10 +126,8 @@ def answer_of(where: str, given: Any) -> Answer:
         "servo_s",
         "engine",
         "reference",
-        "alpha",
         "theta",
         "covariance",
-        "by_airspeed",
     )
     table = keys(where, given, names)
     for key in ("vanes", "airspeed", "forward"):
@@ -180,7 +144,6 @@ def answer_of(where: str, given: Any) -> Answer:
         servo_s=number(f"{where}.servo_s", table["servo_s"], 0.0, above=True),
         engine=engine_of(f"{where}.engine", table["engine"]),
         reference=number(f"{where}.reference", table["reference"], 0.0, above=True),
-        alpha=number(f"{where}.alpha", table["alpha"], -90.0, 90.0),
     )
     theta = table_of(f"{where}.theta", table["theta"])
     equations = frame.equations
@@ -191,7 +154,6 @@ def answer_of(where: str, given: Any) -> Answer:
         frame=frame,
         theta={name: array_of(f"{where}.theta.{name}", theta[name], (length,)) for name, length in lengths.items()},
         covariance=array_of(f"{where}.covariance", table["covariance"], (len(equations), len(equations))),
-        by_airspeed=array_of(f"{where}.by_airspeed", table["by_airspeed"], (len(equations),)),
     )
     try:
         np.linalg.cholesky(answer.covariance)

@@ -16,11 +16,8 @@ ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 class DeviationBlocks(NamedTuple):
     """Means over blocks of 1, u, v and d."""
 
-    # shape (blocks, series, 4): series: the surfaces; what is left, u and v being 0; and for every surface what is left
-    # by its u and v
-    means: FloatArray
+    means: FloatArray  # shape (blocks, surfaces, 4)
     there: BoolArray  # shape (blocks,): whether enough samples of a block were
-    surfaces: int  # how many there are
     block_s: float
 
 
@@ -36,13 +33,7 @@ def blocks_of(deviations: Deviations, there: BoolArray, sample_period_s: float) 
     """
     rows = rows_of(sample_period_s)
     count = len(there) // rows
-    left, surfaces = deviations.left, deviations.off.shape[1]
-    still, kinds = np.zeros_like(left), left.shape[1]
-    d = np.column_stack([deviations.off, left, *[left] * surfaces])
-    u, v = (
-        np.column_stack([of, still, np.repeat(of, kinds, axis=1)]) for of in (deviations.commanded, deviations.slew)
-    )
-    x = np.stack([np.ones_like(d), u, v, d], axis=-1)[: count * rows]
-    means = x.reshape(count, rows, d.shape[1], 4).mean(axis=1)
+    x = np.stack([np.ones_like(deviations.off), deviations.commanded, deviations.slew, deviations.off], axis=-1)
+    means = x[: count * rows].reshape(count, rows, *x.shape[1:]).mean(axis=1)
     enough = there[: count * rows].reshape(count, rows).mean(axis=1) >= ENOUGH
-    return DeviationBlocks(means, enough, surfaces, rows * sample_period_s)
+    return DeviationBlocks(means, enough, rows * sample_period_s)

@@ -126,8 +126,8 @@ class SurfaceDetector:
             answer=answer,
             normal=normal,
             thresholds={
-                series: {label: min(value, _PASSES_NOTHING) for label, value in of.items()}
-                for series, of in found.items()
+                surface: {label: min(value, _PASSES_NOTHING) for label, value in of.items()}
+                for surface, of in found.items()
             },
             kinematics=kinematics,
             sample_period_s=period_s,
@@ -197,13 +197,13 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[DeviationBlocks]) ->
     block_s = healthy[0].block_s
     minute = round(_MINUTE_S / block_s)
     for blocks in healthy:
-        nats = normal.nats(changes(blocks, normal.white), len(answer.surfaces))
-        for i, series in enumerate(answer.series):
+        nats = normal.nats(changes(blocks, normal.white))
+        for i, surface in enumerate(answer.surfaces):
             for test, label in enumerate(LABELS):
                 values = nats[:, test, i]
                 if np.isfinite(values).any():
                     new = ScoreMaxima(reach=minute, least=lambda _: _LEAST_NATS, in_nats=True)
-                    seen = tests.setdefault((series, label), new)
+                    seen = tests.setdefault((surface, label), new)
                     seen.maxima.append(block_maxima(values, minute))
                     seen.greatest.append(float(np.nanmax(values)))
     if not tests:
@@ -248,8 +248,8 @@ class SurfaceMonitor:
     name : str
     answer : Answer
     normal : Normal
-    thresholds : mapping of series to mapping of test to float
-        In nats. A series is a surface, or ``left 1`` and on: what no surface explains.
+    thresholds : mapping of surface to mapping of test to float
+        In nats.
     kinematics : BankMonitor
         Of the sensors: where it alarms, no surface is named.
     sample_period_s : float
@@ -385,31 +385,25 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
     answer = answer_of("figures.answer", figures["answer"])
-    series = series_of(answer)
+    surfaces = len(answer.surfaces)
     thresholds = table_of("figures.thresholds", figures["thresholds"])
     return SurfaceMonitor(
         name=figures["name"],
         answer=answer,
         normal=Normal(
-            noise=array_of("figures.noise", figures["noise"], (series,)),
-            white=array_of("figures.white", figures["white"], (series,)),
-            colour=array_of("figures.colour", figures["colour"], (len(LABELS), series)),
+            noise=array_of("figures.noise", figures["noise"], (surfaces,)),
+            white=array_of("figures.white", figures["white"], (surfaces,)),
+            colour=array_of("figures.colour", figures["colour"], (len(LABELS), surfaces)),
         ),
-        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.series},
+        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.surfaces},
         kinematics=restore_bank(table_of("figures.kinematics", figures["kinematics"]), {}),
         sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
         provenance=dict(provenance),
     )
 
 
-def series_of(answer: Answer) -> int:
-    """Return how many series are tested: those that are judged, and what is left by every surface's command."""
-    surfaces = len(answer.surfaces)
-    return surfaces + (len(answer.series) - surfaces) * (1 + surfaces)
-
-
-def _thresholds(series: str, given: Any) -> dict[str, float]:
-    where = f"figures.thresholds.{series}"
+def _thresholds(surface: str, given: Any) -> dict[str, float]:
+    where = f"figures.thresholds.{surface}"
     table = table_of(where, given)
     if not table or not set(table) <= set(LABELS):
         raise InputError(f"{where} holds {', '.join(table) or 'nothing'}; it may hold {', '.join(LABELS)}")
