@@ -145,7 +145,7 @@ class _Relation:
         columns = np.column_stack([self._part[:, :-1], left, errors]) / np.sqrt(self._noise)
         white, end, products = self._white(columns), len(columns), np.zeros((columns.shape[1],) * 2)
         for onset_s in onsets_s:
-            first = self._step(onset_s)
+            first = min(self._step(onset_s), len(columns))
             if self._name == AIRSPEED:
                 since = self._white(_begun(columns, max(first, 1), errors.shape[1]))[first:]
                 yield self._solved(since.T @ since, len(since))
@@ -162,7 +162,7 @@ class _Relation:
         level = max(free / max(count, 1), 1.0)  # of noise that is louder
         gain = np.linalg.inv(squares / level + self._certain)
         mixed = sums[:causes, errors] / level
-        nats = 0.5 * (whole / level - count - float(products @ gain @ products) / level**2)
+        nats = 0.5 * ((whole - free) / level - float(products @ gain @ products) / level**2 - causes)
         return _Sums(
             squares=sums[errors, errors] / level - mixed.T @ gain @ mixed,
             products=sums[errors, causes] / level - mixed.T @ gain @ products / level,
