@@ -21,7 +21,6 @@ from gtmbench.detectors.surfaces.suspects import Culprit
 from gtmbench.detectors.surfaces.whitened import ORDER, whitening
 from gtmbench.values.record import FloatArray
 
-_SHARE, _WHOLE = 1e-2, -1.0  # of an error, by which it is worked out what it changes; of a command: thrust is curved
 _DIFFER = 0.1  # of an effect: no aircraft answers quite linearly
 _KNOWN_TO = 0.2  # of an effect that was identified on other flights, at other trims
 _TURNS = 2  # of fitting effects and making their noise white, from what is known a priori
@@ -53,6 +52,14 @@ class AnswerChange:
         return self.ranked[0]
 
 
+class _Error(NamedTuple):
+    """An error of a suspect."""
+
+    suspect: Culprit
+    kind: int  # which of its own: 1 is a gain
+    relations: Mapping[str, FloatArray]  # with a share of it
+
+
 class _Sums(NamedTuple):
     """What a relation shows since an onset: normal equations of all errors' sizes, and nats that there are."""
 
@@ -72,27 +79,22 @@ def change_of(
 
     `until_s`: until when the answer is as it was. `effects`, by relation: what is known a priori; by default nothing.
     """
-    own = commanded.relations
-    shares = [_WHOLE if each.is_surface else _SHARE for each in suspects for _ in each.wrong]
-    of = [(each.name, kind) for each in suspects for kind in range(len(each.wrong))]
-    wrong = [each for suspect in suspects for each in suspect.wrong]
-    off = [
-        commanded.off_by(name, share * each).relations for (name, _), share, each in zip(of, shares, wrong, strict=True)
+    errors = [
+        _Error(each, kind, commanded.off_by(each.name, each.share * wrong).relations)
+        for each in suspects
+        for kind, wrong in enumerate(each.wrong)
     ]
     told = []
-    for name, part in own.items():
+    for name, part in commanded.relations.items():
         relation = _Relation(commanded, name, part, until_s, None if effects is None else effects.get(name))
-        gains = [relation.gain if each == (name, 1) and name != AIRSPEED else None for each in of]
-        errors = [relation.changed(each[name], share, gain) for each, share, gain in zip(off, shares, gains, strict=True)]
-        told.append([*relation.sums(np.column_stack(errors), onsets_s)])
+        told.append([*relation.sums(np.column_stack([relation.changed(each) for each in errors]), onsets_s)])
     found = [_change(commanded, suspects, onset_s, sums) for onset_s, *sums in zip(onsets_s, *told, strict=True)]
     return max(found, key=lambda each: each.best.nats)
 
 
-def _change(
-    commanded: Commanded, suspects: Sequence[Culprit], onset_s: float, sums: Sequence[_Sums]
-) -> AnswerChange:
-    squares, products = sum(each.squares for each in sums), sum(each.products for each in sums)
+def _change(commanded: Commanded, suspects: Sequence[Culprit], onset_s: float, sums: Sequence[_Sums]) -> AnswerChange:
+    squares = np.sum([each.squares for each in sums], axis=0)
+    products = np.sum([each.products for each in sums], axis=0)
     steps, first, ranked = (commanded.end_s - onset_s) / STEP_S, 0, []
     for each in suspects:
         part = slice(first, first := first + len(each.wrong))
@@ -128,16 +130,17 @@ class _Relation:
 
         return np.asarray(lfilter(self._taps, [1.0], columns, axis=0))
 
-    @property
-    def gain(self) -> FloatArray:
-        """What is explained, without its noise: what a gain multiplies, or noise would explain itself."""
-        made = self._part[:, :-1] @ self._theta
-        return np.asarray(made - made[: len(self._before)].mean())
+    def changed(self, error: _Error) -> FloatArray:
+        """Return what an error changes of what is left.
 
-    def changed(self, off: FloatArray, share: float, gain: FloatArray | None) -> FloatArray:
-        """Return what an error changes of what is left, by a share of it. `gain`: of what is itself explained."""
-        change = (off - self._part) / share
-        return np.asarray((change[:, -1] if gain is None else gain) - change[:, :-1] @ self._theta)
+        A gain of what is itself explained multiplies what was to be read, not its noise, or noise would explain itself.
+        """
+        change = (error.relations[self._name] - self._part) / error.suspect.share
+        explained = change[:, -1]
+        if error.kind == 1 and error.suspect.name == self._name != AIRSPEED:
+            made = self._part[:, :-1] @ self._theta
+            explained = made - made[: len(self._before)].mean()
+        return np.asarray(explained - change[:, :-1] @ self._theta)
 
     def sums(self, errors: FloatArray, onsets_s: Sequence[float]) -> Iterator[_Sums]:
         """Give what is shown since each onset, the latest first."""

@@ -136,6 +136,7 @@ def steps_of(frame: Frame, name: str, sides: Sides, period_s: float) -> FloatArr
 
 
 def means_of(values: FloatArray, rows: int) -> FloatArray:
+    """Return the means of every so many rows; what is left over at the end isn't used."""
     count = len(values) // rows
     return np.asarray(values[: count * rows].reshape(count, rows, -1).mean(axis=1))
 

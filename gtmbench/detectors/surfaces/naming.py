@@ -26,7 +26,10 @@ from gtmbench.values.record import FloatArray
 _DECISIVE = 3.0  # nats by which others have to explain it worse: 20 times less likely
 _DECISIVE_OF_THROTTLE = 5.0  # it is looked at up to five times, and wind is no white noise
 _MISFIT = 0.05  # of the evidence: what a slightly wrong effect makes; of nx the airspeed tells, which has none
-_OF_CHANGE, _OF_ANOTHER = 0.3, 0.5  # of all that changed, which hard motion shares; of who didn't alarm, or wasn't named
+_OF_CHANGE, _OF_ANOTHER = (
+    0.3,
+    0.5,
+)  # of all that changed, which hard motion shares; of who didn't alarm, or wasn't named
 
 
 def judged(
@@ -80,7 +83,7 @@ def kind_of(sizes: FloatArray, deviations: FloatArray) -> str | None:
     >>> kind_of(np.array([0.0, 0.7, 0.0]), 4.0 * sure) is None  # weak or stuck
     True
     """
-    _, lacks, late = sizes
+    lacks = sizes[1]
     is_off, is_less, is_late = np.abs(sizes) > _SURE * np.maximum(deviations, _LEAST)
     if deviations[1] > _KNOWN:
         return None

@@ -199,7 +199,12 @@ class SurfaceStream(ChunkStream):
             judgement = replace(judgement, kind=None)
         elif judgement.sensor is not None:
             looking.looks.clear()  # where it has thrown the aircraft about for long, nothing is linear any more
-        if not looking.looks and judgement.doubt and judgement.candidates == (THROTTLE,) and since_s < _LAST_LOOK_S - 1.0:
+        if (
+            not looking.looks
+            and judgement.doubt
+            and judgement.candidates == (THROTTLE,)
+            and since_s < _LAST_LOOK_S - 1.0
+        ):
             looking.looks.append(looking.block + round(_LAST_LOOK_S / self._block_s))
         again_s = None
         if looking.looks:

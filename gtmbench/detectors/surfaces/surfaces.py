@@ -384,6 +384,8 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     figures = keys("figures", figures, names)
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
+    if "by_airspeed" in table_of("figures.answer", figures["answer"]):
+        raise InputError("it was calibrated before surfaces and sensors were told apart in one search; calibrate anew")
     answer = answer_of("figures.answer", figures["answer"])
     surfaces = len(answer.surfaces)
     thresholds = table_of("figures.thresholds", figures["thresholds"])

@@ -40,6 +40,11 @@ class Culprit:
         return not self.is_surface or (0.0 <= found.get(1, 0.0) <= _MOST and found.get(2, 0.0) >= 0.0)
 
     @property
+    def share(self) -> float:
+        """By how much of an error it is worked out what that changes: of a command by all, for thrust is curved."""
+        return -1.0 if self.is_surface else 1e-2
+
+    @property
     def ways(self) -> tuple[tuple[int, ...], ...]:
         """Which of the errors may be there together."""
         return ((0,), (0, 1), (0, 2), (0, 1, 2)) if self.is_surface else ((0,), (0, 1))
