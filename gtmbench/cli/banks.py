@@ -38,7 +38,7 @@ def show_bank(source: str, log: Path | None, *, as_json: bool, quiet: bool) -> N
         return
     monitor = load_monitor(source) if source.lower().endswith(".json") else None
     if isinstance(monitor, SurfaceMonitor):
-        _print_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.flow), monitor, as_json, quiet)
+        _print_surfaces(SurfaceDetector(name=monitor.name, flow=monitor.answer.frame.flow), monitor, as_json, quiet)
         return
     if monitor is not None and not isinstance(monitor, BankMonitor):
         raise InputError(f"{source} is a monitor of '{monitor.name}', which is no bank: it has no residuals to show")

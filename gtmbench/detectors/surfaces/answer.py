@@ -32,19 +32,27 @@ from gtmbench.detectors.surfaces.thrust import THROTTLE, engine_of
 from gtmbench.detectors.tables import array_of, keys, names_of, table_of
 from gtmbench.errors import InputError
 from gtmbench.values.channels import COMMANDS, SURFACES
-from gtmbench.values.record import FloatArray
+from gtmbench.values.record import BoolArray, FloatArray
+
+BLOCK_S = 0.1  # between judgements, or a sample where there are fewer
+ENOUGH = 0.8  # of blocks, or of a block's samples, that must be there
 
 
-class Deviations(NamedTuple):
-    """What is made of a stretch of samples; a row a sample."""
+class DeviationBlocks(NamedTuple):
+    """Means over blocks of a tenth of a second, side by side with what was commanded.
 
-    # shape (samples, surfaces): by how much each surface seems to be off, in its unit: degrees, of the throttle steps
-    # of 20 %
-    off: FloatArray
-    # commanded, slew, shape (samples, surfaces): what was commanded, behind servo and lag, and how fast that changes,
-    # in its unit and per second: as a servo that is slow by some tenths of a second sees it
-    commanded: FloatArray
-    slew: FloatArray
+    Of every surface 1; u, what was commanded, behind servo and lag; v, how fast that changes, as a servo sees it that
+    is slow by some tenths of a second; and d, by how much it seems to be off: in degrees, of the throttle in steps.
+    """
+
+    means: FloatArray  # shape (blocks, surfaces, 4)
+    there: BoolArray  # shape (blocks,): whether enough samples of a block were
+    block_s: float
+
+
+def rows_of(sample_period_s: float) -> int:
+    """Return the samples of a block."""
+    return max(round(BLOCK_S / sample_period_s), 1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,24 +65,9 @@ class Answer:
     covariance: FloatArray  # shape (equations, equations): S, of what the equations leave on healthy flight
 
     @property
-    def flow(self) -> Flow:
-        """By which channels the flow is known."""
-        return self.frame.flow
-
-    @property
-    def surfaces(self) -> tuple[str, ...]:
-        """The surfaces whose effect is known."""
-        return self.frame.surfaces
-
-    @property
-    def equations(self) -> dict[str, str]:
-        """By the channel that is explained, which causes explain it."""
-        return self.frame.equations
-
-    @property
     def effects(self) -> FloatArray:
         """G: the effect of a degree of each surface on every equation, shape (equations, surfaces)."""
-        return np.array([self.theta[name][: len(self.surfaces)] for name in self.equations])
+        return np.array([self.theta[name][: len(self.frame.surfaces)] for name in self.frame.equations])
 
     def start(self, sample_period_s: float) -> Answering:
         """Return what makes deviations of samples as they come in."""
@@ -100,20 +93,25 @@ class Answering:
     """An answer at work; its filters begin at rest in the first sample, and a missing sample holds the last one."""
 
     def __init__(self, answer: Answer, sample_period_s: float) -> None:
-        self._answer = answer
+        self._answer, self._period_s = answer, sample_period_s
         self._regressing = Regressing(answer.frame, sample_period_s)
-        self._by_air = np.array([name != THROTTLE for name in answer.surfaces])
+        self._by_air = np.array([name != THROTTLE for name in answer.frame.surfaces])
         root = np.linalg.cholesky(answer.covariance)
         self._off = np.linalg.pinv(np.linalg.solve(root, answer.effects)) @ np.linalg.inv(root)
 
-    def push(self, values: FloatArray) -> Deviations:
-        """Return the deviations of the next rows, of the channels in their order."""
+    def push(self, values: FloatArray) -> DeviationBlocks:
+        """Return the whole blocks of the next rows, of the channels in their order."""
+        rows = rows_of(self._period_s)
+        values = values[: len(values) // rows * rows]
         made = self._regressing.push(values)
         residuals = np.column_stack(
             [made.explained[name] - made.regressors[name] @ theta for name, theta in self._answer.theta.items()]
         )
         off = (residuals @ self._off.T) / np.where(self._by_air, made.pressure[:, np.newaxis], 1.0)
-        return Deviations(off=off, commanded=made.commanded, slew=made.slew)
+        x = np.stack([np.ones_like(off), made.commanded, made.slew, off], axis=-1)
+        there = np.isfinite(values).all(axis=1).reshape(-1, rows).mean(axis=1) >= ENOUGH
+        means = x.reshape(-1, rows, *x.shape[1:]).mean(axis=1)
+        return DeviationBlocks(means=means, there=there, block_s=rows * self._period_s)
 
 
 def answer_of(where: str, given: Any) -> Answer:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
+from gtmbench.detectors.surfaces.answer import ENOUGH, DeviationBlocks
 from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, Counts, left, whitening
 from gtmbench.values.record import BoolArray, FloatArray
 

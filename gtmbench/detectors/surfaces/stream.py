@@ -12,8 +12,7 @@ import numpy as np
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.chunk import ChunkResult, ChunkStream, taken
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.detectors.surfaces.answer import Answer
-from gtmbench.detectors.surfaces.blocks import blocks_of, rows_of
+from gtmbench.detectors.surfaces.answer import Answer, rows_of
 from gtmbench.detectors.surfaces.commanded import Commanded
 from gtmbench.detectors.surfaces.deviation import BASE_S, LABELS, LEAST_BASE_S, WINDOWS_S, Comparing
 from gtmbench.detectors.surfaces.equations import without_holes
@@ -124,11 +123,9 @@ class SurfaceStream(ChunkStream):
     def _tested(self) -> FloatArray:
         """Return the tests of new blocks over their thresholds, shape (blocks, tests, surfaces)."""
         values = self._kept[self._count * self._rows - self._first :]
-        values = values[: len(values) // self._rows * self._rows]
-        if not len(values):
+        if len(values) < self._rows:
             return np.zeros((0, *self._limits.shape))
-        there = np.asarray(np.isfinite(values).all(axis=1))
-        new = blocks_of(self._answering.push(values), there, self._period_s)
+        new = self._answering.push(values)
         unsettled = self._count + np.arange(len(new.there)) < self._settled
         found = self._comparing.push(new._replace(there=new.there & ~unsettled))
         return np.asarray(self._monitor.normal.nats(found) / self._limits)
@@ -231,7 +228,7 @@ class SurfaceStream(ChunkStream):
         looked_at = commanded.since(until_s - BASE_S - SETTLES_S)
         suspects = [*suspects_of(looked_at, until_s, _HIDES_DEG_S)]
         onsets_s = [each for each in alarm.time_s - _ONSETS_S if each >= until_s] or [until_s]
-        known = {name: answer.theta[name][causes_of(answer.frame, name)] for name in answer.equations}
+        known = {name: answer.theta[name][causes_of(answer.frame, name)] for name in answer.frame.equations}
         return change_of(looked_at, suspects, until_s, onsets_s, known)
 
     def _sensor(self, alarm: Alarm, commanded: Commanded, time_s: float) -> str:
@@ -285,7 +282,7 @@ class SurfaceStream(ChunkStream):
 
 
 def _read(monitor: SurfaceWatching) -> tuple[str, ...]:
-    return (*GYROS, *monitor.answer.flow.channels, *COMMANDS)
+    return (*GYROS, *monitor.answer.frame.flow.channels, *COMMANDS)
 
 
 def limits_of(monitor: SurfaceWatching) -> FloatArray:

@@ -22,8 +22,7 @@ from gtmbench.detectors.bank_detector import calibrate as calibrate_bank
 from gtmbench.detectors.gate import gated
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import RATE, HealthyMaxima, ScoreMaxima, block_maxima, rate_bound
-from gtmbench.detectors.surfaces.answer import Answer, answer_of
-from gtmbench.detectors.surfaces.blocks import BLOCK_S, DeviationBlocks, blocks_of
+from gtmbench.detectors.surfaces.answer import BLOCK_S, Answer, DeviationBlocks, answer_of
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LABELS, OFFSET, changes
 from gtmbench.detectors.surfaces.equations import FULL, Flow
 from gtmbench.detectors.surfaces.identification import SETTLES_S, identified
@@ -145,7 +144,7 @@ class SurfaceDetector:
     ) -> SurfaceMonitor:
         """Return the monitor of some figures; they have to be of this flow."""
         monitor = restore_surfaces(figures, provenance)
-        if monitor.answer.flow != self.flow:
+        if monitor.answer.frame.flow != self.flow:
             raise InputError(f"the figures are of '{monitor.name}', which reads the flow otherwise; calibrate anew")
         return monitor
 
@@ -185,8 +184,7 @@ def _check(name: str, healthy: Sequence[Record]) -> None:
 
 def _settled(answer: Answer, values: FloatArray, period_s: float) -> DeviationBlocks:
     """Return the blocks of a record, once the filters have settled."""
-    there = np.asarray(np.isfinite(values).all(axis=1))
-    blocks = blocks_of(answer.start(period_s).push(values), there, period_s)
+    blocks = answer.start(period_s).push(values)
     first = round(SETTLES_S / blocks.block_s)
     return blocks._replace(means=blocks.means[first:], there=blocks.there[first:])
 
@@ -198,7 +196,7 @@ def _seen(answer: Answer, normal: Normal, healthy: Sequence[DeviationBlocks]) ->
     minute = round(_MINUTE_S / block_s)
     for blocks in healthy:
         nats = normal.nats(changes(blocks, normal.white))
-        for i, surface in enumerate(answer.surfaces):
+        for i, surface in enumerate(answer.frame.surfaces):
             for test, label in enumerate(LABELS):
                 values = nats[:, test, i]
                 if np.isfinite(values).any():
@@ -283,17 +281,17 @@ class SurfaceMonitor:
     @property
     def channels(self) -> tuple[str, ...]:
         """The recipe's."""
-        return SurfaceDetector(flow=self.answer.flow).channels
+        return SurfaceDetector(flow=self.answer.frame.flow).channels
 
     @property
     def suspects(self) -> tuple[str, ...]:
         """The surfaces that moved in the healthy flights."""
-        return self.answer.surfaces
+        return self.answer.frame.surfaces
 
     @property
     def unwatched(self) -> dict[str, str]:
         """Why commands are not judged, by command."""
-        lacking = [name for name in FULL.channels if name not in self.answer.flow.channels]
+        lacking = [name for name in FULL.channels if name not in self.answer.frame.flow.channels]
         why = {name: "its command never moved in the healthy flights" for name in COMMANDS if name not in self.suspects}
         return why | ({THROTTLE: f"{', '.join(lacking)} would have to be read"} if lacking else {})
 
@@ -339,7 +337,7 @@ class SurfaceMonitor:
         """
         kept = record.select(self.channels)
         kept.check_period(self.sample_period_s, f"'{self.name}' was calibrated at")
-        blocks = _settled(self.answer, kept.matrix(_read(self.answer.flow)), self.sample_period_s)
+        blocks = _settled(self.answer, kept.matrix(_read(self.answer.frame.flow)), self.sample_period_s)
         found = changes(blocks, self.normal.white)
         least = self.normal.smallest(found, limits_of(self))
         by_kind = {kind: [i for i, of in enumerate(KINDS) if of == kind] for kind in (OFFSET, ANSWER)}
@@ -387,7 +385,7 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     if "by_airspeed" in table_of("figures.answer", figures["answer"]):
         raise InputError("it was calibrated before surfaces and sensors were told apart in one search; calibrate anew")
     answer = answer_of("figures.answer", figures["answer"])
-    surfaces = len(answer.surfaces)
+    surfaces = len(answer.frame.surfaces)
     thresholds = table_of("figures.thresholds", figures["thresholds"])
     return SurfaceMonitor(
         name=figures["name"],
@@ -397,7 +395,7 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
             white=array_of("figures.white", figures["white"], (surfaces,)),
             colour=array_of("figures.colour", figures["colour"], (len(LABELS), surfaces)),
         ),
-        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.surfaces},
+        thresholds={name: _thresholds(name, thresholds.get(name)) for name in answer.frame.surfaces},
         kinematics=restore_bank(table_of("figures.kinematics", figures["kinematics"]), {}),
         sample_period_s=number("sample_period_s", figures["sample_period_s"], *PERIODS_S),
         provenance=dict(provenance),

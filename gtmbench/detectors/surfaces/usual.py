@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.detectors.surfaces.blocks import ENOUGH, DeviationBlocks
+from gtmbench.detectors.surfaces.answer import ENOUGH, DeviationBlocks
 from gtmbench.detectors.surfaces.deviation import ANSWER, KINDS, LEAST_BASE_S, Changes, changes, fitted
 from gtmbench.detectors.surfaces.whitened import ORDER, BlockSums, whitening
 from gtmbench.values.record import BoolArray, FloatArray

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from gtmbench.detectors.surfaces.answer import Flow, answer_of
-from gtmbench.detectors.surfaces.blocks import blocks_of
 from gtmbench.detectors.surfaces.deviation import LABELS, Comparing, changes
 from gtmbench.detectors.surfaces.identification import identified
 from gtmbench.detectors.surfaces.usual import normal_of
@@ -60,15 +59,14 @@ def answer():
 
 
 def blocks(answer, values):
-    there = np.isfinite(values).all(axis=1)
-    return blocks_of(answer.start(PERIOD_S).push(values), there, PERIOD_S)
+    return answer.start(PERIOD_S).push(values)
 
 
 def test_effects_of_surfaces_are_found_in_their_axes(answer):
-    assert answer.surfaces == ("elevator", "aileron", "rudder")
-    equations = list(answer.equations)
+    assert answer.frame.surfaces == ("elevator", "aileron", "rudder")
+    equations = list(answer.frame.equations)
     for surface, (gyro, effect) in EFFECTS.items():
-        found = answer.effects[equations.index(gyro), answer.surfaces.index(surface)]
+        found = answer.effects[equations.index(gyro), answer.frame.surfaces.index(surface)]
         assert found == pytest.approx(effect, rel=0.1)
 
 
@@ -77,9 +75,9 @@ def test_a_deviation_is_that_of_the_surface_in_degrees_and_nobody_elses(answer, 
     def bent(name, commanded, time_s):
         return commanded + 2.0 * (time_s > 60.0) * (name == surface)
 
-    off = answer.start(PERIOD_S).push(aircraft(3, bent)).off
-    seen = off[4000:].mean(axis=0) - off[1000:2900].mean(axis=0)
-    for i, name in enumerate(answer.surfaces):
+    off = blocks(answer, aircraft(3, bent)).means[..., 3]
+    seen = off[800:].mean(axis=0) - off[200:580].mean(axis=0)
+    for i, name in enumerate(answer.frame.surfaces):
         assert seen[i] == pytest.approx(2.0 if name == surface else 0.0, abs=0.3)
 
 
@@ -87,9 +85,8 @@ def test_deviations_come_in_chunks_as_in_one(answer):
     values = aircraft(4)
     whole = answer.start(PERIOD_S).push(values)
     working = answer.start(PERIOD_S)
-    parts = [working.push(values[first : first + 77]) for first in range(0, len(values), 77)]
-    for i, field in enumerate(whole):
-        np.testing.assert_allclose(np.concatenate([part[i] for part in parts]), field, atol=1e-9)
+    parts = [working.push(values[first : first + 75]).means for first in range(0, len(values), 75)]
+    np.testing.assert_allclose(np.concatenate(parts), whole.means, atol=1e-9)
 
 
 def test_less_effect_and_a_slow_servo_change_the_answer_and_nothing_else(answer):
@@ -103,8 +100,8 @@ def test_less_effect_and_a_slow_servo_change_the_answer_and_nothing_else(answer)
     test = LABELS.index("answer 16 s")
     for seed, broken in ((7, weak), (8, slow)):
         nats = normal.nats(changes(blocks(answer, aircraft(seed, broken)), normal.white))[AT, test]
-        assert nats[answer.surfaces.index("rudder")] > 50.0
-        assert nats[[answer.surfaces.index(name) for name in ("elevator", "aileron")]].max() < 12.0
+        assert nats[answer.frame.surfaces.index("rudder")] > 50.0
+        assert nats[[answer.frame.surfaces.index(name) for name in ("elevator", "aileron")]].max() < 12.0
 
 
 @pytest.mark.nightly
@@ -128,9 +125,9 @@ def test_stronger_gusts_make_a_test_less_sensitive_not_false(answer):
 def test_effects_are_found_though_a_controller_answers_every_gust():
     """The oracle: a controller turns surfaces against gusts, which plain least squares take for a weak surface."""
     found = identified(FLOW, [aircraft(seed, gain=0.15) for seed in (30, 31)], PERIOD_S)
-    equations = list(found.equations)
+    equations = list(found.frame.equations)
     for surface, (gyro, effect) in EFFECTS.items():
-        own = found.effects[equations.index(gyro), found.surfaces.index(surface)]
+        own = found.effects[equations.index(gyro), found.frame.surfaces.index(surface)]
         assert own == pytest.approx(effect, rel=0.15)
 
 

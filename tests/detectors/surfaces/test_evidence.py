@@ -30,7 +30,7 @@ def change(record, *, is_known=True, hides=0.2):
     values = record.matrix(CHANNELS)[: round(LOOKED_S / STEP_S)]
     frame = answer().frame
     commanded = Commanded(start_s=0.0, period_s=STEP_S, channels=CHANNELS, values=values, frame=frame)
-    known = {name: answer().theta[name][causes_of(frame, name)] for name in answer().equations}
+    known = {name: answer().theta[name][causes_of(frame, name)] for name in answer().frame.equations}
     suspects = [*suspects_of(commanded, UNTIL_S, dict.fromkeys(GYROS, hides))]
     return change_of(
         commanded, suspects, UNTIL_S, np.arange(LOOKED_S - 1.0, UNTIL_S, -0.2), known if is_known else None
