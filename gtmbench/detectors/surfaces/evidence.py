@@ -51,6 +51,10 @@ class AnswerChange:
         """Who explains it best."""
         return self.ranked[0]
 
+    def likely(self, nats: float, misfit: float) -> list[SuspectEvidence]:
+        """Return who may be behind it: whoever explains as much as the best, but for nats and a share of its own."""
+        return [each for each in self.ranked if each.nats > (1.0 - misfit) * self.best.nats - nats]
+
 
 class _Error(NamedTuple):
     """An error of a suspect."""

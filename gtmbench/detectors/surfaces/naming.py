@@ -14,7 +14,7 @@ command hardly moved, none of it shows.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def judged(
     `source`: the surface that alarms. `sensor`: why a sensor must have failed; "" if none must. `named`: the surface
     that was named before.
     """
-    likely = list(_likely(change, named))
+    likely = _likely(change, named)
     share = _OF_CHANGE if likely[0].suspect.name == (named or source) else _OF_ANOTHER
     is_told = len(likely) == 1 and likely[0].nats > share * change.nats
     surfaces = [each for each in likely if each.suspect.is_surface]
@@ -58,13 +58,13 @@ def judged(
     return Judgement(time_s=time_s, sensor=None, candidates=names, doubt=f"{what}: {' or '.join(names)}")
 
 
-def _likely(change: AnswerChange, named: str | None) -> Iterator[SuspectEvidence]:
-    """Give who may be behind a change: whoever lies within the odds of the best, a throttle not after a surface."""
-    is_after = named not in (None, THROTTLE)
-    ranked = [each for each in change.ranked if not (is_after and each.suspect.name == THROTTLE)]
-    best = ranked[0]
-    margin = _DECISIVE_OF_THROTTLE if best.suspect.name == THROTTLE else _DECISIVE + _MISFIT * best.nats
-    return (each for each in ranked if each.nats > best.nats - margin)
+def _likely(change: AnswerChange, named: str | None) -> list[SuspectEvidence]:
+    """Return who may be behind a change; a throttle isn't after a surface."""
+    if named not in (None, THROTTLE):
+        change = replace(change, ranked=tuple(each for each in change.ranked if each.suspect.name != THROTTLE))
+    if change.best.suspect.name == THROTTLE:
+        return change.likely(_DECISIVE_OF_THROTTLE, 0.0)
+    return change.likely(_DECISIVE, _MISFIT)
 
 
 _SURE = 4.0  # deviations

@@ -383,7 +383,9 @@ def restore_surfaces(figures: Mapping[str, Any], provenance: Mapping[str, Any]) 
     if not isinstance(figures["name"], str):
         raise InputError(f"figures.name is {shown(figures['name'])}; it must be a text")
     if "by_airspeed" in table_of("figures.answer", figures["answer"]):
-        raise InputError("it was calibrated before surfaces and sensors were told apart in one search; calibrate anew")
+        raise InputError(
+            "it was calibrated by an earlier version, which identified less of the answer to commands; calibrate anew"
+        )
     answer = answer_of("figures.answer", figures["answer"])
     surfaces = len(answer.frame.surfaces)
     thresholds = table_of("figures.thresholds", figures["thresholds"])

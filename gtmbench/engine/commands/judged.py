@@ -82,9 +82,14 @@ class CommandsJudged:
         for name in self.surfaces:
             if name == self.named:
                 yield from claims_of(self._judgement, (name,), (self.onset_s, self.end_s))
-            elif self.change and self.doubt and name in _likely(self.change):
+            elif self.doubt and name in self.likely:
                 yield name, unjudged((self.onset_s, self.span_s[1]), self.doubt)
             yield name, unjudged(self.span_s, COMPARED)
+
+    @property
+    def likely(self) -> list[str]:
+        """Who may be behind the change: whoever lies within the odds."""
+        return [each.suspect.name for each in self.change.likely(DECISIVE, _MISFIT)] if self.change else []
 
     @property
     def _judgement(self) -> Judgement:
@@ -143,17 +148,11 @@ def _excluded(claims: Sequence[Claim], channels: Sequence[str], span_s: Span) ->
             yield name, max(span.sizes.error for span in clear if span.sizes is not None)
 
 
-def _likely(change: AnswerChange) -> list[str]:
-    """Return who may be behind a change: whoever lies within the odds."""
-    most = change.ranked[0].nats
-    return [each.suspect.name for each in change.ranked if each.nats > most - DECISIVE - _MISFIT * most]
-
-
 def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Finding]) -> Iterator[str]:
     change, best = said.change, said.best
     assert change is not None
     assert best is not None
-    likely = _likely(change)
+    likely = said.likely
     if min(best.nats, change.nats) < BOUND:
         yield COMPARED
         return
@@ -181,7 +180,7 @@ def _doubts(said: CommandsJudged, claims: Sequence[Claim], found: Sequence[Findi
 
 
 def _is_stuck(best: SuspectEvidence) -> bool:
-    return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and 0.0 < best.deviations[1] < _SURE
+    return best.suspect.is_surface and abs(best.sizes[1] - 1.0) < _STUCK and best.deviations[1] < _SURE
 
 
 def _is_livelier(said: CommandsJudged) -> bool:
