@@ -79,9 +79,10 @@ def change_of(
     onsets_s: Sequence[float],
     effects: Mapping[str, FloatArray] | None = None,
 ) -> AnswerChange:
-    """Return what the change is that begins at one of some onsets, in their order, and who explains it.
+    """Return what the change is that begins at one of some onsets, and who explains it.
 
-    `until_s`: until when the answer is as it was. `effects`, by relation: what is known a priori; by default nothing.
+    `until_s`: until when the answer is as it was. `onsets_s`: the latest first. `effects`, by relation: what is known a
+    priori; by default nothing.
     """
     errors = [
         _Error(each, kind, commanded.off_by(each.name, each.share * wrong).relations)
