@@ -83,6 +83,17 @@ def test_a_gyro_that_shifts_is_named_by_the_whole_log_without_an_alarm(sensor):
     assert failed.start_s == 60.5  # the alarm says since when
 
 
+def test_what_an_alarm_dates_long_before_it_was_raised_begins_where_the_whole_log_has_it():
+    """Behind an estimator a bias is fitted by a drift from half a minute before."""
+    given = evidence(with_error(motion(), "q", from_on(60.0, 2.0)))
+    drift = replace(named("q", 60.5, "drift"), onset_s=30.0)
+    drift = replace(drift, judgements=(replace(drift.last, parameters={"slope": 0.1, "onset_s": 30.0}),))
+    timeline = timeline_of(replace(given, alarms=(drift,)))
+    (failed,) = timeline.of("q", State.FAILED)
+    assert (failed.start_s, failed.judgement.kind) == (pytest.approx(60.0, abs=2.5), "bias")
+    assert is_clear(timeline, "q", 40.0)
+
+
 def test_a_gyro_that_shifts_and_that_nobody_names_is_clear_nowhere():
     given = evidence(with_error(motion(), "q", from_on(60.0, 2.0)))
     given = replace(given, judged=replace(given.judged, found=()))

@@ -278,7 +278,21 @@ def _alarmed(evidence: LogEvidence, span_s: Span) -> Iterator[Claim]:
             is_open = sensor in JUDGED and span.state is State.FAILED and alarm.ended_s is None
             if evidence.judged is not None and is_open:
                 agrees_s = agrees_from_s(evidence.judged.flight.blocks, sensor, failure_of(span))
-            yield sensor, span if agrees_s is None else replace(span, end_s=agrees_s)
+            span = span if agrees_s is None else replace(span, end_s=agrees_s)
+            yield sensor, _dated_by_engine(evidence, alarm, sensor, span)
+
+
+def _dated_by_engine(evidence: LogEvidence, alarm: Alarm, sensor: str, span: SensorSpan) -> SensorSpan:
+    """Return what an alarm claims, as the engine dates it where that is when it was raised, and its own fit long before.
+
+    Behind an estimator a bias looks like a drift from half a minute before; the engine has the estimator's answer.
+    """
+    if span.state is not State.FAILED or evidence.judged is None or alarm.time_s - span.start_s < _SOON_S:
+        return span
+    for name, other in evidence.judged.accused:
+        if (name, other.state) == (sensor, State.FAILED) and abs(other.start_s - alarm.time_s) < _SOON_S:
+            return replace(span, start_s=other.start_s, judgement=other.judgement)
+    return span
 
 
 def _cleared(evidence: LogEvidence, claims: Sequence[Claim]) -> Iterator[Claim]:
