@@ -283,7 +283,7 @@ def _alarmed(evidence: LogEvidence, span_s: Span) -> Iterator[Claim]:
 
 
 def _dated_by_engine(evidence: LogEvidence, alarm: Alarm, sensor: str, span: SensorSpan) -> SensorSpan:
-    """Return what an alarm claims as the engine dates it, where that is when it was raised, and its own fit long before.
+    """Return what an alarm claims, as the engine dates it where that is when it was raised and its own fit long before.
 
     Behind an estimator a bias looks like a drift from half a minute before; the engine has the estimator's answer.
     """
