@@ -34,8 +34,8 @@ from gtmbench.history.entry import Entry, constants_of
 from gtmbench.history.standing import stood
 from gtmbench.history.trend import trends_of
 from gtmbench.jobs.processes import spread
+from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.flight import flight_of_records
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 from gtmbench.verdict.timeline import State

@@ -35,9 +35,9 @@ from gtmbench.intake.other_sensors import other_sensors_of
 from gtmbench.intake.read import ReadLog, read_log
 from gtmbench.intake.samples import log_samples
 from gtmbench.jobs.processes import spread
+from gtmbench.log.opening.attitude_origin import origin_in_logs
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.origin import origin_in_logs
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import runs
 from gtmbench.verdict.timeline import SensorSpan, State, Timeline, laid_out

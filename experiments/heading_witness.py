@@ -21,9 +21,9 @@ import pandas as pd
 
 import gtmbench as gb
 from gtmbench.bench.magnetometer import Magnetometer, with_magnetometer
+from gtmbench.log.self_check.motion import attitude_rates
 from gtmbench.method.heading_witness import HeadingWitness
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.self_check.motion import attitude_rates
 from gtmbench.values.channels import ATTITUDE, MAGNETOMETER
 from gtmbench.values.record import Record
 from studies.conduct import write_report

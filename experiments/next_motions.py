@@ -27,8 +27,8 @@ from gtmbench.bench.sensing import Readings
 from gtmbench.bench.trim import Trim
 from gtmbench.history.next_motion import Manoeuvre
 from gtmbench.jobs.processes import spread
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.watched import WatchedLog
 from studies.conduct import Campaign, Findings, conducted
 from studies.targets import Target, held, is_missed
 

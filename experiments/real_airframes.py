@@ -25,10 +25,10 @@ from gtmbench.history.constant import NOISE
 from gtmbench.history.entry import Entry, constants_of
 from gtmbench.history.standing import stood
 from gtmbench.jobs.processes import spread
+from gtmbench.log.fleet import logs_in
+from gtmbench.log.opening.opened_log import opened
+from gtmbench.log.opening.question import asked
 from gtmbench.report.tables.markdown import markdown
-from gtmbench.study.log.asked import asked
-from gtmbench.study.log.log_fleet import logs_in
-from gtmbench.study.log.opened import opened
 from gtmbench.verdict.timeline import State
 from studies.conduct import Campaign, Findings, conducted
 

@@ -27,11 +27,11 @@ from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.samples import Samples
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
+from gtmbench.log.judging.monitored import Monitored, course_of, doubted, listened
+from gtmbench.log.opening.opened_log import Opened
+from gtmbench.log.watched_log import concluded
 from gtmbench.report.tables.markdown import markdown
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.opened import Opened
-from gtmbench.study.log.said import Monitored, course_of, doubted, listened
-from gtmbench.study.log.watched import concluded
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, GYROS, MAGNETOMETER, names_of
 from gtmbench.verdict.timeline import State, Timeline
 from gtmbench.verdict.verdict import Outcome

@@ -90,6 +90,11 @@ if TYPE_CHECKING:
     from gtmbench.link.live import Live, live
     from gtmbench.link.sending import send_live
     from gtmbench.link.session import LinkCounts
+    from gtmbench.log.breaking.inject import ChangedColumn, inject_log
+    from gtmbench.log.live_watch import watch_live
+    from gtmbench.log.truth.score import ScoredLog, score_log
+    from gtmbench.log.watch import bank_between, watch_log
+    from gtmbench.log.watched_log import WatchedLog
     from gtmbench.method.autoregressive import NoiseModel
     from gtmbench.method.estimators.bayesian import Bayesian
     from gtmbench.method.estimators.instruments import InstrumentalVariables
@@ -112,11 +117,6 @@ if TYPE_CHECKING:
     from gtmbench.report.recording.read import read_recording
     from gtmbench.study.campaign.conduct import campaign
     from gtmbench.study.campaign.plan import Campaign, load_campaign
-    from gtmbench.study.log.injection import ChangedColumn, inject_log
-    from gtmbench.study.log.live_watch import watch_live
-    from gtmbench.study.log.truth import ScoredLog, score_log
-    from gtmbench.study.log.watch import bank_between, watch_log
-    from gtmbench.study.log.watched import WatchedLog
     from gtmbench.study.reference import detection_reference
     from gtmbench.study.run import run, run_study
     from gtmbench.study.scenario import Scenario, load_scenario

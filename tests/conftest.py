@@ -11,12 +11,13 @@ import gtmbench as gb
 from gtmbench.bench.flight import fly
 from gtmbench.cli.app import main
 from gtmbench.files.shipped import share
+from gtmbench.log import watch
+from gtmbench.log.judging import certificate
+from gtmbench.log.judging.certificate import ONSETS
 from gtmbench.method.regression import triangle
 from gtmbench.report.recording.read import read_recording
 from gtmbench.report.recording.write import write_recording
 from gtmbench.study import flights, healthy_records
-from gtmbench.study.log import certificate, watch
-from gtmbench.study.log.certificate import ONSETS
 from tests.helpers.watched_once import remembered
 from tests.helpers.watching import written_once
 

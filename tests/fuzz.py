@@ -47,7 +47,7 @@ REACHED = {  # beside the readers, what of us and of libraries reads a door's fi
     "aircraft.toml": ["gtmbench.bench", "gtmbench.checks", "tomllib"],
     "link": ["gtmbench.link"],
     "lines": ["gtmbench.link"],
-    WATCHED: ["gtmbench.engine", "gtmbench.study.log"],
+    WATCHED: ["gtmbench.engine", "gtmbench.log"],
     "flight.bag": ["rosbags"],
     "flight.mat": ["scipy.io.matlab"],
     "flight73.mat": ["h5py"],

@@ -44,7 +44,7 @@ ROOT = Path(__file__).parent.parent
 FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
-import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.reference_run
+import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.log.watch, gtmbench.check.reference_run
 from pathlib import Path
 from gtmbench.cli.app import main
 from gtmbench.study.benchmark import definition

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gtmbench.study.log.self_check.causes import WiringChange, undone
+from gtmbench.log.self_check.causes import WiringChange, undone
 from gtmbench.values.record import Record
 
 _DEG = math.degrees(1.0)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from gtmbench.engine.hindsight.cleared import JUDGED
 from gtmbench.errors import InputError
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import names_of
 from gtmbench.verdict.verdict import Outcome
 from recorded.flights import LogFile, Parts, watched

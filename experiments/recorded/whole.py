@@ -19,16 +19,16 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.imus.beside import with_imus
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
-from gtmbench.study.log.asked import asked
-from gtmbench.study.log.contacts import CONTACTS
-from gtmbench.study.log.flight import flight_of_records
-from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.learnt import Learnt, learnt
-from gtmbench.study.log.opened import Opened, OpenedLog, opened
-from gtmbench.study.log.origin import FROM_LOG
-from gtmbench.study.log.said import Monitored, doubted, first_alarms, listened
-from gtmbench.study.log.swap import crossed
-from gtmbench.study.log.watched import WatchedLog, concluded
+from gtmbench.log.judging.monitored import Monitored, doubted, first_alarms, listened
+from gtmbench.log.judging.swap import crossed
+from gtmbench.log.learning.crashes import CONTACTS
+from gtmbench.log.learning.healthy_part import chosen
+from gtmbench.log.learning.learnt_monitor import Learnt, learnt
+from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.engine_flight import flight_of_records
+from gtmbench.log.opening.opened_log import Opened, OpenedLog, opened
+from gtmbench.log.opening.question import asked
+from gtmbench.log.watched_log import WatchedLog, concluded
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import FloatArray, Record
 from gtmbench.verdict.timeline import State

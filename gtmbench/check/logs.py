@@ -12,13 +12,13 @@ from gtmbench.check.figures import FigureGroup, Value, rounded
 from gtmbench.checks import shown, text
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.log_fleet import logs_in
+from gtmbench.log.fleet import logs_in
 from gtmbench.values.channels import unit_of
 from gtmbench.verdict.timeline import State
 
 if TYPE_CHECKING:
     from gtmbench.detectors.protocol import Detector, Monitor
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.log.watched_log import WatchedLog
 
 _SEPARATOR = ": "
 
@@ -57,7 +57,7 @@ def log_groups(
     logs: Mapping[str, Path], watcher: Detector | Monitor | str, progress: Progress, **how: Any
 ) -> list[FigureGroup]:
     """Watch logs as `gtmbench monitor` does, how else is as `watch_log` takes it; return the figures of each sensor."""
-    from gtmbench.study.log.watch import watch_log
+    from gtmbench.log.watch import watch_log
 
     groups = []
     for number, (name, path) in enumerate(logs.items()):

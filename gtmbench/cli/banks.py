@@ -79,8 +79,8 @@ def _print_auto(source: str, log: Path | None, as_json: bool, quiet: bool) -> No
     from gtmbench.detectors.bank.detectability import signatures
     from gtmbench.intake.other_sensors import other_sensors_of
     from gtmbench.intake.read import read_log
+    from gtmbench.log.opening.auto_bank import bank_for_logs
     from gtmbench.report.words.other_sensors import sensor_lines
-    from gtmbench.study.log.auto_bank import bank_for_logs
 
     if source != AUTO:
         raise InputError(f"--of {log} goes with bank {AUTO}, and {source} is given: gtmbench list {AUTO} --of LOG")

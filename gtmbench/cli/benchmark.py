@@ -12,7 +12,7 @@ import click
 from gtmbench.checks import whole
 from gtmbench.cli.command import HeadedCommand
 from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.output import check_cluster_options, cluster_options, common_options, echo, print_json, print_table
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
 from gtmbench.jobs.progress import progress_bar
@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     "--archive", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as one ZIP file, to be deposited."
 )
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
+@cluster_options
 @click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options
 def benchmark_command(
@@ -71,6 +72,8 @@ def benchmark_command(
     out: Path | None,
     archive: Path | None,
     jobs: int | None,
+    scheduler: str | None,
+    tls: Path | None,
     any_versions: bool,
     as_json: bool,
     quiet: bool,
@@ -92,6 +95,9 @@ def benchmark_command(
     if private_seed is not None:
         definition, split = with_secret(definition, private_seed), PRIVATE
     processes = whole("--jobs", os.cpu_count() or 1 if jobs is None else jobs, 1, 1000)
+    check_cluster_options(scheduler, tls)
+    if scheduler is not None and export is not None:
+        raise InputError("--export writes flights here, without --scheduler; use --jobs")
     if as_csv and export is None:
         raise InputError("--csv is the format of flights that are written; give --export DIR, too")
     if export is not None:
@@ -107,11 +113,13 @@ def benchmark_command(
         return
     folder = Path(definition.name) if out is None else out
     named = _detectors(detectors, by_default=not entries)
+    from gtmbench.jobs.workers import Workers
     from gtmbench.study.benchmark.run import run_benchmark
 
     with progress_bar(silent=as_json or quiet) as tell:
+        workers = Workers(processes=processes, scheduler=scheduler, tls=tls)
         rows = run_benchmark(
-            definition, split, folder, detectors=named, entries=entries, processes=processes, progress=tell
+            definition, split, folder, detectors=named, entries=entries, workers=workers, progress=tell
         )
     _write(rows, definition, split, folder, _command(quick, detectors, entries, split, private_seed))
     verdict = f"Judged {len(rows)} rows on {definition.name}, split {split}: {folder}/report.md."

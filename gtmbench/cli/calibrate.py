@@ -173,7 +173,7 @@ def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look:
 
 def _between(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
     from gtmbench.detectors.bank_detector import BankDetector
-    from gtmbench.study.log.watch import bank_between
+    from gtmbench.log.watch import bank_between
 
     if detector is not None:
         raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
@@ -215,7 +215,7 @@ def _on_part(
 ) -> _Taught:
     """Learn on a part of a log, as `gtmbench monitor` does before it watches the rest."""
     from gtmbench.detectors.protocol import is_ready
-    from gtmbench.study.log.watch import taught_by
+    from gtmbench.log.watch import taught_by
 
     if len(logs) > 1:
         raise InputError(f"--healthy is a part of one log, and {len(logs)} are given; give one, or leave it out")
@@ -249,8 +249,8 @@ def _on_logs(
     seed: int,
     tell: Progress,
 ) -> _Taught:
+    from gtmbench.log.opening.auto_bank import recipe_for_logs
     from gtmbench.study.healthy_records import logged_records
-    from gtmbench.study.log.auto_bank import recipe_for_logs
 
     recipe, of_logs = recipe_for_logs(recipe, logs, mapping, attitude)
     records, origin = logged_records(

@@ -14,7 +14,7 @@ from gtmbench.files.disk import is_file, is_pattern
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.log_fleet import FleetQuestion, Source
+    from gtmbench.log.fleet import FleetQuestion, Source
 
 _MOST_ROWS = 40  # on a screen
 

@@ -15,7 +15,7 @@ from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
     from gtmbench.history.entry import Entry
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.log.watched_log import WatchedLog
 
 _ORDER = ("failed", "unknown", "healthy", "error")  # whose exit code counts, the first of these
 _CODES = {"failed": 1, "unknown": 3, "healthy": 0, "error": 2}
@@ -41,20 +41,20 @@ class Keeping:
 
     def watched(self, log: Path, progress: Progress = silent) -> WatchedLog:
         """Return a log as it is judged beside the history."""
-        from gtmbench.study.log.watch import watch_log
+        from gtmbench.log.watch import watch_log
 
         return watch_log(log, **self.how, history=self.history, aircraft_id=self.aircraft_id, progress=progress)
 
     def add(self, watched: WatchedLog) -> bool:
         """Enter a log that was judged; return whether it is new."""
-        from gtmbench.study.log.history import entered
+        from gtmbench.log.history import entered
 
         return entered(watched, self.history)
 
     def left(self, logs: Sequence[Path]) -> list[Path]:
         """Return the logs of a history that is a folder which aren't entered yet, and aren't judged themselves."""
-        from gtmbench.study.log.history import digest_of
-        from gtmbench.study.log.log_fleet import logs_in
+        from gtmbench.log.fleet import logs_in
+        from gtmbench.log.history import digest_of
 
         if not is_folder(self.history):
             return []
@@ -114,8 +114,8 @@ def monitor_history(
     quiet: bool,
 ) -> int:
     """Judge and enter what isn't yet, write the airframe's page, and return the exit code."""
+    from gtmbench.log.fleet import logs_in
     from gtmbench.report.tables.airframe import airframe_results
-    from gtmbench.study.log.log_fleet import logs_in
 
     if not sources and not is_folder(keeping.history):
         keeping.airframes()  # or there is none

@@ -19,9 +19,9 @@ from gtmbench.values.channels import ATTITUDE
 
 if TYPE_CHECKING:
     from gtmbench.faults.fault import Fault
+    from gtmbench.log.breaking.bent_attitude import AttitudeFollowing
+    from gtmbench.log.breaking.inject import ChangedColumn
     from gtmbench.study.fault_tables import FaultSpec
-    from gtmbench.study.log.bending import AttitudeFollowing
-    from gtmbench.study.log.injection import ChangedColumn
 
 
 _MOST_NAMED = 12  # columns
@@ -87,9 +87,9 @@ def inject_command(
     if out is None:
         raise InputError("--out is missing; name the broken log to write")
     from gtmbench.intake.read import read_log
+    from gtmbench.log.breaking.bent_attitude import following_in_log
+    from gtmbench.log.breaking.inject import becomes_table, inject_log, left_out
     from gtmbench.report.words.units import counted
-    from gtmbench.study.log.bending import following_in_log
-    from gtmbench.study.log.injection import becomes_table, inject_log, left_out
 
     chosen = chosen_faults(given, onset, trial)
     read = read_log(log)

@@ -35,8 +35,8 @@ from gtmbench.jobs.progress import progress_bar
 from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.log_fleet import Source
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.log.fleet import Source
+    from gtmbench.log.watched_log import WatchedLog
     from gtmbench.values.record import Span
 
 
@@ -167,7 +167,7 @@ def monitor_command(
     if is_fleet(logs, out):
         alone = {"--record": record, "--report": reports, "--list": listed, "--details": details, "--force": force}
         _refuse(alone, "of one log; several logs have --out")
-        from gtmbench.study.log.log_fleet import LIMIT_S, FleetQuestion
+        from gtmbench.log.fleet import LIMIT_S, FleetQuestion
 
         watching = FleetQuestion(**how, limit_s=LIMIT_S if time_limit is None else time_limit)
         check_cluster_options(scheduler, tls)
@@ -193,7 +193,7 @@ def monitor_command(
         _list(log, mapping, every=details, as_json=as_json, quiet=quiet)
         return 0
     with progress_bar(silent=as_json or quiet) as tell:
-        from gtmbench.study.log.watch import watch_log  # a second in which the bar is there already
+        from gtmbench.log.watch import watch_log  # a second in which the bar is there already
 
         if keeping is None:
             watched = watch_log(log, **how, progress=tell)

@@ -14,7 +14,7 @@ from gtmbench.cli.output import common_options, echo, map_option, print_json, pr
 from gtmbench.jobs.progress import progress_bar
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.truth import Scored, ScoredLog
+    from gtmbench.log.truth.score import Scored, ScoredLog
 
 _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", "autopilot said")
 
@@ -48,7 +48,7 @@ def score_command(
     """
     from gtmbench.detectors.bank.composed import AUTO
     from gtmbench.detectors.registry import find_detector
-    from gtmbench.study.log.truth import score_log
+    from gtmbench.log.truth.score import score_log
 
     with progress_bar(silent=as_json or quiet) as tell:
         scores = score_log(

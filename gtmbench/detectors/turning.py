@@ -22,6 +22,7 @@ COVERED = 0.999  # of the rows that a monitor was calibrated on
 BEYOND = 1.5  # times what these reach: less costs names, more misses touchdowns
 APART_S = 0.15  # an attitude may be late
 _FASTER, _STRAYS_DEG = 1.5, 2.0  # than the gyros say, within that: lags differ, and readings have noise
+_ABOUT_S = 1.0  # longer than a row is told from the rows about it
 STEEP_DEG = 80.0  # of pitch: beyond, an error of roll or heading is 6 times one of what turns
 _KEYS = ("gyros_deg_s", "gyros_swing_deg_s", "attitude_deg_s", "attitude_swing_deg_s")
 
@@ -56,11 +57,17 @@ class Turning:
         """As plain values, which `told` reads; empty without limits."""
         return dict(zip(_KEYS, self.limits, strict=True)) if self.limits else {}
 
-    def excursion(self, record: Record) -> Excursion | None:
-        """Return the motion beyond that in a record, or near the vertical, from its first row to its last, or None."""
+    def excursion(self, record: Record, known: int = 0) -> Excursion | None:
+        """Return the motion beyond that in a record, or near the vertical, from its first row to its last, or None.
+
+        `known`: so many of its first rows were looked at before, and nothing was beyond.
+        """
         if not self.limits or not len(record):
             return None
-        times_s = record.time_s[self._beyond(record) | _is_steep(record)]
+        begin = min(max(known - round(_ABOUT_S / record.sample_period_s), 0), len(record))
+        is_beyond = _is_steep(record)
+        is_beyond[begin:] |= self._beyond(record.part(range(begin, len(record))))
+        times_s = record.time_s[is_beyond]
         return Excursion(start_s=float(times_s[0]), end_s=float(times_s[-1]), reason=MOTION) if len(times_s) else None
 
     def _beyond(self, record: Record) -> BoolArray:
@@ -73,13 +80,13 @@ class Turning:
 
 def _is_steep(record: Record) -> BoolArray:
     """Return the rows near the vertical, but where pitch came there faster than the gyros turned: that is its fault."""
-    theta, rates = record["theta"], record.matrix(GYROS)
+    theta = record["theta"]
     rows = max(round(APART_S / record.sample_period_s), 1)
     with np.errstate(invalid="ignore"):
         is_steep = np.abs(theta) > STEEP_DEG
     if not is_steep.any():  # as nearly always, and every look at an alarm asks
         return np.asarray(is_steep)
-    turned = np.cumsum(np.nan_to_num(np.linalg.norm(rates, axis=1))) * record.sample_period_s
+    turned = np.cumsum(np.nan_to_num(np.linalg.norm(record.matrix(GYROS), axis=1))) * record.sample_period_s
     came = np.diff(is_steep, prepend=False) & is_steep
     since = np.maximum.accumulate(np.where(came, np.arange(len(theta)), 0))  # the row with which it became steep
     is_possible = np.ones(len(theta), dtype=bool)

@@ -11,7 +11,7 @@ import numpy as np
 from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.regime import Regime
 from gtmbench.detectors.statistics.learnt_noise import lasting_rows, second_order, suspicion_rows
-from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, ordinary_powers
+from gtmbench.detectors.statistics.statistic import least_baseline, ordinary_powers
 from gtmbench.errors import InputError
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.values.channels import CHANNELS
@@ -115,7 +115,7 @@ def board_of(monitor: object) -> Board:
         residuals=residuals,
         windows=tuple(windows),
         baseline=max(round(test.baseline_s / period_s), 6),
-        least_baseline=max(round(test.baseline_s / period_s), 6) // LEAST_BASELINE,
+        least_baseline=least_baseline(max(round(test.baseline_s / period_s), 6)),
         suspicions=tuple(suspicion_rows(period_s)),
         block=max(round(0.5 / period_s), 5),
         order=second_order(period_s),

@@ -111,7 +111,7 @@ def _stated_time(raw: RawLog, mapped: str | None) -> _Told:
         return _in_two_columns(series, *beyond)
     _check_steps(series, stated, per_second)
     stamps, since_s = series.load(), 0.0
-    if meaning.unit == _DAY:
+    if meaning.unit == _DAY and np.isfinite(stamps).any():  # a log without any stamp is refused behind this
         first = float(stamps[np.isfinite(stamps)][0])
         stamps, since_s = stamps - first, (first - (_MATLAB if first > _DAYS[1][0] else _SHEET)) * _DAY_S
     return _Told(

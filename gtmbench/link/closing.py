@@ -15,9 +15,9 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.protocol import Monitor
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress
-from gtmbench.study.log.claims import began_s, of_alarm
-from gtmbench.study.log.watch import watch_log
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.log.judging.claims import began_s, of_alarm
+from gtmbench.log.watch import watch_log
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import SensorSpan, laid_out

@@ -18,11 +18,11 @@ from gtmbench.jobs.progress import silent
 from gtmbench.link.closing import why_not
 from gtmbench.link.saving import SavedLink
 from gtmbench.link.telemetry import Message
-from gtmbench.study.log.asked import asked
-from gtmbench.study.log.healthy import chosen
-from gtmbench.study.log.learnt import learnt
-from gtmbench.study.log.opened import opened
-from gtmbench.study.log.origin import FROM_LOG
+from gtmbench.log.learning.healthy_part import chosen
+from gtmbench.log.learning.learnt_monitor import learnt
+from gtmbench.log.opening.attitude_origin import FROM_LOG
+from gtmbench.log.opening.opened_log import opened
+from gtmbench.log.opening.question import asked
 from gtmbench.verdict.timeline import Claim
 
 _MOST = 2_000_000  # packets or lines

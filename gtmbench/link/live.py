@@ -31,9 +31,9 @@ from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.warming import warm
 from gtmbench.link.watcher import wants_of
+from gtmbench.log.opening.attitude_origin import FROM_LOG, check_attitude
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line
-from gtmbench.study.log.origin import FROM_LOG, check_attitude
 from gtmbench.values.attitude import OWN
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.verdict import Outcome

@@ -14,7 +14,7 @@ import numpy as np
 
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.judged import judged
-from gtmbench.study.log.flight import flight_of_records
+from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.record import Record
 

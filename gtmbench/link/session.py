@@ -22,8 +22,8 @@ from gtmbench.link.story import Story
 from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry
 from gtmbench.link.watcher import Watcher
+from gtmbench.log.self_check.refusal import rests_on_motion
 from gtmbench.report.words.monitor import title_text
-from gtmbench.study.log.self_check.outcome import rests_on_motion
 from gtmbench.values.channels import limit_of
 from gtmbench.values.record import Record, Span
 from gtmbench.verdict.verdict import LogVerdict, Outcome

@@ -9,9 +9,9 @@ from gtmbench.checks import listed
 from gtmbench.detectors.alarm import MISSING, OUTSIDE, Alarm
 from gtmbench.engine.named import WHOLE
 from gtmbench.link.events import LiveKind
+from gtmbench.log.judging.monitored import BENT, are_bent
 from gtmbench.report.words.judgement import judgement_text
 from gtmbench.report.words.timeline import sensor_text
-from gtmbench.study.log.bent import BENT, are_bent
 
 MOST_LINES = 12
 """What is said of one fault, its end included."""

@@ -26,8 +26,8 @@ from gtmbench.link.readings import LinkSample
 from gtmbench.link.recent import Recent
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
-from gtmbench.study.log.said import beyond
-from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
+from gtmbench.log.judging.monitored import beyond
+from gtmbench.log.self_check.refusal import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS, limit_of
 from gtmbench.values.record import Record, joined
 

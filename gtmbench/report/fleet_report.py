@@ -19,12 +19,12 @@ from gtmbench.files.disk import atomic_write, is_file
 from gtmbench.files.folders import atomic_folder
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.log.fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.figures.fleet import gyros_figure
 from gtmbench.report.page.fleet import fleet_page
 from gtmbench.report.page.flight import flight_page
 from gtmbench.report.tables.fleet import COLUMNS, fleet_row
-from gtmbench.study.log.log_fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.scope import judge_text
 from gtmbench.verdict.verdict import Outcome

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from gtmbench.detectors.alarm import MISSING, Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.detectors.statistics.thresholds import rate_bound
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.records import whole_s
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.style import colours
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.records import whole_s
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
 from gtmbench.verdict.verdict import LogVerdict
 

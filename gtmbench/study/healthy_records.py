@@ -28,9 +28,9 @@ from gtmbench.files.seals import file_digest
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.log.learning.undisturbed import Stretches, undisturbed
+from gtmbench.log.opening.records import between_pauses, open_for, outside
 from gtmbench.study.flights import check_flown, with_late_attitude
-from gtmbench.study.log.identified import Stretches, undisturbed
-from gtmbench.study.log.records import between_pauses, open_for, outside
 from gtmbench.values.attitude import OWN, estimator_of
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS
 from gtmbench.values.clock import same_period

@@ -18,7 +18,7 @@ from gtmbench.verdict.timeline import SensorSpan, State
 from gtmbench.verdict.verdict import Outcome
 
 if TYPE_CHECKING:
-    from gtmbench.study.log.watched import WatchedLog
+    from gtmbench.log.watched_log import WatchedLog
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class LogQuestion:
 
     def watched(self) -> WatchedLog:
         """Return what comes of it."""
-        from gtmbench.study.log.watch import watch_log
+        from gtmbench.log.watch import watch_log
 
         return watch_log(
             self.log.path if isinstance(self.log, FlightLog) else self.log,

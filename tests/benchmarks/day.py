@@ -68,8 +68,8 @@ def _process(log: Path, monitor: Path, **environment: str) -> dict:
 def _alone(log: Path, monitor: Path) -> dict:
     """Watch a log as `gtmbench monitor` does, to the words of its report; then the watch by itself."""
     from gtmbench.detectors.registry import find_detector
+    from gtmbench.log.watch import watch_log
     from gtmbench.report.words.log import log_report
-    from gtmbench.study.log.watch import watch_log
 
     ready = find_detector(monitor)
     watched = watch_log(log, ready)

@@ -93,8 +93,8 @@ CASES = {
 }
 # what a second run of a command line has from the first
 WORKED_OUT = (
-    "gtmbench.study.log.watch.watch_log",
-    "gtmbench.study.log.truth.score_log",
+    "gtmbench.log.watch.watch_log",
+    "gtmbench.log.truth.score.score_log",
     "gtmbench.study.run.run_study",
     "gtmbench.study.rescue.fly_rescue",
 )

@@ -9,8 +9,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.monitor.regime import Regime, RegimeStream
 from gtmbench.intake.formats import registry
-from gtmbench.study.log.live_watch import watch_live
-from gtmbench.study.log.watch import watch_log
+from gtmbench.log.live_watch import watch_live
+from gtmbench.log.watch import watch_log
 from gtmbench.values.channels import header_of
 from tests.helpers.monitors import monitor, record
 from tests.helpers.night import by_day

@@ -156,3 +156,17 @@ def test_a_stream_says_the_same_of_a_roll():
         for first in range(0, 4500, size):
             stream.push(record.part(range(first, min(first + size, 4500))))
         assert repr(stream.alarms) == repr(monitor.watch(record.part(range(4500))).alarms)
+
+
+@pytest.mark.parametrize("row", [0, 1000, 2990, 3000])
+def test_rows_that_were_looked_at_before_need_no_second_look(row):
+    """Nothing is beyond before 60 s, row 3000: whoever knows that finds the same."""
+    whole = known().excursion(rolled())
+    assert known().excursion(rolled(), row) == whole
+    assert known().excursion(rolled().part(range(row)), 0) is None
+
+
+def test_a_pitch_that_jumps_to_the_vertical_is_no_motion_however_late_it_is_looked_at():
+    record = monitors.record(5000, seed=21)
+    theta = np.where(record.time_s < 60.0, record["theta"], 85.0)
+    assert known().excursion(record.replace("theta", theta), 4000) is None

@@ -9,8 +9,8 @@ import sys
 import time
 from pathlib import Path
 
+from gtmbench.log.fleet import Kept
 from gtmbench.report.tables.fleet import fleet_row
-from gtmbench.study.log.log_fleet import Kept
 
 ROOT = Path(__file__).parents[2]
 

@@ -9,7 +9,7 @@ import numpy as np
 import gtmbench as gb
 from gtmbench.detectors.bank.bank import bank_of
 from gtmbench.intake.flight_log import FlightLog, Remark
-from gtmbench.study.log.watched import WatchedLog
+from gtmbench.log.watched_log import WatchedLog
 from tests.helpers.monitors import monitor, record
 
 ODD = ("Motor #2 (rpm)", "strain 1/left", "$x^2$")

@@ -6,7 +6,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.engine.judged import judged
 from gtmbench.history.next_motion import motions, next_motions
-from gtmbench.study.log.flight import flight_of_records
+from gtmbench.log.opening.engine_flight import flight_of_records
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.scope import Scope
 from gtmbench.verdict.timeline import laid_out

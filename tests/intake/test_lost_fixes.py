@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gtmbench.intake.lost_fixes import lost_fixes
+from gtmbench.log.watch import watch_log
 from gtmbench.report.words.other_sensors import gps_lines
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.watch import watch_log
 from tests.helpers.autopilot_logs import ardupilot, at, imus, px4
 
 DURATION_S, LOST_S = 130.0, (100.0, 118.0)

@@ -294,7 +294,7 @@ def test_no_module_runs_what_it_reads():
     own = {  # they pickle objects that are there, and read no file
         PACKAGE / "testing/contract/calibrating.py",
         PACKAGE / "study/campaign/conduct.py",  # for other processes, as a pool would, after the user's imports
-        PACKAGE / "study/log/log_fleet.py",  # for workers of a cluster, in the same way
+        PACKAGE / "log/fleet.py",  # for workers of a cluster, in the same way
     }
     modules = sorted(set(PACKAGE.rglob("*.py")) - own)
     assert len(modules) > 100

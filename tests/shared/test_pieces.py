@@ -12,11 +12,11 @@ from gtmbench.errors import InputError
 from gtmbench.intake.formats.registry import read_raw
 from gtmbench.intake.live import LiveClock, live_chunks
 from gtmbench.intake.open import open_log
+from gtmbench.log.live_watch import watch_live
+from gtmbench.log.self_check.motion import slow_motion, slow_pieces
+from gtmbench.log.watch import watch_log
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.log import log_report
-from gtmbench.study.log.live_watch import watch_live
-from gtmbench.study.log.self_check.motion import slow_motion, slow_pieces
-from gtmbench.study.log.watch import watch_log
 from gtmbench.values import pieces as by_piece
 from gtmbench.values.channels import ACCELEROMETERS, header_of
 from gtmbench.values.pieces import deviation, pieces, rms

@@ -13,9 +13,9 @@ from math import inf
 from typing import Any
 
 import gtmbench as gb
+from gtmbench.log.fleet import logs_in
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.words.verdict import summary_lines
-from gtmbench.study.log.log_fleet import logs_in
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import ATTITUDE, WHOLE
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
 from tests.verdicts.entries import READY, Broken, Entry, Required, Watching

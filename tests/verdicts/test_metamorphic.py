@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import gtmbench as gb
-from gtmbench.study.log import certificate
+from gtmbench.log.judging import certificate
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State, Timeline
 from tests.helpers.night import by_day

@@ -212,6 +212,7 @@ class AlarmLogic:
             ruled_out=frozenset(name for name in self.missing.out if crossing.output not in self._bank.affects(name)),
             settling=self.excursions.just_before(crossing.time_s, onset_s),
             turned=self._turned(crossing.onset_row),
+            turned_row=self.row,
         )
         # one fault raises several residuals: those that follow count to the first, and nobody judges them twice
         leader = leader_of(fault, self._open.values())
@@ -231,12 +232,16 @@ class AlarmLogic:
         time_s = float(np.round(self._memory.time_s(scored_row) + track.ahead * self._memory.period_s, 9))
         return track.crossing(arming.source, scored_row, time_s)
 
-    def _turned(self, onset_row: int) -> Excursion | None:
-        """Return the motion beyond what the monitor knows since shortly before an onset, as known by now."""
+    def _turned(self, onset_row: int, known_row: int = 0) -> Excursion | None:
+        """Return the motion beyond what the monitor knows since shortly before an onset, as known by now.
+
+        `known_row`: up to which there is none.
+        """
         if not self._turning.limits:
             return None
         first = max(onset_row - rows_of(_TURNED_S, self._monitor), self._memory.first, 0)
-        return self._turning.excursion(self._memory.record(range(first, min(self.row + 1, self._memory.stop))))
+        record = self._memory.record(range(first, min(self.row + 1, self._memory.stop)))
+        return self._turning.excursion(record, max(known_row - first, 0))
 
     def _signature(self, fault: OpenFault) -> Judgement:
         """Return what is told of a fault with its alarm."""
@@ -300,7 +305,8 @@ class AlarmLogic:
         leader = leader_of(fault, others)
         outcome = Reviewed()
         if leader is None and (fault.is_undecided or fault.may_end):
-            fault = replace(fault, turned=self._turned(fault.crossing.onset_row) or fault.turned)
+            turned = fault.turned or self._turned(fault.crossing.onset_row, fault.turned_row)
+            fault = replace(fault, turned=turned, turned_row=self.row)
             begin = partial(self._beginning, fault)
             outcome = review(fault, self._case(fault), begin, others, self.row, self._without)
         self._apply(outcome, fault, fault if leader is None else leader)

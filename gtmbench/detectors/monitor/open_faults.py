@@ -44,6 +44,7 @@ class OpenFault:
     held: FittedHypothesis | None = None  # the last that was decisive
     settling: Excursion | None = None  # just before
     turned: Excursion | None = None  # motion beyond what the monitor knows, from shortly before the onset on
+    turned_row: int = 0  # up to which that is known
     is_decided: bool = False  # so that only its end is still looked for
 
     @property

@@ -12,7 +12,7 @@ from gtmbench.detectors.bank.calibrated import CalibratedBank
 from gtmbench.detectors.monitor.memory import Memory
 from gtmbench.detectors.monitor.scores import IntArray, ScoreTrack
 from gtmbench.detectors.statistics.learnt_noise import lasting, lasting_rows, second_order
-from gtmbench.detectors.statistics.statistic import LEAST_BASELINE, Steadiness, glr, ordinary_powers
+from gtmbench.detectors.statistics.statistic import Steadiness, glr, least_baseline, ordinary_powers
 from gtmbench.detectors.statistics.whitening import LOUD
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS, Motion, derive, factor_of
 from gtmbench.values.record import FloatArray
@@ -296,7 +296,7 @@ class _Ratios:
         # the baseline isn't full yet: as long as it is, or none where a ninth isn't there
         if least < self._most:
             short = np.maximum(np.minimum(np.array(counts)[:, np.newaxis] - self._rows, self._longest), 0)
-            length = np.where(short >= self._longest // LEAST_BASELINE, short, np.nan)
+            length = np.where(short >= least_baseline(self._longest), short, np.nan)
             chance = 1.0 / self._windows + 1.0 / np.maximum(length, 1.0)
             np.maximum(places, self._first, out=places)
         ends, begins, squares = self._flat.take(places)

@@ -431,6 +431,15 @@ def _before(sums: FloatArray, lag: int, at: range, otherwise: float = np.nan) ->
     return np.concatenate([np.full(min(-start, len(at)), otherwise), sums[: max(stop, 0)]])
 
 
+def least_baseline(rows: int) -> int:
+    """Return how many rows of a baseline of so many must be there: a ninth, and no mean is of none.
+
+    >>> least_baseline(1500), least_baseline(6)
+    (166, 1)
+    """
+    return max(rows // LEAST_BASELINE, 1)
+
+
 def _baseline(
     sums: FloatArray, test: Statistic, sample_period_s: float, *, gap: int, at: range
 ) -> tuple[FloatArray, FloatArray]:
@@ -443,7 +452,7 @@ def _baseline(
     else:
         length = np.arange(first, first + len(at), dtype=float)
         np.minimum(length, longest, out=length)
-        length[: max(longest // LEAST_BASELINE - first, 0)] = np.nan
+        length[: max(least_baseline(longest) - first, 0)] = np.nan
     total /= length
     return total, length
 

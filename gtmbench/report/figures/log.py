@@ -12,6 +12,9 @@ import numpy as np
 from gtmbench.checks import printable
 from gtmbench.engine.curves import ErrorCurve
 from gtmbench.intake.events import EventKind, of_kind
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.opening.seconds import trailing_means
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.axes import is_long, round_times, time_title
 from gtmbench.report.figures.panels import draw_alarm, draw_threshold, one_legend, panels, thinned
 from gtmbench.report.log_findings import (
@@ -33,9 +36,6 @@ from gtmbench.report.words.monitor import rms_identified, title_text
 from gtmbench.report.words.timeline import cut
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.seconds import trailing_means
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Span
 from gtmbench.verdict.timeline import State

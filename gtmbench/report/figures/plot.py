@@ -13,6 +13,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.protocol import Watch
 from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.method.residual import Residual, WindowedNorm
 from gtmbench.method.selection.excitations import ExcitationCount
 from gtmbench.method.selection.orders import OrderChoice
@@ -26,7 +27,6 @@ from gtmbench.report.style import COLOURS, strokes
 from gtmbench.report.words.judgement import MOST_ALARMS, trial_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.units import counted, with_unit
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Study, Trial
 from gtmbench.values.channels import CHANNELS, Role, unit_of
 from gtmbench.values.record import FloatArray, Record, Span

@@ -11,6 +11,8 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.axes import time_title
 from gtmbench.report.log_findings import (
     about,
@@ -36,8 +38,6 @@ from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timelin
 from gtmbench.report.words.times import beside_text, time_text
 from gtmbench.report.words.units import capitalised, duration_text
 from gtmbench.report.words.verdict import labelled, verdict_text
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import Span
 from gtmbench.version import __version__

@@ -13,6 +13,7 @@ import rerun.blueprint as rrb
 from gtmbench.detectors.protocol import Score, Watch, suspects_of
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.fault import Fault
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import (
     about,
     faults_of,
@@ -27,7 +28,6 @@ from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.style import HUES
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Trial
 from gtmbench.values.channels import ATTITUDE, unit_of
 from gtmbench.values.record import Record, Span

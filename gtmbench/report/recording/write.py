@@ -75,6 +75,8 @@ import rerun as rr
 from gtmbench.checks import printable
 from gtmbench.detectors.protocol import Score, Watch
 from gtmbench.detectors.windowed_norm import NormMonitor
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import reported_sensors, residuals_of, scores_of, signals_of, tints_of, whole_of
 from gtmbench.report.recording.blueprint import Placed, log_blueprint, study_blueprint
 from gtmbench.report.recording.entities import (
@@ -116,8 +118,6 @@ from gtmbench.report.words.timeline import span_text
 from gtmbench.report.words.times import beside_text, stamped_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.study.trial import Baseline, Study, Trial
 from gtmbench.values.channels import ATTITUDE
 from gtmbench.values.record import Span

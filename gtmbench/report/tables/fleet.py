@@ -10,14 +10,14 @@ from gtmbench.faults.kinds.additive import Bias
 from gtmbench.files.arrow_table import Column, Row
 from gtmbench.files.plain import plain
 from gtmbench.jobs.parts import Parts
+from gtmbench.log.gyro_figures import gyro_figures
+from gtmbench.log.truth.autopilot_messages import of_sensors, words_of
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.certificate import certificate_text
 from gtmbench.report.words.fleet import counts_text, words_text
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.autopilot_messages import of_sensors, words_of
-from gtmbench.study.log.gyros import gyro_figures
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS
 from gtmbench.verdict.verdict import Outcome
 

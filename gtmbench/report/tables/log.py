@@ -15,6 +15,12 @@ from gtmbench.engine.finding import Finding
 from gtmbench.intake.contents import LogContents
 from gtmbench.intake.estimator_words import EstimatorWord
 from gtmbench.intake.flight_log import FlightLog
+from gtmbench.log.judging.certificate import SHARE, Certificate
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.self_check.refusal import SelfCheck
+from gtmbench.log.truth.autopilot_messages import beside, words_of
+from gtmbench.log.truth.score import Scored, ScoredLog
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.score_units import level
 from gtmbench.report.tables.airframe import standing_table
@@ -28,12 +34,6 @@ from gtmbench.report.words.listing import contents_verdict
 from gtmbench.report.words.monitor import facts, rms_identified
 from gtmbench.report.words.other_sensors import alarm_table, sensor_table
 from gtmbench.report.words.verdict import verdict_text
-from gtmbench.study.log.autopilot_messages import beside, words_of
-from gtmbench.study.log.certificate import SHARE, Certificate
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.self_check.outcome import SelfCheck
-from gtmbench.study.log.truth import Scored, ScoredLog
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
 

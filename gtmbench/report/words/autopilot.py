@@ -6,10 +6,10 @@ from gtmbench.checks import listed
 from gtmbench.engine.finding import Finding
 from gtmbench.intake.events import Event
 from gtmbench.intake.injections import Injection
+from gtmbench.log.truth.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
+from gtmbench.log.truth.score import NAMED, Scored, ScoredLog, scored
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.words.units import counted
-from gtmbench.study.log.autopilot_messages import SENSORS, Beside, beside, of_sensors, words_of
-from gtmbench.study.log.truth import NAMED, Scored, ScoredLog, scored
-from gtmbench.study.log.watched import WatchedLog
 
 _MOST = 6
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from gtmbench.checks import listed
 from gtmbench.faults.registry import how_of, loaded_faults
+from gtmbench.log.judging.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.report.words.units import duration_text, per_second
-from gtmbench.study.log.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
 

@@ -16,6 +16,9 @@ from gtmbench.detectors.predicting import predicts
 from gtmbench.detectors.protocol import Watch, is_ready, suspects_of
 from gtmbench.intake.events import Event, EventKind
 from gtmbench.intake.flight_log import FlightLog, Remark
+from gtmbench.log.judging.claims import began_s
+from gtmbench.log.self_check.explained_motion import ExplainedMotion
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.method.attitude_origin import Origin
 from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
@@ -28,9 +31,6 @@ from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sens
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
 from gtmbench.report.words.verdict import guessed_options, summary_lines
-from gtmbench.study.log.claims import began_s
-from gtmbench.study.log.self_check.explained import ExplainedMotion
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import unit_of
 from gtmbench.values.pieces import deviation, rms
 from gtmbench.values.record import Span

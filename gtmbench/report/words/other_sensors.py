@@ -12,7 +12,7 @@ from gtmbench.detectors.alarm import Alarm
 from gtmbench.engine.course.relations.registry import compared
 from gtmbench.intake.estimator_words import BIAS, RATIO, EstimatorWord
 from gtmbench.intake.other_sensors import SensorReadings
-from gtmbench.study.log.gps_itself import FIX
+from gtmbench.log.judging.gps_itself import FIX
 from gtmbench.values.channels import names_of
 
 _GPS, _MAG, _ATTITUDE = "gps", "magnetometer", "attitude"

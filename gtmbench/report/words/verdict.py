@@ -17,6 +17,7 @@ from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
 from gtmbench.intake.spans import union
+from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
@@ -36,7 +37,6 @@ from gtmbench.report.words.timeline import (
 )
 from gtmbench.report.words.times import stamped_text, time_text
 from gtmbench.report.words.units import capitalised, counted, duration_text
-from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import NOTHING_PREDICTS, SensorSpan, State

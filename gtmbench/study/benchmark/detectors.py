@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,9 @@ from gtmbench.detectors.monitor_file import load_monitor, save_monitor
 from gtmbench.detectors.protocol import Detector, Monitor, Score, Watch, is_recipe
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write, is_file, make_folder
-from gtmbench.imports import files_of, load_files
-from gtmbench.jobs.processes import spread
+from gtmbench.imports import files_of
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.definition import CALIBRATION, LEARN, Definition, Flight
 from gtmbench.study.benchmark.entry import ENTRY, NAMES
 from gtmbench.study.benchmark.flights import digest_of, make
@@ -32,7 +33,6 @@ DETECTORS = {  # those that enter unless others are named, and what they were tu
 }
 _NO_SCORE = 0.0  # where a statistic doesn't exist: the least that a ratio of statistic and threshold can have
 _MONITORS, _NAMES, _COSTS, DIGEST = "monitors", "said", "costs", "digest"
-_READ: dict[Path, Monitor] = {}
 
 
 def write_entries(
@@ -41,7 +41,7 @@ def write_entries(
     split: str,
     folder: Path,
     *,
-    processes: int = 1,
+    workers: Workers = ALONE,
     progress: Progress = silent,
 ) -> list[Path]:
     """Calibrate detectors on the flights to learn on, write their scores, and return the folders of their entries.
@@ -56,7 +56,7 @@ def write_entries(
         Which is judged.
     folder : Path
         Of a folder each, and of the calibrated monitors.
-    processes : int
+    workers : Workers
     progress : callable
 
     Raises
@@ -65,17 +65,25 @@ def write_entries(
         If a detector shows no test statistic, or needs what no flight has.
     """
     _check(detectors, definition)
-    _learn(detectors, definition, folder, processes=processes, progress=progress)
+    workers = replace(workers, files=files_of(detectors.values()))
+    _learn(detectors, definition, folder, workers, progress)
     for name in detectors:
         for group in definition.groups:
             for of in (CALIBRATION, split):
                 make_folder(folder / name / group.name / of)
     flights = [flight for of in (CALIBRATION, split) for flight in definition.flights(of)]
-    todo = [flight for flight in flights if not all(is_file(_score(folder, name, flight)) for name in detectors)]
-    files = files_of(detectors.values())
-    begin = partial(load_files, files) if files and processes > 1 else None  # a pickle names a module of the user's
-    work = partial(_watch, definition, folder, detectors)
-    spread(work, todo, processes=processes, step="watch", progress=progress, begin=begin)
+    todo = [(flight, names) for flight in flights if (names := _unwatched(folder, detectors, flight))]
+    monitors = {
+        (name, group.name): load_monitor(_monitor(folder, name, group.name), detector)
+        for name, detector in detectors.items()
+        for group in definition.groups
+    }
+    progress("watch", 0, len(todo))
+    for finished, (place, tables) in enumerate(workers.completed(partial(_watched, definition, monitors), todo), 1):
+        for name, table in tables.items():
+            with atomic_write(_score(folder, name, todo[place][0])) as aside:
+                aside.write_bytes(table)
+        progress("watch", finished, len(todo))
     for name, detector in detectors.items():
         _write_names(folder / name, [flight for flight in flights if flight.split == split])
         _write_facts(folder / name, name, detector, definition, flights)
@@ -92,7 +100,7 @@ def _check(detectors: Mapping[str, Detector], definition: Definition) -> None:
 
 
 def _learn(
-    detectors: Mapping[str, Detector], definition: Definition, folder: Path, *, processes: int, progress: Progress
+    detectors: Mapping[str, Detector], definition: Definition, folder: Path, workers: Workers, progress: Progress
 ) -> None:
     """Calibrate every detector on every group, and keep the monitors."""
     make_folder(folder / _MONITORS)
@@ -101,9 +109,7 @@ def _learn(
         if not todo:
             continue
         flights = [flight for flight in definition.flights(LEARN) if flight.group == group]
-        records = spread(
-            partial(_record, definition), flights, processes=processes, step=f"fly {group.name}", progress=progress
-        )
+        records = workers.spread(partial(make, definition), flights, step=f"fly {group.name}", progress=progress)
         for number, name in enumerate(todo):
             progress(f"calibrate {name}", number, len(todo))
             save_monitor(_calibrated(detectors[name], records, definition), _monitor(folder, name, group.name))
@@ -120,10 +126,6 @@ def _calibrated(detector: Detector, records: Sequence[Record], definition: Defin
     return detector.calibrate(own)
 
 
-def _record(definition: Definition, flight: Flight) -> Record:
-    return make(definition, flight)
-
-
 def _monitor(folder: Path, name: str, group: str) -> Path:
     return folder / _MONITORS / f"{name}-{group}.json"
 
@@ -132,21 +134,19 @@ def _score(folder: Path, name: str, flight: Flight) -> Path:
     return folder / name / f"{flight.path}.parquet"
 
 
-def _loaded(path: Path, detector: Detector) -> Monitor:
-    """Return a monitor, which a process reads once."""
-    if path not in _READ:
-        _READ[path] = load_monitor(path, detector)
-    return _READ[path]
+def _unwatched(folder: Path, detectors: Iterable[str], flight: Flight) -> tuple[str, ...]:
+    """Return the detectors that haven't watched a flight yet."""
+    return tuple(name for name in detectors if not is_file(_score(folder, name, flight)))
 
 
-def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detector], flight: Flight) -> None:
-    """Fly a flight and write what every detector makes of it."""
-    record = make(definition, flight)
-    for name, detector in detectors.items():
-        path = _score(folder, name, flight)
-        if is_file(path):
-            continue
-        monitor = _loaded(_monitor(folder, name, flight.group.name), detector)
+def _watched(
+    definition: Definition, monitors: Mapping[tuple[str, str], Monitor], task: tuple[Flight, Sequence[str]]
+) -> dict[str, bytes]:
+    """Fly a flight, and return the score files of what detectors make of it."""
+    flight, names = task
+    record, tables = make(definition, flight), {}
+    for name in names:
+        monitor = monitors[name, flight.group.name]
         begun_s = time.process_time()
         watch = monitor.watch(record)
         cost_s = time.process_time() - begun_s
@@ -156,8 +156,8 @@ def _watch(definition: Definition, folder: Path, detectors: Mapping[str, Detecto
             )
         frame = pd.DataFrame({"time_s": np.arange(flight.rows) * flight.group.sample_period_s, **scores_of(watch)})
         frame.attrs = {_NAMES: _said(watch), _COSTS: cost_s, DIGEST: digest_of(record)}  # Parquet keeps them
-        with atomic_write(path) as aside:
-            frame.to_parquet(aside, index=False, compression="zstd")
+        tables[name] = frame.to_parquet(None, index=False, compression="zstd")
+    return tables
 
 
 def scores_of(watch: Watch) -> dict[str, FloatArray]:

@@ -20,8 +20,8 @@ from gtmbench.errors import EnvelopeError
 from gtmbench.faults.fault import inject
 from gtmbench.files.disk import atomic_write, is_file, make_folder
 from gtmbench.files.shipped import shipped_benchmarks
-from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.conditions import Conditions
 from gtmbench.study.benchmark.definition import ALIKE, EASY, SINGLE, Definition, Flight
 from gtmbench.study.reference import Axis, Cusum, axis_of, changed_readings
@@ -134,8 +134,8 @@ def horizon_s(definition: Definition, flight: Flight) -> float:
     return min(definition.deadline_s, flight.end_s - flight.onset_s)
 
 
-def reference_of(definition: Definition, flight: Flight) -> tuple[str, Told]:
-    """Fly a flight, and return its id and what the reference makes of its first fault.
+def reference_of(definition: Definition, flight: Flight) -> Told:
+    """Fly a flight, and return what the reference makes of its first fault.
 
     On a chain, where rows are missing and in a converter the reference is that of ideal sensors with the flight's
     noise.
@@ -158,29 +158,39 @@ def reference_of(definition: Definition, flight: Flight) -> tuple[str, Told]:
     early, delay_s = rule.alarms(innovations, onset)
     mean_s = float(np.minimum(rule.simulated(_DRAWS, flight.seed % 2**31), most_s).mean())
     false_s = tuple(((onset + early) * axis.sample_period_s).tolist())
-    return flight.id, Told(mean_s, delay_s if delay_s < most_s else np.inf, false_s)
+    return Told(mean_s, delay_s if delay_s < most_s else np.inf, false_s)
 
 
 def references(
-    definition: Definition, flights: Sequence[Flight], folder: Path, *, processes: int = 1, progress: Progress = silent
+    definition: Definition,
+    flights: Sequence[Flight],
+    folder: Path,
+    *,
+    workers: Workers = ALONE,
+    progress: Progress = silent,
 ) -> dict[str, Told]:
-    """Return what the reference makes of every flight that quickness counts, by its id; each is kept in a folder."""
+    """Return what the reference makes of every flight that quickness counts, by its id.
+
+    Each is kept in a folder, so that a run which was stopped goes on there.
+    """
     make_folder(folder)
     counted = [flight for flight in flights if flight.role == SINGLE and not flight.twin]
-    work = partial(_kept_reference, definition, folder)
-    return dict(spread(work, counted, processes=processes, step="reference", progress=progress))
+    todo = [flight for flight in counted if not is_file(_kept(folder, flight))]
+    progress("reference", 0, len(todo))
+    for finished, (place, told) in enumerate(workers.completed(partial(reference_of, definition), todo), 1):
+        with atomic_write(_kept(folder, todo[place])) as aside:
+            aside.write_text(json.dumps(asdict(told)), encoding="utf-8")
+        progress("reference", finished, len(todo))
+    return {flight.id: _read(_kept(folder, flight)) for flight in counted}
 
 
-def _kept_reference(definition: Definition, folder: Path, flight: Flight) -> tuple[str, Told]:
-    """Return what the reference makes of a flight, as it was kept by a run that was stopped, if it was."""
-    path = folder / f"{flight.id}.json"
-    if is_file(path):
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        return flight.id, Told(**kept | {"false_s": tuple(kept["false_s"])})
-    name, told = reference_of(definition, flight)
-    with atomic_write(path) as aside:
-        aside.write_text(json.dumps(asdict(told)), encoding="utf-8")
-    return name, told
+def _kept(folder: Path, flight: Flight) -> Path:
+    return folder / f"{flight.id}.json"
+
+
+def _read(path: Path) -> Told:
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    return Told(**kept | {"false_s": tuple(kept["false_s"])})
 
 
 @cache

@@ -15,6 +15,7 @@ from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.processes import spread
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.workers import ALONE, Workers
 from gtmbench.study.benchmark.definition import PRIVATE, Definition, secret_digest
 from gtmbench.study.benchmark.detectors import write_entries
 from gtmbench.study.benchmark.entry import Entry, read_entry
@@ -32,7 +33,7 @@ def run_benchmark(
     *,
     detectors: Mapping[str, Detector],
     entries: Sequence[Path] = (),
-    processes: int = 1,
+    workers: Workers = ALONE,
     progress: Progress = silent,
 ) -> list[Row]:
     """Return the rows of the table, best first: of the yardsticks, of detectors, and of entries.
@@ -48,7 +49,8 @@ def run_benchmark(
     detectors : mapping of name to Detector
     entries : sequence of Path
         Folders of score files, or with a table of alarms.
-    processes : int
+    workers : Workers
+        Who flies and watches; what comes of it is judged here.
     progress : callable
 
     Raises
@@ -56,17 +58,18 @@ def run_benchmark(
     InputError
         If an entry isn't one, two rows have one name, or the folder holds another run.
     """
+    workers.check()
     given = [read_entry(entry, definition, split) for entry in entries]  # before the long work
     own = {**detectors, **({RawReading.name: RawReading()} if detectors else {})}
     _check_names([*YARDSTICKS, *own, *(entry.facts.name for entry in given)])
     _claim(folder, definition, split, digests_of(files_of(own.values())))
     flights = list(definition.flights(split))
-    told = references(definition, flights, folder / "references", processes=processes, progress=progress)
+    told = references(definition, flights, folder / "references", workers=workers, progress=progress)
     folders = write_yardsticks(folder / "entries", definition, split, told)
     if own:
-        folders += write_entries(own, definition, split, folder / "entries", processes=processes, progress=progress)
+        folders += write_entries(own, definition, split, folder / "entries", workers=workers, progress=progress)
     work = partial(_judged, definition, split, told)
-    rows = spread(work, [*folders, *map(Path, entries)], processes=processes, step="judge", progress=progress)
+    rows = spread(work, [*folders, *map(Path, entries)], processes=workers.processes, step="judge", progress=progress)
     return ranked(rows)
 
 

@@ -7,23 +7,18 @@ and it doesn't matter who ends when.
 from __future__ import annotations
 
 import itertools
-import os
-import pickle
-import platform
-from collections.abc import Iterable, Iterator, Sequence
-from functools import lru_cache, partial
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from gtmbench.bench.controller import found_controller
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.shipped import code_facts
-from gtmbench.imports import digests_of, files_of, load_files
-from gtmbench.jobs.cluster import check_cluster, completed_on_cluster, difference
+from gtmbench.imports import digests_of, files_of
 from gtmbench.jobs.parts import Parts, Shard, parts_in
-from gtmbench.jobs.processes import completed
 from gtmbench.jobs.progress import Progress, silent
+from gtmbench.jobs.workers import Workers, versions
 from gtmbench.study.campaign.plan import MANY, Campaign, load_campaign
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.campaign.task import Task, rows_of
@@ -34,19 +29,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 WHAT = "campaign"
-_LIBRARIES = ("jsbsim", "numpy", "scipy")  # whose versions rows hang on
-_KILLED = "a process was killed (no memory?); what is finished stays: go on with --resume, perhaps with fewer --jobs"
-
-
 _MOST_PARTS = 1000  # of a folder: a part costs 5 kB and a few milliseconds however many flights it holds
-
-
-class Crew(NamedTuple):
-    """What all flights of a campaign share, as it travels: once to a process."""
-
-    versions: dict[str, str]  # of the gtmbench that conducts, and of what its rows hang on
-    files: tuple[str, ...]  # to be imported first
-    watchers: bytes  # the detectors by name and their monitors, as a pickle
 
 
 def campaign(
@@ -122,15 +105,13 @@ def conduct(
     """
     detectors = named(campaign)
     check_size(campaign, len(detectors.names), yes=yes)
-    if scheduler is not None:
-        check_cluster(scheduler, tls, versions)
-    files = _files(campaign, detectors)
-    own = versions()
+    workers = Workers(processes=jobs, scheduler=scheduler, tls=tls, files=_files(campaign, detectors))
+    workers.check()
     facts = {
         "campaign": campaign.facts(),
         "flights": campaign.flights,
-        "versions": own,
-        "python": digests_of(files),
+        "versions": versions(),
+        "python": digests_of(workers.files),
     }
     a_part = flights_a_part(campaign.flights)
     tasks = -(-campaign.flights // a_part)
@@ -139,10 +120,9 @@ def conduct(
         todo = parts.todo(shard)
         wanted = frozenset(todo)
         grouped = itertools.groupby(campaign.tasks(), lambda task: task.number // a_part)
-        packed = (pickle.dumps(list(flights)) for part, flights in grouped if part in wanted)
-        crew = Crew(own, files, pickle.dumps((detectors, monitors)))
+        flights = (list(flights) for part, flights in grouped if part in wanted)
         progress("flights", 0, len(todo) * a_part)
-        for finished, (place, rows) in enumerate(_worked(crew, packed, jobs, scheduler, tls), 1):
+        for finished, (place, rows) in enumerate(workers.completed(partial(_rows, detectors, monitors), flights), 1):
             parts.write(todo[place], rows)
             progress("flights", finished * a_part, len(todo) * a_part)
         return parts
@@ -173,11 +153,6 @@ def check_size(campaign: Campaign, detectors: int, *, yes: bool) -> None:
         )
 
 
-def versions() -> dict[str, str]:
-    """Return what rows hang on beside the campaign: versions, and a digest of this package's code and data."""
-    return code_facts(_LIBRARIES)
-
-
 def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     """Return the files in which the user's own detectors, faults and controllers stand."""
     specs = [spec for scenario in campaign.scenarios for spec in scenario.faults]
@@ -187,44 +162,5 @@ def _files(campaign: Campaign, detectors: Named) -> tuple[str, ...]:
     return files_of([*faults, *loaded_faults().values(), *detectors.detectors.values(), *functions, *controllers])
 
 
-def _worked(
-    crew: Crew, packed: Iterable[bytes], jobs: int, scheduler: str | None, tls: Path | None
-) -> Iterator[tuple[int, pa.Table]]:
-    if scheduler is not None:
-        return completed_on_cluster(partial(done, crew), packed, scheduler=scheduler, tls=tls)
-    if jobs <= 1:
-        return completed(partial(done, crew), packed, processes=1)
-    return completed(_done_here, packed, processes=jobs, begin=partial(_join, crew), killed=_KILLED)
-
-
-def done(crew: Crew, packed: bytes) -> pa.Table:
-    """Do some tasks, in whichever process, and return their rows.
-
-    Raises InputError if this isn't the gtmbench that the work comes from: its rows would be others.
-    """
-    detectors, monitors = _watchers(tuple(crew.versions.items()), crew.files, crew.watchers)
-    tasks: list[Task] = pickle.loads(packed)  # noqa: S301  our own, from the process that conducts
-    return table_of([row for task in tasks for row in rows_of(task, detectors.watchers(task.setup, monitors))])
-
-
-_joined: list[Crew] = []
-
-
-def _join(crew: Crew) -> None:
-    """Keep what all tasks share, in a process that begins."""
-    _joined[:] = [crew]
-
-
-def _done_here(packed: bytes) -> pa.Table:
-    return done(_joined[0], packed)
-
-
-@lru_cache(maxsize=1)
-def _watchers(there: tuple[tuple[str, str], ...], files: tuple[str, ...], pickled: bytes) -> tuple[Named, Monitors]:
-    """Return what watches, unpickled once a process, if this is the gtmbench that it comes from."""
-    if differs := difference(dict(there), versions()):
-        here = f"process {os.getpid()} on {platform.node()}"
-        raise InputError(f"a worker ({here}) has {differs}; rows of both don't mix: install the same everywhere")
-    load_files(files)
-    found: tuple[Named, Monitors] = pickle.loads(pickled)  # noqa: S301
-    return found
+def _rows(detectors: Named, monitors: Monitors, flights: Sequence[Task]) -> pa.Table:
+    return table_of([row for task in flights for row in rows_of(task, detectors.watchers(task.setup, monitors))])

@@ -14,8 +14,8 @@ from gtmbench.detectors.isolation.bend import CANDIDATES, Bend, undriven
 from gtmbench.detectors.isolation.fitter import Fitter
 from gtmbench.detectors.monitor.following import Followed
 from gtmbench.detectors.monitor.scores import bank_alarms
+from gtmbench.log.judging.certificate import certificate_of, kinds
 from gtmbench.report.words.certificate import certificate_lines
-from gtmbench.study.log.certificate import certificate_of, kinds
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import ATTITUDE, GYROS
 from tests.helpers import monitors

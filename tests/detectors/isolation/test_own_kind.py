@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.isolation.hypotheses import families
 from gtmbench.faults import registry
-from gtmbench.study.log.certificate import certificate_of
+from gtmbench.log.judging.certificate import certificate_of
 from tests.helpers import monitors
 
 ONSET_S = 60.0

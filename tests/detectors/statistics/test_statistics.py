@@ -71,6 +71,17 @@ def test_glr_of_the_energy_is_what_another_variance_gains_in_likelihood(rows):
     np.testing.assert_allclose(values("glr", w)[f"energy {rows * TS:g} s"], expected, rtol=1e-9, atol=1e-9)
 
 
+def test_a_baseline_of_a_few_rows_is_a_mean_of_one_at_least():
+    """At 6 readings a second a short log's baseline has six rows, of which a ninth is none."""
+    w, rows = noise() + np.repeat([0.0, 1.5, -0.5], 100), 4
+    found = values("glr", w, baseline_s=0.6)["mean 0.4 s"]
+    for k in (rows, rows + 1, 200):  # the first that has a baseline, of one row
+        base, window = w[max(k + 1 - rows - 6, 0) : k + 1 - rows], w[k + 1 - rows : k + 1]
+        chance = 1.0 / len(base) + 1.0 / rows
+        assert found[k] == pytest.approx((window.mean() - base.mean()) ** 2 / chance / 2.0)
+    assert np.isnan(found[:rows]).all()
+
+
 def test_glr_judges_only_what_lies_outside_the_tolerance():
     w, rows = noise() * np.repeat([1.0, 2.0, 0.4], 100) + np.repeat([0.0, 0.5, 1.5], 100), 10
     tests = values("glr", w, tolerance=SOME)

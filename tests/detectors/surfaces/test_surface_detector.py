@@ -9,7 +9,7 @@ import gtmbench as gb
 from gtmbench.detectors.registry import find_detector
 from gtmbench.errors import InputError
 from gtmbench.intake.resampling import decimate
-from gtmbench.study.log.certificate import certificate_of
+from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.testing.contract.subject import contract_case
 from gtmbench.testing.contract.suite import CONTRACT, check_property
 from gtmbench.values.channels import COMMANDS, GYROS, SENSORS

@@ -8,7 +8,7 @@ import pytest
 import gtmbench as gb
 from gtmbench.detectors.surfaces.equations import speeding
 from gtmbench.detectors.surfaces.thrust import Engine
-from gtmbench.study.log.certificate import certificate_of
+from gtmbench.log.judging.certificate import certificate_of
 from gtmbench.values.channels import ACCELEROMETERS
 from tests.detectors.surfaces.test_surface_detector import ONSET_S, monitor, said, sensed
 from tests.helpers.night import by_day

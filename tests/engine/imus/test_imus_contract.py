@@ -8,7 +8,7 @@ from gtmbench.engine.imus.beside import with_imus
 from gtmbench.engine.imus.imu import gyro_of
 from gtmbench.engine.judged import judged
 from gtmbench.engine.samples import Samples, flight_of
-from gtmbench.study.log.imus import imu_claims, is_contradicted
+from gtmbench.log.judging.imus import imu_claims, is_contradicted
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.verdict.timeline import State
 from tests.helpers.autopilot_logs import STEP, imus

@@ -14,7 +14,7 @@ from gtmbench.files.shipped import shipped_campaigns
 from gtmbench.jobs.parts import Shard, read_parts
 from gtmbench.jobs.progress import counted, silent
 from gtmbench.study.campaign.axes import AXES
-from gtmbench.study.campaign.conduct import conduct, done
+from gtmbench.study.campaign.conduct import conduct
 from gtmbench.study.campaign.plan import load_campaign
 from gtmbench.study.campaign.rows import COLUMNS, table_of
 from gtmbench.study.campaign.task import rows_of
@@ -366,21 +366,6 @@ def test_another_campaign_another_monitor_and_another_version_dont_mix(tmp_path,
         with pytest.raises(gb.InputError, match=r"versions.gtmbench was .* and is '9.9'"):
             conduct(whole, out, resume=True)
     assert conduct(whole, out, shard=part).done() == (0,)
-
-
-def test_work_of_another_version_is_refused_where_it_is_done(tmp_path, monkeypatch):
-    sent = []
-
-    def completed(work, tasks, **_):
-        sent.extend((work.args[0], packed) for packed in tasks)
-        return iter(())
-
-    monkeypatch.setattr("gtmbench.study.campaign.conduct.completed", completed)
-    conduct(loaded(tmp_path), tmp_path / "out")
-    crew, packed = sent[0]
-    assert len(done(crew, packed)) == 5
-    with pytest.raises(gb.InputError, match=r"a worker \(process \d+ on .*\) has gtmbench \S+ instead of 0.2"):
-        done(crew._replace(versions={**crew.versions, "gtmbench": "0.2"}), packed)
 
 
 @pytest.mark.nightly

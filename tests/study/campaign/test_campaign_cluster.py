@@ -15,7 +15,8 @@ import pytest
 import gtmbench as gb
 from gtmbench.jobs.cluster import check_cluster, completed_on_cluster
 from gtmbench.jobs.parts import read_parts
-from gtmbench.study.campaign.conduct import conduct, versions
+from gtmbench.jobs.workers import versions
+from gtmbench.study.campaign.conduct import conduct
 from tests.helpers.campaigns import TINY, asserts, fails, loaded, results, written
 from tests.helpers.clusters import ROOT, Cluster
 
