@@ -88,8 +88,7 @@ def check_command(
 
 def _check(path: Path, detector: str | None, junit: Path | None, *, as_json: bool, quiet: bool) -> int:
     from gtmbench.check.baseline import read_reference
-    from gtmbench.check.reference_run import check
-    from gtmbench.check.report import check_lines, check_results, regression_line, write_junit
+    from gtmbench.check.check import check, check_lines, check_results, regression_line, write_junit
 
     if junit is not None:
         if junit.suffix.lower() != ".xml":
@@ -134,10 +133,9 @@ def _update(
     as_json: bool,
     quiet: bool,
 ) -> None:
-    from gtmbench.check.baseline import read_reference, reference_of, write_figures
+    from gtmbench.check.baseline import new_baseline, read_reference, reference_of, write_figures
+    from gtmbench.check.check import update_results
     from gtmbench.check.compare import pairs
-    from gtmbench.check.report import update_results
-    from gtmbench.check.template import new_baseline
     from gtmbench.detectors.registry import find_detector, is_python
 
     _check_target(path)
@@ -177,7 +175,7 @@ def _check_target(path: Path) -> None:
 
 def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bool) -> tuple[FigureGroup, ...]:
     """Run what a baseline names. A bug in it is no regression, so it mustn't end with a traceback's exit code, 1."""
-    from gtmbench.check.reference_run import run_reference
+    from gtmbench.check.check import run_reference
 
     try:
         with progress_bar(silent=silent) as tell:
@@ -190,7 +188,7 @@ def _run(reference: Reference, watcher: Detector | Monitor | None, *, silent: bo
 
 
 def _print_changes(reference: Reference, changes: list[Pair]) -> None:
-    from gtmbench.check.report import changed_rows, update_verdict
+    from gtmbench.check.check import changed_rows, update_verdict
 
     echo(update_verdict(reference, changes))
     rows = changed_rows(changes) if reference.recorded else []

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from gtmbench.cli.output import echo, print_json, screen_width
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.files.disk import atomic_write, is_folder
+from gtmbench.jobs.limits import limited
 from gtmbench.jobs.progress import Progress, progress_bar, silent
-from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
     from gtmbench.history.entry import Entry

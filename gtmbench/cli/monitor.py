@@ -31,8 +31,8 @@ from gtmbench.cli.output import (
 )
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, atomic_write, is_file, no_such
+from gtmbench.jobs.limits import limited
 from gtmbench.jobs.progress import progress_bar
-from gtmbench.jobs.time_limit import limited
 
 if TYPE_CHECKING:
     from gtmbench.study.log.log_fleet import Source

@@ -1,12 +1,15 @@
-"""Plain JSON: what values become, and how it is written. NaN and infinities never get into a file."""
+"""Plain values, and how they are written: JSON without NaN, and tables whose columns say what they hold."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 
 def exact(value: Any) -> Any:
@@ -63,3 +66,50 @@ def dumps(value: Any, indent: int | None = None) -> str:
     '{"b": 1, "a": [0.5]}'
     """
     return json.dumps(value, indent=indent, allow_nan=False)
+
+
+Row = dict[str, Any]
+
+
+class Column(NamedTuple):
+    """A column: its type, as Arrow calls it, and what it holds."""
+
+    type: str
+    meaning: str
+
+
+def table_of(rows: Sequence[Row], columns: Mapping[str, Column], *, schema: int) -> pa.Table:
+    """Return rows as a table with the columns' meanings and the schema's number in it; what a row lacks is null.
+
+    >>> table_of([{"task": 3}], {"task": Column("int32", "of the run"), "error": Column("string", "why")}, schema=1)[
+    ...     "error"
+    ... ].to_pylist()
+    [None]
+    """
+    import pyarrow as pa
+
+    named = pa.schema(_fields(columns), metadata={"gtmbench.schema": str(schema)})
+    return pa.Table.from_pylist(list(rows), schema=named)
+
+
+def described(table: pa.Table, columns: Mapping[str, Column]) -> pa.Table:
+    """Return a table with the meanings of its columns, which parts don't repeat.
+
+    >>> columns = {"task": Column("int32", "of the run")}
+    >>> parts = table_of([{"task": 3}], columns, schema=1).to_pandas()
+    >>> import pyarrow as pa
+    >>> described(pa.table(parts), columns).schema.field("task").metadata
+    {b'meaning': b'of the run'}
+    """
+    import pyarrow as pa
+
+    return table.cast(pa.schema(_fields({name: columns[name] for name in table.column_names})))
+
+
+def _fields(columns: Mapping[str, Column]) -> list[pa.Field]:
+    import pyarrow as pa
+
+    return [
+        pa.field(name, pa.type_for_alias(column.type), metadata={"meaning": column.meaning})
+        for name, column in columns.items()
+    ]

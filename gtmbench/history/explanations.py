@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gtmbench.engine.imus.imu import gyro_and_imu
-from gtmbench.history.constant import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant, kind_of
+from gtmbench.history.entry import AT_REST, FACTOR, LAG, MISALIGNMENT, NOISE, OFFSET, Constant, kind_of
 from gtmbench.history.spread import Key, Prediction
 from gtmbench.values.channels import ATTITUDE, GYROS
 

@@ -8,12 +8,11 @@ from pathlib import Path
 
 from gtmbench.checks import one_line
 from gtmbench.errors import InputError
-from gtmbench.files.arrow_table import Column, Row, table_of
 from gtmbench.files.disk import atomic_write, is_file, is_folder
 from gtmbench.files.locks import alone, lock_beside
+from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import SLOT, fill_slot, is_intact
-from gtmbench.history.constant import Constant
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import Constant, Entry
 
 SCHEMA = 1
 IN_FOLDER = ".gtmbench-history.parquet"  # of a folder of logs: hidden, so that it is none of them
@@ -66,7 +65,10 @@ def read_history(path: Path) -> tuple[Entry, ...]:
         raise InputError(f"{path} is a history by another version of gtmbench; {remedy}")
     if not is_intact(content):
         raise InputError(f"{path} isn't what was written, by its digest: altered or damaged; {remedy}")
-    return _entries(table.to_pylist())
+    by_digest: dict[str, list[Row]] = {}
+    for row in table.to_pylist():
+        by_digest.setdefault(row["digest"], []).append(row)
+    return tuple(_entry(own) for own in by_digest.values())
 
 
 def enter(path: Path, entry: Entry) -> bool:
@@ -116,13 +118,6 @@ def _rows(entry: Entry) -> list[Row]:
         for each in entry.constants
     ]
     return [own | row for row in told or [{"apart": False}]]
-
-
-def _entries(rows: Sequence[Row]) -> tuple[Entry, ...]:
-    by_digest: dict[str, list[Row]] = {}
-    for row in rows:
-        by_digest.setdefault(row["digest"], []).append(row)
-    return tuple(_entry(own) for own in by_digest.values())
 
 
 def _entry(rows: Sequence[Row]) -> Entry:

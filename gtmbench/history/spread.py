@@ -20,8 +20,7 @@ from math import lgamma, log, log1p, pi
 import numpy as np
 
 from gtmbench.engine.imus.imu import gyro_and_imu
-from gtmbench.history.constant import MISALIGNMENT, Constant, kind_of
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import MISALIGNMENT, Constant, Entry, kind_of
 from gtmbench.values.record import BoolArray, FloatArray, IntArray
 
 Key = tuple[str, str]

@@ -10,17 +10,16 @@ import numpy as np
 
 from gtmbench.checks import listed
 from gtmbench.detectors.alarm import Judgement
-from gtmbench.history.constant import NOISE, Constant, kind_of
-from gtmbench.history.entry import Entry
+from gtmbench.history.entry import FACTOR, NOISE, OFFSET, Constant, Entry, kind_of
 from gtmbench.history.explanations import Weighed, weighed
 from gtmbench.history.spread import FEWEST, Key, Prediction, predicted
-from gtmbench.history.words import reads_text, would_show_text
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import Claim, SensorSpan, State, unjudged
 
 CHANCE = 1e-3  # that a healthy flight has any constant which is called another: one flight in a thousand
 _SURE = 0.99  # of an accusation, as of every other
 _SUSPECTS = 3  # more are none
+_SHOWS = 1.645  # deviations above what is called another: what would show in 95 of 100 flights
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,3 +191,47 @@ def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
     begun = [place for place, each in enumerate(own) if each.begins]
     begun += [place + 1 for place, each in enumerate(own) if each.is_on(entry) is False]  # with another autopilot
     return own[max(begun, default=0) :]
+
+
+def reads_text(constant: Constant, before: Prediction) -> str:
+    """Say by how much a constant is another than before.
+
+    >>> read = Constant(sensor="q", name="offset", value=4.2, deviation=0.05)
+    >>> before = Prediction(flights=12, value=0.1, deviation=0.2, degrees=11.0, spread=0.2, low=-0.2, high=0.4)
+    >>> reads_text(read, before)
+    'q reads 4.1 deg/s too much throughout; in 12 flights before at most 0.3'
+    """
+    most = max(before.high - before.value, before.value - before.low)
+    flights = f"in {before.flights} flights before"
+    off = constant.value - before.value
+    if constant.name == NOISE:
+        return f"{constant.sensor} is {np.exp(off):.2g} times as noisy throughout; {flights} at most {np.exp(most):.2g}"
+    if constant.kind.unit == "deg/s":
+        than = "too much" if off > 0.0 else "too little"
+        return f"{constant.sensor} reads {abs(off):.2g} deg/s {than} throughout; {flights} at most {most:.2g}"
+    if constant.name == FACTOR:
+        return (
+            f"{constant.sensor} reads {constant.value:.3g} of each turn throughout; {flights} {before.low:.3g} to "
+            f"{before.high:.3g}"
+        )
+    return (
+        f"the {constant.name} of {constant.sensor} is {constant.value:.3g} {constant.kind.unit}; {flights} it was not"
+    )
+
+
+def would_show_text(predictions: Mapping[tuple[str, str], Prediction], level: float) -> str:
+    """Say that nothing is another than before, and what would have shown."""
+    flights = max(each.flights for each in predictions.values())
+    told = f"as in {flights} flights before"
+    sizes = {}
+    for name in (OFFSET, FACTOR):
+        own = [_would_show(each, level) for key, each in predictions.items() if key[1] == name and " of " not in key[0]]
+        if own:
+            sizes[name] = max(own)
+    parts = [f"an error of {sizes[OFFSET]:.2g} deg/s"] if OFFSET in sizes else []
+    parts += [f"a factor of {max(1.0 - sizes[FACTOR], 0.0):.2g}"] if FACTOR in sizes else []
+    return f"{told}; {' or '.join(parts)} throughout would show" if parts else told
+
+
+def _would_show(prediction: Prediction, level: float) -> float:
+    return prediction.reach(level) + _SHOWS * prediction.deviation

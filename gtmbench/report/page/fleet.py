@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from gtmbench.files.arrow_table import Row
+from gtmbench.files.plain import Row
 from gtmbench.report.page.html import html_page
 from gtmbench.report.tables.fleet import worst_first
 from gtmbench.report.words.fleet import HEAD, MEANING, counts_text, whole_cells

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from gtmbench.faults.kinds.additive import Bias
-from gtmbench.files.arrow_table import Column, Row
-from gtmbench.files.plain import plain
+from gtmbench.files.plain import Column, Row, plain
 from gtmbench.jobs.parts import Parts
 from gtmbench.report.log_findings import alarm_bound, passed_alarms
 from gtmbench.report.tables.envelope import envelope

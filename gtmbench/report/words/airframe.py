@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gtmbench.history.entry import Entry
-from gtmbench.history.overview import Overview, overviews_of
+from gtmbench.history.overview import Overview, overviews_of, trend_text
 from gtmbench.history.spread import FEWEST
-from gtmbench.history.words import trend_text
 from gtmbench.report.words.timeline import wrapped
 from gtmbench.report.words.units import counted
 
