@@ -43,7 +43,7 @@ ROOT = Path(__file__).parent.parent
 FORKS = """
 import json, os, sys
 import pandas, jsbsim, filelock, pyarrow.parquet, pyarrow.csv, scipy.signal, matplotlib.figure
-import gtmbench.api, gtmbench.report.tables.campaign, gtmbench.study.log.watch, gtmbench.check.check
+import gtmbench.api, gtmbench.report.campaign, gtmbench.study.log.watch, gtmbench.check.check
 from pathlib import Path
 from gtmbench.cli.app import main
 from gtmbench.study.benchmark import definition

@@ -104,8 +104,7 @@ def _print_auto(source: str, log: Path | None, as_json: bool, quiet: bool) -> No
 
 
 def _print_surfaces(detector: SurfaceDetector, monitor: SurfaceMonitor | None, as_json: bool, quiet: bool) -> None:
-    from gtmbench.report.words.monitor import facts, origin_text
-    from gtmbench.report.words.surfaces import EQUATIONS, effect_rows, equation_rows
+    from gtmbench.report.words.monitor import EQUATIONS, effect_rows, equation_rows, facts, origin_text
 
     rows = equation_rows(detector.flow, None if monitor is None else monitor.suspects)
     unwatched = {} if monitor is None else monitor.unwatched
@@ -142,7 +141,7 @@ def _print_residuals(bank: Bank) -> None:
 
 def _print_signatures(table: Signatures) -> None:
     from gtmbench.detectors.bank.isolability import isolability
-    from gtmbench.report.words.isolation import isolation_lines
+    from gtmbench.report.words.monitor import isolation_lines
 
     rows = [[name, *table.pattern[name]] for name in table.channels]
     print_table("Fault signatures", ["fault of", *(f"in {output}" for output in table.outputs)], rows)

@@ -149,9 +149,7 @@ def _command(
 
 def _write(rows: Sequence[Row], definition: Definition, split: str, folder: Path, command: str) -> None:
     from gtmbench.files.plain import plain
-    from gtmbench.report.figures.benchmark import benchmark_curves
-    from gtmbench.report.tables.benchmark import benchmark_page, benchmark_results
-    from gtmbench.report.words.benchmark import citation
+    from gtmbench.report.benchmark import benchmark_curves, benchmark_page, benchmark_results, citation
 
     results = plain(benchmark_results(rows, definition, split))
     texts = {
@@ -186,7 +184,7 @@ def _short(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _print(rows: Sequence[Row]) -> None:
-    from gtmbench.report.tables.benchmark import table
+    from gtmbench.report.benchmark import table
 
     frame = table(rows)
     cells = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
@@ -196,7 +194,7 @@ def _print(rows: Sequence[Row]) -> None:
 def _end(
     name: str, definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool
 ) -> None:
-    from gtmbench.report.words.benchmark import about
+    from gtmbench.report.benchmark import about
 
     if as_json:
         print_json(envelope(name, verdict, about(definition, split) | own))

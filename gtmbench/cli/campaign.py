@@ -101,8 +101,7 @@ def campaign_command(
         return report_campaign(Path(source), form, out, **how, force=force, as_json=as_json, quiet=quiet)
     _check_alone({"--false-alarms-per-hour": target, "--deadline": deadline, "--force": force or None})
     from gtmbench.jobs.parts import Shard
-    from gtmbench.report.tables.campaign import campaign_results, write_campaign
-    from gtmbench.report.words.campaign import plan_facts, plan_lines, plan_verdict
+    from gtmbench.report.campaign import campaign_results, plan_facts, plan_lines, plan_verdict, write_campaign
     from gtmbench.study.campaign.conduct import check_size, conduct
     from gtmbench.study.campaign.plan import load_campaign
     from gtmbench.study.campaign.watchers import named
@@ -167,7 +166,7 @@ def _print_share(parts: Parts, shard: Shard | None, *, as_json: bool, quiet: boo
 
 
 def _print_results(results: dict[str, Any], folder: Path) -> None:
-    from gtmbench.report.words.campaign import fault_rows, summary_lines
+    from gtmbench.report.campaign import fault_rows, summary_lines
 
     echo(results["verdict"])
     columns, rows, right = fault_rows(results)

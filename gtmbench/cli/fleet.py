@@ -49,9 +49,8 @@ def monitor_fleet(
     quiet: bool,
 ) -> int:
     """Watch logs into a folder, print a table, and return the exit code."""
+    from gtmbench.report.fleet import MEANING, RIGHT, fleet_results, fleet_table
     from gtmbench.report.fleet_report import FIGURE, REPORT, TABLE, written
-    from gtmbench.report.tables.fleet import fleet_results
-    from gtmbench.report.words.fleet import MEANING, RIGHT, fleet_table
 
     logs = watching.logs_of(sources)
     if out is None:

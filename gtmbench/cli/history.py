@@ -114,7 +114,7 @@ def monitor_history(
     quiet: bool,
 ) -> int:
     """Judge and enter what isn't yet, write the airframe's page, and return the exit code."""
-    from gtmbench.report.tables.airframe import airframe_results
+    from gtmbench.report.airframe import airframe_results
     from gtmbench.study.log.log_fleet import logs_in
 
     if not sources and not is_folder(keeping.history):
@@ -142,15 +142,15 @@ def _write(airframes: dict[str, list[Entry]], record: Path | None, reports: Sequ
     for report in reports:
         with atomic_write(report) as aside:
             if report.suffix.lower() == ".png":
-                from gtmbench.report.figures.airframe import airframe_figure
+                from gtmbench.report.airframe import airframe_figure
 
                 airframe_figure(airframes).savefig(aside, format="png", dpi=120)
             else:
-                from gtmbench.report.page.airframe import airframe_page
+                from gtmbench.report.airframe import airframe_page
 
                 aside.write_text(airframe_page(airframes), encoding="utf-8")
     if record is not None:
-        from gtmbench.report.recording.airframe import write_airframe_recording
+        from gtmbench.report.airframe import write_airframe_recording
 
         write_airframe_recording(airframes, record)
 
@@ -158,7 +158,7 @@ def _write(airframes: dict[str, list[Entry]], record: Path | None, reports: Sequ
 def _print(
     rows: Sequence[dict[str, Any]], airframes: dict[str, list[Entry]], record: Path | None, reports: Sequence[Path]
 ) -> None:
-    from gtmbench.report.words.airframe import airframe_lines
+    from gtmbench.report.airframe import airframe_lines
     from gtmbench.report.words.timeline import wrapped
 
     width = screen_width()

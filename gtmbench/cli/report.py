@@ -26,8 +26,8 @@ def report_campaign(
 ) -> int:
     """Score what stands in a campaign's folder, and write it in a format; an unfinished one as far as it has come."""
     from gtmbench.jobs.parts import read_parts
-    from gtmbench.report.page.sections import contents_of
-    from gtmbench.report.page.write import FORMATS as WRITERS
+    from gtmbench.report.page.campaign import FORMATS as WRITERS
+    from gtmbench.report.page.campaign import contents_of
     from gtmbench.report.tables.scores import first_and_rest
     from gtmbench.study.scores.scoring import DEADLINE_S
 

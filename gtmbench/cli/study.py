@@ -225,8 +225,7 @@ def _run_seeds(
     quiet: bool,
 ) -> int:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
-    from gtmbench.report.tables.results import unexpected, write_tables
-    from gtmbench.report.tables.seeds import SeedTable
+    from gtmbench.report.tables.results import SeedTable, unexpected, write_tables
     from gtmbench.study.run import run_study
 
     table = SeedTable()
@@ -279,8 +278,7 @@ def view_command(recording: Path, web: bool, as_json: bool, quiet: bool) -> None
 
     rerun's usage statistics are turned off first, for this user.
     """
-    from gtmbench.report.recording.read import check_recording, recording_in
-    from gtmbench.report.viewer import viewer_command, without_analytics
+    from gtmbench.report.recording.read import check_recording, recording_in, viewer_command, without_analytics
 
     recording = recording_in(recording)
     check_recording(recording)

@@ -19,10 +19,8 @@ from gtmbench.files.folders import atomic_folder
 from gtmbench.files.plain import described
 from gtmbench.jobs.parts import Parts
 from gtmbench.jobs.progress import Progress, silent
-from gtmbench.report.figures.fleet import gyros_figure
-from gtmbench.report.page.fleet import fleet_page
+from gtmbench.report.fleet import COLUMNS, fleet_page, fleet_row, gyros_figure
 from gtmbench.report.page.flight import flight_page
-from gtmbench.report.tables.fleet import COLUMNS, fleet_row
 from gtmbench.study.log.log_fleet import LIMIT_S, FleetQuestion, Kept, Source, conduct
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.record import Span
@@ -75,7 +73,7 @@ def watch_fleet(
     Returns
     -------
     DataFrame
-        In the order in which the logs were given; its columns are `gtmbench.report.tables.fleet.COLUMNS`.
+        In the order in which the logs were given; its columns are `gtmbench.report.fleet.COLUMNS`.
 
     Raises
     ------

@@ -170,7 +170,7 @@ def printed(folder, cli, monkeypatch, request):
         monkeypatch.setattr(tuning, "_PROVED_S", 5.0)
         monkeypatch.setattr(definition, "shipped_benchmarks", lambda: {"gtmbench-2": folder / "frozen.toml"})
         monkeypatch.setattr("gtmbench.check.check.run_reference", lambda *_, **__: groups())
-        monkeypatch.setattr("gtmbench.report.viewer._rerun", lambda *_: ["true"])
+        monkeypatch.setattr("gtmbench.report.recording.read._rerun", lambda *_: ["true"])
         monkeypatch.setattr("gtmbench.report.recording.read.read_recording", frame_of)
         kept = {place: [] for place in WORKED_OUT}
         for place in WORKED_OUT:

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from gtmbench.report.tables.fleet import fleet_row
+from gtmbench.report.fleet import fleet_row
 from gtmbench.study.log.log_fleet import Kept
 
 ROOT = Path(__file__).parents[2]

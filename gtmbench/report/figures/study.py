@@ -17,8 +17,7 @@ from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.figures.panels import as_it_is, draw_alarm, draw_threshold, one_legend, panels
-from gtmbench.report.score_units import LOWEST, around, level, norm_of, part, tints
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, LOWEST, around, colour, level, norm_of, part, tints
 from gtmbench.report.words.judgement import (
     MOST_ALARMS,
     alarm_text,

@@ -11,7 +11,6 @@ import numpy as np
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.files.seals import file_digest
 from gtmbench.intake.formats.registry import split_part
-from gtmbench.report.axes import time_title
 from gtmbench.report.log_findings import (
     about,
     faults_of,
@@ -23,8 +22,7 @@ from gtmbench.report.log_findings import (
 )
 from gtmbench.report.page.html import html_page
 from gtmbench.report.page.traces import Mark, Panel, Series, panel, time_ticks
-from gtmbench.report.score_units import LOWEST, level
-from gtmbench.report.style import STATES
+from gtmbench.report.style import LOWEST, STATES, level
 from gtmbench.report.tables.results import versions
 from gtmbench.report.words.certificate import certificate_notes, certificate_table, certificate_title
 from gtmbench.report.words.findings import COLUMNS as FINDING_COLUMNS
@@ -33,8 +31,7 @@ from gtmbench.report.words.judgement import alarm_text
 from gtmbench.report.words.log import detail_lines, event_name
 from gtmbench.report.words.other_sensors import gps_lines, sensor_lines
 from gtmbench.report.words.timeline import HEAD, sensor_text, span_text, timeline_rows
-from gtmbench.report.words.times import beside_text, time_text
-from gtmbench.report.words.units import capitalised, duration_text
+from gtmbench.report.words.units import beside_text, capitalised, duration_text, time_text, time_title
 from gtmbench.report.words.verdict import labelled, verdict_text
 from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.watched import WatchedLog

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gtmbench.report.axes import round_times, round_values
 from gtmbench.report.figures.panels import thinned
+from gtmbench.report.words.units import round_times, round_values
 from gtmbench.values.record import FloatArray, Span
 
 _POINTS, _CLOSE_POINTS = 2400, 3000  # of a line: over the whole log, and about one fault

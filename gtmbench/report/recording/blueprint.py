@@ -23,8 +23,7 @@ from gtmbench.report.log_findings import (
     whole_of,
 )
 from gtmbench.report.recording.entities import GROUPS, TIMELINE, entity, in_unit, rgb, sensor_entity, whole
-from gtmbench.report.score_units import SHOWN_LEVELS, around, norm_of, tints
-from gtmbench.report.style import HUES
+from gtmbench.report.style import HUES, SHOWN_LEVELS, around, norm_of, tints
 from gtmbench.report.words.judgement import trial_text
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.log.watched import WatchedLog

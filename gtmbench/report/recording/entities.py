@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from gtmbench.detectors.protocol import Watch
 from gtmbench.files.disk import atomic_write
-from gtmbench.report.score_units import level, part
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, colour, level, part
 from gtmbench.report.words.judgement import Event, repetitions
 from gtmbench.report.words.units import with_unit
 from gtmbench.study.trial import InjectedFaults

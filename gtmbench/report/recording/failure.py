@@ -45,8 +45,7 @@ from gtmbench.report.recording.entities import (
     recorded,
     whole,
 )
-from gtmbench.report.score_units import tints
-from gtmbench.report.style import COLOURS, colour
+from gtmbench.report.style import COLOURS, colour, tints
 from gtmbench.report.words.judgement import MOST_ALARMS, Event, fault_text, watch_events
 from gtmbench.values.channels import unit_of
 from gtmbench.values.record import FloatArray, Record, Span

@@ -39,8 +39,7 @@ from gtmbench.report.recording.entities import (
     sensor_entity,
     style_lines,
 )
-from gtmbench.report.score_units import SHOWN_LEVELS, tints
-from gtmbench.report.style import COLOURS, colours
+from gtmbench.report.style import COLOURS, SHOWN_LEVELS, colours, tints
 from gtmbench.report.words.monitor import title_text
 from gtmbench.values.record import Record, Span, joined
 

@@ -27,7 +27,7 @@ import rerun.blueprint as rrb
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
 from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
-from gtmbench.report.tables.scores import in_markdown
+from gtmbench.report.tables.markdown import in_markdown, markdown_table
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
 
@@ -112,10 +112,10 @@ def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:
         return "\n\n".join([*page, "The two are equal, so only one of each series is shown."])
     differ = f"{len(comparison.lines)} of {comparison.series} series differ"
     page.append(f"{differ}; the greatest differences over the greatest value:")
-    page.append(_table(["series", "relative", "at"], [_worst(line) for line in comparison.lines]))
+    page.append(markdown_table(["series", "relative", "at"], map(_worst, comparison.lines[:_MOST_WORDS])))
     page.append(f"{len(comparison.verdicts)} of {comparison.fields} fields of verdicts differ:")
-    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts]
-    page.append(_table(["verdict", "field", "A", "B"], fields))
+    fields = [[field.entity, field.field, str(field.a), str(field.b)] for field in comparison.verdicts[:_MOST_WORDS]]
+    page.append(markdown_table(["verdict", "field", "A", "B"], fields))
     page.append(f"{len(comparison.only_a)} series and fields only in A, {len(comparison.only_b)} only in B")
     return "\n\n".join(page)
 
@@ -124,12 +124,6 @@ def _worst(line: LineDifference) -> list[str]:
     worst = line.worst
     at = "" if worst is None else worst.at if isinstance(worst.at, str) else f"{worst.at:g} s"
     return [f"{line.entity} {line.series}", f"{line.relative:.2g}", at]
-
-
-def _table(columns: list[str], rows: list[list[str]]) -> str:
-    own = [[in_markdown(word) for word in words] for words in rows[:_MOST_WORDS]]  # a recording may be anybody's
-    written = [columns, ["---"] * len(columns), *own]
-    return "\n".join(f"| {' | '.join(words)} |" for words in written)
 
 
 def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import rerun.blueprint as rrb
 
+from gtmbench.report.figures.rescue import TINTS, moments, shown_flight, shown_s
 from gtmbench.report.recording.blueprint import event_log, opened, plot
 from gtmbench.report.recording.entities import (
     entity,
@@ -30,9 +31,8 @@ from gtmbench.report.recording.entities import (
     recorded,
 )
 from gtmbench.report.recording.flight import log_scene
-from gtmbench.report.rescued import TINTS, moments, shown_flight, shown_s
 from gtmbench.report.scene import Scene
-from gtmbench.report.score_units import SHOWN_LEVELS, part, tints
+from gtmbench.report.style import SHOWN_LEVELS, part, tints
 from gtmbench.report.words.judgement import Event, fault_text, loop_text, watch_events
 from gtmbench.study.rescue import Rescue
 

@@ -104,8 +104,7 @@ from gtmbench.report.recording.entities import (
 )
 from gtmbench.report.recording.flight import log_attitude, log_scene, log_sensors
 from gtmbench.report.scene import Scene
-from gtmbench.report.score_units import norm_of, part, tints
-from gtmbench.report.style import COLOURS, STATES, colour
+from gtmbench.report.style import COLOURS, STATES, colour, norm_of, part, tints
 from gtmbench.report.tables.log import log_results
 from gtmbench.report.words.autopilot import injection_text
 from gtmbench.report.words.certificate import certificate_lines
@@ -113,8 +112,7 @@ from gtmbench.report.words.judgement import MOST_ALARMS, Event, trial_events, tr
 from gtmbench.report.words.log import event_text, remark_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.timeline import span_text
-from gtmbench.report.words.times import beside_text, stamped_text
-from gtmbench.report.words.units import with_unit
+from gtmbench.report.words.units import beside_text, stamped_text, with_unit
 from gtmbench.report.words.verdict import verdict_text
 from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.watched import WatchedLog

@@ -1,11 +1,29 @@
-"""Tables as Markdown."""
+"""Texts and tables as Markdown."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
+
+
+def in_markdown(text: str) -> str:
+    """Return a text that Markdown shows as it is, in one line.
+
+    >>> in_markdown("a|b <script>")
+    'a&#124;b &lt;script>'
+    """
+    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
+
+
+def markdown_table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table whose cells may hold anything."""
+    lines = [columns, ["---"] * len(columns), *rows]
+    return "\n".join(f"| {' | '.join(map(in_markdown, line))} |" for line in lines)
 
 
 def markdown(frame: pd.DataFrame) -> str:

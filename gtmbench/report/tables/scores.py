@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from gtmbench.bench.aircraft import SAMPLE_PERIOD_S
 from gtmbench.report.tables.envelope import SCHEMA_VERSION
+from gtmbench.report.tables.markdown import markdown_table
 from gtmbench.report.words.scores import (
     rate_words,
     seconds_words,
@@ -20,8 +21,6 @@ from gtmbench.report.words.units import counted
 from gtmbench.study.scores.intervals import Estimate, Share
 from gtmbench.study.scores.ranking import Rank
 from gtmbench.study.scores.scoring import Confusion, DetectorScores, Merits, Scores
-
-_MARKS = {mark: f"&#{ord(mark)};" for mark in "|`*\\"} | {"&": "&amp;", "<": "&lt;"}  # of Markdown and HTML
 
 
 class Cell(NamedTuple):
@@ -59,17 +58,7 @@ class ScoreTable:
 
     def markdown(self) -> str:
         """Return it as Markdown."""
-        lines = [self.columns, ["---"] * len(self.columns), *[[cell.text for cell in row] for row in self.rows]]
-        return "\n".join("| " + " | ".join(map(in_markdown, line)) + " |" for line in lines)
-
-
-def in_markdown(text: str) -> str:
-    """Return a text that Markdown shows as it is, in one line.
-
-    >>> in_markdown("a|b <script>")
-    'a&#124;b &lt;script>'
-    """
-    return " ".join("".join(_MARKS.get(letter, letter) for letter in text).replace("](", "]&#40;").split())
+        return markdown_table(self.columns, [[cell.text for cell in row] for row in self.rows])
 
 
 def tables(scores: Scores) -> list[ScoreTable]:

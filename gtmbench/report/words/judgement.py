@@ -14,7 +14,7 @@ from gtmbench.detectors.protocol import Watch
 from gtmbench.faults.fault import Fault
 from gtmbench.faults.parameter import Parameter
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.report.score_units import norm_of
+from gtmbench.report.style import norm_of
 from gtmbench.report.words.units import per_second, percent_text, with_interval
 from gtmbench.study.score import first_after
 from gtmbench.values.channels import unit_of

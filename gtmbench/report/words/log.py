@@ -21,9 +21,8 @@ from gtmbench.report.log_findings import alarm_bound, disarmed_by, passed_alarms
 from gtmbench.report.words.autopilot import autopilot_lines, imu_lines, injection_lines
 from gtmbench.report.words.certificate import certificate_lines
 from gtmbench.report.words.findings import finding_lines
-from gtmbench.report.words.isolation import isolation_lines
 from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
-from gtmbench.report.words.monitor import facts, origin_text, title_text
+from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
 from gtmbench.report.words.units import counted, duration_text, per_second, with_unit

@@ -1,23 +1,28 @@
-"""A monitor of any detector in words and figures: what it is, what it stands on, what its false-alarm rate is worth."""
+"""A monitor in words and figures: what it is, stands on and tells apart, what its false-alarm rate is worth."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, TypeGuard
 
+from gtmbench.checks import listed
 from gtmbench.detectors.bank.detectability import slowest_drift, tolerated_shift
-from gtmbench.detectors.bank.isolability import isolability
+from gtmbench.detectors.bank.isolability import BY_SHAPE, NOT_TOLD, Isolability, isolability
 from gtmbench.detectors.bank_detector import BankMonitor
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Detector, Monitor, Watch, is_ready
 from gtmbench.detectors.statistics.thresholds import Luck
+from gtmbench.detectors.surfaces.equations import OWN_SURFACES, Flow
+from gtmbench.detectors.surfaces.surfaces import SurfaceMonitor
+from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
 from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.units import counted, duration_text, or_dash
-from gtmbench.values.channels import unit_of
+from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
 _OPERATOR = (
     "name",
@@ -235,3 +240,108 @@ def _origin(known: Mapping[str, Any]) -> str:
         more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
         return f"{', '.join(str(log.get('name')) for log in logs[:5])}{more}"
     return f"{count} records"
+
+
+def isolation_lines(told: Isolability) -> list[str]:
+    """Say which residuals a fault of each suspect raises, and what isn't told by that.
+
+    >>> from gtmbench.detectors.bank.bank import load_bank
+    >>> from gtmbench.detectors.bank.isolability import isolability
+    >>> for line in isolation_lines(isolability(load_bank("C"))):
+    ...     print(line)
+    isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)
+    isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, outputs in told.enters.items():
+        groups.setdefault(outputs, []).append(name)
+    lines = []
+    if len(groups) > 1:
+        said = (f"{listed(names)} ({listed(outputs)})" for outputs, names in groups.items())
+        lines.append(f"isolable by which residuals rise: {', '.join(said)}")
+    if alike := "; ".join(_by_shape(told)):
+        lines.append(f"isolable only by how they rise: {alike}")
+    if mistaken := "; ".join(_indistinguishable(told)):
+        unknown = listed([name for name in told.suspects if name not in told.predicted])
+        lines.append(f"not isolable: {mistaken}, because nothing predicts {unknown}")
+    return lines
+
+
+def _by_shape(told: Isolability) -> Iterator[str]:
+    """Say who is told from whom only by how residuals rise: from those whose faults raise more, and from the like."""
+    like, more = defaultdict(list), defaultdict(list)
+    for one in told.suspects:
+        others = [other for other in told.suspects if other != one and told.told(one, other) == BY_SHAPE]
+        alike = {other for other in others if told.enters[other] == told.enters[one]}
+        if alike:
+            like[told.enters[one]].append(one)
+        if wider := tuple(other for other in others if other not in alike):
+            more[wider].append(one)
+    yield from (f"{listed(ones)} from {listed(others)}" for others, ones in more.items())
+    yield from (f"{listed(names)} from each other" for names in like.values())
+
+
+def _indistinguishable(told: Isolability) -> Iterator[str]:
+    """Say whose fault can't be told from that of a suspect which nothing predicts."""
+    unknown = [name for name in told.suspects if name not in told.predicted]
+    mistaken, mixed = defaultdict(list), []
+    for one in unknown:
+        others = [other for other in told.suspects if other != one and NOT_TOLD in _both_ways(told, one, other)]
+        if known := tuple(name for name in others if name in told.predicted):
+            mistaken[known].append(one)
+        if len(known) < len(others):
+            mixed.append(one)
+    yield from (f"{listed(known)} from {listed(ones)}" for known, ones in mistaken.items())
+    if mixed:
+        yield f"{listed(mixed)} from each other"
+
+
+def _both_ways(told: Isolability, one: str, other: str) -> tuple[str, str]:
+    return told.told(one, other), told.told(other, one)
+
+
+EQUATIONS = ("equation", "surfaces in it", "beside them")
+_BESIDE = {
+    "lateral": "sideslip, roll and yaw rate, inertia",
+    "longitudinal": "angle of attack, pitch rate, inertia",
+    "forward": "angle of attack, sideslip, pitch rate",
+}
+
+
+def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[str]]:
+    """Return a row an equation: what it explains, which surfaces are in it, and what else.
+
+    `judged`: the surfaces that are; by default all that could be.
+
+    >>> equation_rows(Flow(forward=True))[1]
+    ['change of q', 'elevator throttle', 'angle of attack, pitch rate, inertia']
+    >>> equation_rows(Flow())[1]
+    ['change of q', 'elevator', 'angle of attack, pitch rate, inertia, thrust']
+    """
+    judged = judged or (COMMANDS if flow.forward else SURFACES)
+    rows = []
+    for name, axis in flow.equations(judged).items():
+        own = [surface for surface in OWN_SURFACES[axis] if surface in judged]
+        thrust = ", thrust" if THROTTLE in OWN_SURFACES[axis] and THROTTLE not in judged else ""
+        rows.append([f"change of {name}" if name in GYROS else name, " ".join(own), _BESIDE[axis] + thrust])
+    return rows
+
+
+def effect_rows(monitor: SurfaceMonitor) -> tuple[list[str], list[list[str]]]:
+    """Return the columns and rows of what a degree of each surface changes, and what gusts amount to in its degrees.
+
+    Of the throttle it is a step of 20 %, and percent.
+    """
+    surfaces, steps = list(monitor.suspects), monitor.answer.frame.steps
+    rows = [
+        [f"{name} ({_unit(name)})", *(f"{value:.3g}" if value else "" for value in effects)]
+        for name, effects in zip(monitor.answer.equations, monitor.answer.effects, strict=True)
+    ]
+    noise = monitor.normal.noise[: len(surfaces)] * steps
+    rows.append(["gusts and sensors (deg, %)", *(f"{value:.2g}" for value in noise)])
+    headed = [f"{name} ({STEP_PERCENT:g} %)" if name == THROTTLE else name for name in surfaces]
+    return ["equation", *headed], rows
+
+
+def _unit(name: str) -> str:
+    return "deg/s²" if name in GYROS else unit_of(name)

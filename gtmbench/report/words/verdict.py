@@ -34,8 +34,7 @@ from gtmbench.report.words.timeline import (
     when_text,
     wrapped,
 )
-from gtmbench.report.words.times import stamped_text, time_text
-from gtmbench.report.words.units import capitalised, counted, duration_text
+from gtmbench.report.words.units import capitalised, counted, duration_text, stamped_text, time_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span

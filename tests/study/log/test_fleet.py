@@ -17,9 +17,7 @@ import gtmbench as gb
 from gtmbench.cli.app import main
 from gtmbench.files.disk import unwritten
 from gtmbench.jobs.parts import parts_in
-from gtmbench.report.figures.fleet import gyros_figure
-from gtmbench.report.tables.fleet import COLUMNS, exit_code, fleet_row, worst_first
-from gtmbench.report.words.fleet import fleet_table
+from gtmbench.report.fleet import COLUMNS, exit_code, fleet_row, fleet_table, gyros_figure, worst_first
 from gtmbench.study.log.gyros import gyro_figures
 from gtmbench.study.log.log_fleet import FleetQuestion, Kept, conduct, logs_in
 from gtmbench.study.log.self_check.motion import rates_from, terms_of

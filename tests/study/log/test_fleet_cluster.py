@@ -14,7 +14,7 @@ import pytest
 
 import gtmbench as gb
 from gtmbench.intake.objects import fetched, object_digest, objects_in
-from gtmbench.report.tables.fleet import COLUMNS
+from gtmbench.report.fleet import COLUMNS
 from gtmbench.study.log.log_fleet import FleetQuestion, conduct
 from gtmbench.study.log.watch import bank_between
 from tests.helpers.clusters import Cluster, row_or_kill, row_or_worse
