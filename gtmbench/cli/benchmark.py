@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import json
 import os
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.output import common_options, echo, print_json, print_table
+from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.options import detector_option
+from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
-from gtmbench.jobs.progress import progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from gtmbench.study.benchmark.definition import Definition
     from gtmbench.study.benchmark.judge import Row
@@ -72,8 +72,6 @@ def benchmark_command(
     archive: Path | None,
     jobs: int | None,
     any_versions: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Judge detectors on gtmbench-2: frozen flights, one rule for thresholds, one table.
 
@@ -97,19 +95,22 @@ def benchmark_command(
     if export is not None:
         if entries or detectors:
             raise InputError("--export writes flights and judges nobody; leave --score and --detector for another run")
-        with progress_bar(silent=as_json or quiet) as tell:
+        with shown_progress() as tell:
             flights = export_flights(
                 definition, split, export, suffix=".csv" if as_csv else ".parquet", processes=processes, progress=tell
             )
         verdict = f"Wrote {len(flights)} flights of {definition.name}, split {split}: {export}."
         own = {"out": str(export), "flights": len(flights)}
-        _end("benchmark-export", definition, split, verdict, own, as_json=as_json, quiet=quiet)
+        _finish("benchmark-export", definition, split, verdict, own)
         return
     folder = Path(definition.name) if out is None else out
-    named = _detectors(detectors, by_default=not entries)
+    from gtmbench.study.benchmark.detectors import DETECTORS
     from gtmbench.study.benchmark.run import run_benchmark
+    from gtmbench.study.watchers import resolved
 
-    with progress_bar(silent=as_json or quiet) as tell:
+    watching = detectors or (() if entries else DETECTORS)
+    named = resolved([*watching]) if watching else {}
+    with shown_progress() as tell:
         rows = run_benchmark(
             definition, split, folder, detectors=named, entries=entries, processes=processes, progress=tell
         )
@@ -120,18 +121,7 @@ def benchmark_command(
 
         verdict += f" {write_archive(definition, folder, archive)} files are in {archive}."
     own = {"out": str(folder), "rows": _short(rows)}
-    _end("benchmark", definition, split, verdict, own, as_json=as_json, quiet=quiet)
-    if not as_json and not quiet:
-        _print(rows)
-
-
-def _detectors(sources: Sequence[str], *, by_default: bool) -> dict[str, Any]:
-    from gtmbench.study.benchmark.detectors import DETECTORS
-    from gtmbench.study.watchers import resolved
-
-    if not sources and not by_default:
-        return {}
-    return resolved([*(sources or DETECTORS)])
+    _finish("benchmark", definition, split, verdict, own, partial(_print, rows))
 
 
 def _command(
@@ -191,14 +181,16 @@ def _print(rows: Sequence[Row]) -> None:
     print_table("by quickness", list(frame.columns), cells, right=[name for name in frame.columns if name != "entry"])
 
 
-def _end(
-    name: str, definition: Definition, split: str, verdict: str, own: dict[str, Any], *, as_json: bool, quiet: bool
+def _finish(
+    name: str,
+    definition: Definition,
+    split: str,
+    verdict: str,
+    own: dict[str, Any],
+    rest: Callable[[], None] | None = None,
 ) -> None:
     from gtmbench.report.benchmark import about
 
-    if as_json:
-        print_json(envelope(name, verdict, about(definition, split) | own))
-    elif not quiet:
-        if definition.differing:
-            echo(f"not {definition.name}: {definition.differing}")
-        echo(verdict)
+    if definition.differing and not is_silent():
+        echo(f"not {definition.name}: {definition.differing}")
+    finish(envelope(name, verdict, about(definition, split) | own), rest)

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.banks import print_bank_monitor
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.detectors import detector_option
-from gtmbench.cli.monitor import healthy_option, healthy_part
-from gtmbench.cli.output import attitude_option, claim_file, common_options, echo, map_option, print_json
+from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.listing import print_bank_monitor
+from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
+from gtmbench.cli.output import claim_file, echo, finish, say, shown_progress
 from gtmbench.errors import InputError
-from gtmbench.jobs.progress import Progress, progress_bar
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -93,8 +92,6 @@ def calibrate_command(
     seed: int,
     attitude: str,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Learn a detector on healthy flights, and write the monitor that `gtmbench monitor --detector` takes.
 
@@ -127,7 +124,7 @@ def calibrate_command(
     if logs and basis_of(recipe).is_whole:
         name = recipe.name
         raise InputError(f"'{name}' learns nothing of logs; type gtmbench monitor {logs[0]} --detector {name}")
-    with progress_bar(silent=as_json or quiet) as tell:
+    with shown_progress() as tell:
         if healthy:
             if tolerate is not None:
                 raise InputError("--tolerate is about whole logs and flights; leave out --healthy, or it")
@@ -139,12 +136,12 @@ def calibrate_command(
         save_monitor(taught.monitor, out)
     bank = "bank " if getattr(taught.monitor, "bank", None) else ""
     verdict = f"Calibrated {bank}{taught.monitor.name} on {taught.what}: {out}."
-    if as_json:
-        print_json(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(taught.monitor)}))
-    elif not quiet:
-        echo(verdict)
+
+    def rest() -> None:
         _print_calibrated(taught)
         echo(f"monitor: {out} ({out.stat().st_size / 1000.0:.0f} kB)")
+
+    finish(envelope("calibrate", verdict, {"out": str(out), "monitor": facts(taught.monitor)}), rest)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,31 +156,26 @@ class _Taught:
 
 def _recipe(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
     """Return what is to be learnt: a detector, or a bank between channels."""
+    from gtmbench.detectors.bank_detector import BankDetector
     from gtmbench.detectors.protocol import is_recipe
     from gtmbench.detectors.registry import find_detector
+    from gtmbench.study.log.watch import bank_between
 
     if inputs or outputs:
-        return _between(detector, inputs, outputs, look)
+        if detector is not None:
+            raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
+        if not inputs or not outputs:
+            missing = "--outputs" if inputs else "--inputs"
+            raise InputError(
+                f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
+            )
+        split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
+        return BankDetector(bank=bank_between(*split, look_s=number("--look", look, 0.0, 60.0)))
     source = detector or "C"
     recipe = find_detector(source)
     if is_recipe(recipe):
         return recipe
     raise InputError(f"--detector {source} is calibrated already; give the detector it came from")
-
-
-def _between(detector: str | None, inputs: str | None, outputs: str | None, look: float) -> Detector:
-    from gtmbench.detectors.bank_detector import BankDetector
-    from gtmbench.study.log.watch import bank_between
-
-    if detector is not None:
-        raise InputError("both --detector and --inputs/--outputs are given; a bank has its own, so leave one out")
-    if not inputs or not outputs:
-        missing = "--outputs" if inputs else "--inputs"
-        raise InputError(
-            f"{missing} is missing: give what is predicted (--outputs r) and what from (--inputs p,q,beta)"
-        )
-    split = [[name.strip() for name in given.split(",") if name.strip()] for given in (inputs, outputs)]
-    return BankDetector(bank=bank_between(*split, look_s=number("--look", look, 0.0, 60.0)))
 
 
 def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object], *, has_logs: bool) -> None:
@@ -284,19 +276,14 @@ def _calibrated(
     tell: Progress,
 ) -> _Taught:
     from gtmbench.detectors.protocol import with_provenance
+    from gtmbench.detectors.statistics.thresholds import Luck
     from gtmbench.report.words.units import counted
 
     monitor = with_provenance(recipe.calibrate(records, rate, progress=tell), {**origin, "records": len(records)})
-    _check_luck(monitor, len(records), of)
-    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
-
-
-def _check_luck(monitor: Monitor, records: int, what: str) -> None:
-    from gtmbench.detectors.statistics.thresholds import Luck
-
     luck = Luck.from_provenance(monitor.provenance)
     if luck is not None:
-        luck.check(records, what)
+        luck.check(len(records), of)
+    return _Taught(monitor=monitor, what=counted(len(records), "record"), channels=records[0].channels)
 
 
 def _print_calibrated(taught: _Taught) -> None:
@@ -307,10 +294,8 @@ def _print_calibrated(taught: _Taught) -> None:
     monitor = taught.monitor
     if isinstance(monitor, BankMonitor):
         print_bank_monitor(monitor)
-        for line in attitude_lines(taught.attitude):
-            echo(line)
+        say(attitude_lines(taught.attitude))
         return
     of = f" of {', '.join(taught.channels)}" if taught.channels else ""
     echo(f"{monitor.name}: calibrated on {taught.what}{of}")
-    for line in origin_text(monitor)[1:]:
-        echo(line)
+    say(origin_text(monitor)[1:])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,16 +12,16 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
-from gtmbench.cli.command import HeadedCommand
-from gtmbench.cli.faults import chosen_faults, fault_options
-from gtmbench.cli.output import common_options, echo, print_json
+from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.options import chosen_faults, fault_options
+from gtmbench.cli.output import claim_file, echo, finish, is_silent
 from gtmbench.cli.rescue import fly_twice
-from gtmbench.cli.sending import broken, check_destination, deliver
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
+    from gtmbench.values.record import Record
 
 
 @click.command("fly", cls=HeadedCommand)
@@ -111,8 +112,6 @@ def fly_command(
     figure: Path | None,
     monitor_file: Path | None,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Fly a simulated aircraft, and write a log of it: the truth, or with --noise what its sensors read.
 
@@ -136,8 +135,6 @@ def fly_command(
             sensors=sensors,
             seed=seed,
             force=force,
-            as_json=as_json,
-            quiet=quiet,
         )
         return
     from gtmbench.bench.attitude_filter import estimated_attitude
@@ -145,11 +142,13 @@ def fly_command(
     from gtmbench.bench.flight import fly
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.bench.sensors import measure
+    from gtmbench.faults.fault import inject
     from gtmbench.imports import load_object
     from gtmbench.report.tables.results import event_rows
+    from gtmbench.report.words.judgement import loop_text
     from gtmbench.values.attitude import estimator_of
 
-    check_destination(out, target, speed, force=force)
+    _check_destination(out, target, speed, force=force)
     noise = noise.lower() if noise else "t2" if target else None
     snr = None if noise in (None, "t2") else _ratio(str(noise))
     estimator_of(attitude)
@@ -162,7 +161,7 @@ def fly_command(
         _check_open_loop(controller, attitude, noise, breaks=bool(of_sensors) and target is None)
     if closed_loop and snr is not None:
         raise InputError(f"--noise is {snr:g}, but in the loop sensors have the T2's noise; give --noise t2")
-    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io, silent=as_json or quiet)
+    aircraft = loaded_aircraft(name, altitude=altitude, tas=tas, without_io=without_io)
     sensors = sensors or (aircraft.loop_sensors if closed_loop and controller is None else IDEAL)
     chain = aircraft.chain_of(sensors)
     if chain is not None and noise is None and not closed_loop:
@@ -188,17 +187,19 @@ def fly_command(
         if noise is not None:
             kind = "t2" if snr is None else None
             readings = measure(truth, snr=snr, noise=kind, seed=seed, commands=commands, sensors=chain)
-            record = broken(estimated_attitude(readings, truth, attitude, seed), of_sensors)
-    verdict = deliver(record, out, target, speed, silent=as_json or quiet)
+            record = estimated_attitude(readings, truth, attitude, seed)
+            for fault in of_sensors:  # which no loop has flown
+                record = inject(record, fault)
+    verdict = _deliver(record, out, target, speed)
     if failed is not None:  # what was flown is kept
         where = out or target
         raise type(failed)(f"{failed}; {where} got the {record.end_s:g} s flown until then") from failed
-    if as_json:
-        to = {"out": None if out is None else str(out), "live": target}
-        written = {**to, "samples": len(record), "channels": list(record.channels), "end_s": record.end_s}
-        print_json(envelope("fly", verdict, written, findings=event_rows(events)))
-    elif not quiet:
-        _tell(verdict, events, steered=closed_loop and noise is None and bool(of_sensors))
+    to = {"out": None if out is None else str(out), "live": target}
+    written = {**to, "samples": len(record), "channels": record.channels, "end_s": record.end_s}
+    told = [f"{event.time_s:g} s: {loop_text(event)}" for event in events]
+    if closed_loop and noise is None and of_sensors:
+        told.append("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read")
+    finish(envelope("fly", verdict, written, findings=event_rows(events)), lambda: told)
 
 
 def _check_rescue(of_rescue: Mapping[str, Path | None], *, rescue: bool) -> None:
@@ -229,17 +230,6 @@ def _check_open_loop(controller: str | None, attitude: str, noise: str | None, *
         raise InputError(f"--attitude is '{attitude}', but the truth has no estimator; add --noise t2 or --closed-loop")
 
 
-def _tell(verdict: str, events: Sequence[LoopEvent], *, steered: bool) -> None:
-    """Print what was written and what happened, and that a broken sensor's readings aren't in the truth it steered."""
-    from gtmbench.report.words.judgement import loop_text
-
-    echo(verdict)
-    for event in events:
-        echo(f"{event.time_s:g} s: {loop_text(event)}")
-    if steered:
-        echo("note: this is the truth, which the broken sensor steered; --noise t2 writes what it read")
-
-
 def _in_loop(*how: Any, **settings: Any) -> tuple[LoopFlight, ControllerError | None]:
     """Fly in the loop; of a controller that fails, return what was flown and the error."""
     from gtmbench.bench.loop import fly_in_loop
@@ -259,3 +249,41 @@ def _ratio(text: str) -> float:
     except ValueError:
         raise InputError(f"--noise is '{text}'; give t2 or a signal-to-noise ratio such as 50") from None
     return number("--noise", ratio, *SNR_SPAN)
+
+
+def _check_destination(out: Path | None, target: str | None, speed: float | None, *, force: bool) -> None:
+    """Refuse a flight that goes nowhere, and a log or a receiver that can't be one."""
+    if out is None and target is None:
+        raise InputError("the flight goes nowhere: give --out flight.csv, or --live udp:127.0.0.1:14550 to send it")
+    if speed is not None:
+        number("--speed", speed, 0.0, 1e4, above=True)
+        if target is None:
+            raise InputError(f"--speed is {speed:g}, and nothing is sent; add --live udp:127.0.0.1:14550")
+    if target is not None:
+        from gtmbench.link.sending import udp_address
+
+        udp_address(target)
+    if out is not None:
+        from gtmbench.files.logs import check_log_path
+
+        check_log_path(out)
+        claim_file(out, force=force)
+
+
+def _deliver(record: Record, out: Path | None, target: str | None, speed: float | None) -> str:
+    """Write a flight, send it, or both, and return what to say about it."""
+    said = []
+    if out is not None:
+        from gtmbench.files.logs import write_log
+
+        write_log(record, out)
+        said.append(f"Wrote {out}: {len(record)} samples of {len(record.channels)} channels, {record.end_s:g} s.")
+    if target is not None:
+        from gtmbench.link.sending import send_live
+
+        speed = 1.0 if speed is None else speed
+        if not is_silent() and sys.stderr.isatty():
+            echo(f"sending {record.end_s:g} s to {target} at {speed:g} times real time; Ctrl-C ends it", err=True)
+        send_live(record, target, speed=speed)
+        said.append(f"Sent {len(record)} samples of {record.end_s:g} s to {target}.")
+    return " ".join(said)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gtmbench.cli.aircraft import loaded_aircraft
-from gtmbench.cli.output import claim_file, echo, print_json
+from gtmbench.cli.output import claim_file, finish, shown_progress
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
-from gtmbench.jobs.progress import Progress, progress_bar
+from gtmbench.jobs.progress import Progress
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
@@ -37,23 +38,23 @@ def fly_twice(
     sensors: str | None,
     seed: int,
     force: bool,
-    as_json: bool,
-    quiet: bool,
 ) -> None:
     """Fly a gyro's fault twice, without accommodation and with it, into one recording."""
     from gtmbench.bench.sensor_chain import IDEAL
     from gtmbench.detectors.accommodate import Accommodate
     from gtmbench.detectors.monitor_file import load_monitor
+    from gtmbench.faults.kinds.shaping import SignFlip
     from gtmbench.report.figures.rescue import rescue_figure
     from gtmbench.report.recording.rescue import write_rescue_recording
+    from gtmbench.report.tables.results import event_rows
+    from gtmbench.report.words.study import rescue_verdict
     from gtmbench.study.rescue import fly_rescue
 
     out = Path("rescue.rrd") if out is None else out
     _check_files(out, figure, force=force)
-    faults = faults or _own_faults()
-    silent = as_json or quiet
-    flown = loaded_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io, silent=silent)
-    with progress_bar(silent=silent) as tell:
+    faults = faults or (SignFlip(channel="r", onset_s=_BEFORE_S),)
+    flown = loaded_aircraft(aircraft, altitude=altitude, tas=tas, without_io=without_io)
+    with shown_progress() as tell:
         kept = load_monitor(monitor_file) if monitor_file else None
         sensors = sensors or (flown.loop_sensors if kept is None else str(kept.provenance.get("sensors", IDEAL)))
         flown.chain_of(sensors)
@@ -73,22 +74,10 @@ def fly_twice(
     if figure is not None:
         with atomic_write(figure) as aside:
             rescue_figure(rescue).savefig(aside, dpi=150)
-    if as_json:
-        from gtmbench.report.tables.results import event_rows
-        from gtmbench.report.words.study import rescue_verdict
-
-        told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
-        own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
-        print_json(envelope("fly-rescue", rescue_verdict(rescue), own, findings=told))
-    elif not quiet:
-        _print(rescue)
-        echo(f"{out}: both flights; gtmbench view {out}")
-
-
-def _own_faults() -> tuple[Fault, ...]:
-    from gtmbench.faults.kinds.shaping import SignFlip
-
-    return (SignFlip(channel="r", onset_s=_BEFORE_S),)
+    told = [{**row, "flight": name} for name, each in rescue.flights.items() for row in event_rows(each.events)]
+    own = {"out": str(out), "figure": None if figure is None else str(figure), "onset_s": onset_s}
+    result = envelope("fly-rescue", rescue_verdict(rescue), own, findings=told)
+    finish(result, lambda: [*_lines(rescue), f"{out}: both flights; gtmbench view {out}"])
 
 
 def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
@@ -100,18 +89,16 @@ def _check_files(out: Path, figure: Path | None, *, force: bool) -> None:
         claim_file(file, force=force)
 
 
-def _print(rescue: Rescue) -> None:
+def _lines(rescue: Rescue) -> Iterator[str]:
     from gtmbench.report.words.judgement import fault_text, loop_text
-    from gtmbench.report.words.study import rescue_verdict
 
-    echo(rescue_verdict(rescue))
     for fault in rescue.faults:
-        echo(f"{fault.onset_s:g} s: {fault_text(fault)}")
+        yield f"{fault.onset_s:g} s: {fault_text(fault)}"
     for name, flight in rescue.flights.items():
         for event in flight.events:
-            echo(f"{event.time_s:g} s, {name}: {loop_text(event)}")
+            yield f"{event.time_s:g} s, {name}: {loop_text(event)}"
         lost_ft = flight.truth["altitude"][0] - flight.truth["altitude"].min()
-        echo(f"{flight.truth.end_s:g} s, {name}: the flight ends, {lost_ft:.0f} ft of altitude were lost at most")
+        yield f"{flight.truth.end_s:g} s, {name}: the flight ends, {lost_ft:.0f} ft of altitude were lost at most"
 
 
 def _calibrated(aircraft: str, sensors: str, tell: Progress) -> Monitor:

@@ -56,9 +56,8 @@ def plan_verdict(plan: Mapping[str, Any]) -> str:
 
 
 def plan_lines(plan: Mapping[str, Any]) -> list[str]:
-    """Say what a campaign would fly."""
+    """Say more of what a campaign would fly."""
     return [
-        plan_verdict(plan),
         f"{plan['campaign']}: {plan['title']}",
         f"{counted(plan['flights'], 'flight')}, a task each; {counted(plan['trials'], 'trial')} and "
         f"{counted(plan['healthy_records'], 'healthy record')}, watched by {', '.join(plan['detectors'])}: "
