@@ -120,6 +120,7 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
         scenarios = () if logs and "scenarios" not in table else _scenarios(path, table.get("scenarios"))
         seed = whole("seed", table["seed"]) if "seed" in table else None
         detector = _detector(path, table.get("detector"))
+        stated = _known_keys("tolerances", table.get("tolerances", {}), TOLERATED)
         recorded = _known_keys("recorded", table.get("recorded", {}), ("seed", KEY, _SETTINGS_KEY))
         return Reference(
             path=path,
@@ -130,7 +131,10 @@ def reference_of(path: Path, table: dict[str, Any]) -> Reference:
             aircraft_id=text("aircraft-id", table["aircraft-id"]) if "aircraft-id" in table else "",
             seed=common_setup(scenarios[:1], seed).seed if scenarios else seed or 0,  # others': when they are run
             detector=detector,
-            tolerances=_tolerances(table.get("tolerances", {})),
+            tolerances={
+                name: parse_tolerance(f"tolerances.{name}", stated.get(name, RULES[name].tolerance))
+                for name in TOLERATED
+            },
             recorded_seed=whole("recorded.seed", recorded["seed"]) if "seed" in recorded else None,
             recorded={kind: _groups(kind, table[kind]) for kind in KINDS if kind in table},
             altered=KEY in recorded and recorded[KEY] != _figures_digest(table),
@@ -176,11 +180,6 @@ def _detector(path: Path, given: Any) -> str | None:
             f"--detector {given} on the command line"
         )
     return given
-
-
-def _tolerances(given: Any) -> dict[str, Tolerance]:
-    stated = _known_keys("tolerances", given, TOLERATED)
-    return {name: parse_tolerance(f"tolerances.{name}", stated.get(name, RULES[name].tolerance)) for name in TOLERATED}
 
 
 def _groups(kind: str, given: Any) -> dict[str, dict[str, Value]]:
@@ -272,7 +271,11 @@ def figures_text(seed: int, groups: Sequence[FigureGroup], settings: str = "") -
     """Return figures as a baseline has them, with digests: a table each, but one line a trial or sensor."""
     head = f"[recorded]  # from here on: written by --update\nseed = {seed}\n"
     blocks = [_block(group) for group in groups if group.kind not in _IN_LINES]
-    lines = {kind: "".join(_line(group) for group in groups if group.kind == kind) for kind in _IN_LINES}
+    lines = dict.fromkeys(_IN_LINES, "")
+    for group in groups:
+        if group.kind in lines:
+            figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in group.values.items())
+            lines[group.kind] += f"{quoted(group.name)} = {{ {figures} }}\n"
     blocks += [
         f"[{kind}]\n{rows}" for kind, rows in lines.items() if rows or (kind == "trials" and not lines["sensors"])
     ]
@@ -286,11 +289,6 @@ def _block(group: FigureGroup) -> str:
     lines = [f"{figure} = {_value(value, group.labels.get(figure, ()))}\n" for figure, value in group.values.items()]
     name = group.name if _BARE.fullmatch(group.name) else quoted(group.name)
     return f"[{group.kind}.{name}]{unit}\n" + "".join(lines)
-
-
-def _line(trial: FigureGroup) -> str:
-    figures = ", ".join(f"{figure} = {_value(value)}" for figure, value in trial.values.items())
-    return f"{quoted(trial.name)} = {{ {figures} }}\n"
 
 
 def _value(value: Value, labels: Sequence[str] = ()) -> str:

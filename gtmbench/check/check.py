@@ -60,10 +60,7 @@ def run_reference(
 
 
 def check(reference: Reference, groups: Sequence[FigureGroup]) -> Check:
-    """Hold the figures of a run against a baseline.
-
-    Raises InputError where the baseline lacks a figure, or holds one that the run doesn't give.
-    """
+    """Hold the figures of a run against a baseline."""
     with naming(reference.path):
         compared = compare(reference.recorded, groups, reference.tolerances)
     return Check(reference=reference, groups=tuple(groups), compared=compared)
@@ -91,12 +88,17 @@ def check_verdict(check: Check) -> str:
 
 def check_lines(check: Check) -> list[str]:
     """Return what a check says: the verdict, then the regressions, the worst of them on top."""
+    command, advice = f"gtmbench check {check.reference.path} --update", []
+    if check.regressions:
+        advice = [f"if that is what the change is meant to do: {command}"]
+    elif check.better:
+        advice = [f"to hold what is better from now on: {command}"]
     return [
         check_verdict(check),
         *map(regression_line, check.regressions),
         *_better_lines(check.better),
         *(f"not as expected: {line}" for group in check.groups for line in _unexpected(group)),
-        *_advice(check),
+        *advice,
     ]
 
 
@@ -152,13 +154,6 @@ def _better_lines(better: list[Compared]) -> list[str]:
         figures = ", ".join(text if count == 1 else f"{text} ({count} times)" for text, count in often.items())
         lines.append(f"better: {group}: {figures}")
     return lines
-
-
-def _advice(check: Check) -> list[str]:
-    command = f"gtmbench check {check.reference.path} --update"
-    if check.regressions:
-        return [f"if that is what the change is meant to do: {command}"]
-    return [f"to hold what is better from now on: {command}"] if check.better else []
 
 
 def _difference(pair: Pair) -> float:

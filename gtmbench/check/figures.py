@@ -116,7 +116,10 @@ def _score(base: Baseline, score: Score) -> FigureGroup:
     else:
         values["threshold"] = rounded(score.threshold)
     start_s, end_s = base.setup.alarm.threshold_s if isinstance(monitor, NormMonitor) else (-np.inf, np.inf)
-    values["margin"] = _margin(score.threshold, score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)])
+    there = score.values[(time_s >= start_s - 1e-9) & (time_s <= end_s + 1e-9)]
+    with np.errstate(divide="ignore"):
+        margin = np.divide(score.threshold, float(np.fmax.reduce(there)) if len(there) else np.nan)
+    values["margin"] = rounded(float(margin))
     ordered = {figure: values[figure] for figure in KINDS["score"][1] if figure in values}
     return FigureGroup(kind="score", name=score.name, values=ordered, labels=named, unit=score.unit)
 
@@ -142,12 +145,6 @@ def _windows(values: FloatArray, time_s: FloatArray, start_s: float) -> tuple[tu
     greatest = np.fmax.reduceat(values, rows).tolist() if len(rows) else []
     labels = tuple(f"window {begin:g}..{min(begin + WINDOW_S, float(time_s[-1])):g} s" for begin in begins.tolist())
     return rounded(tuple(greatest)), labels
-
-
-def _margin(threshold: float, values: FloatArray) -> float:
-    greatest = float(np.fmax.reduce(values)) if len(values) else np.nan
-    with np.errstate(divide="ignore"):
-        return rounded(float(np.divide(threshold, greatest)))
 
 
 def _trial(name: str, trial: Trial) -> FigureGroup:

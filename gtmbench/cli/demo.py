@@ -35,6 +35,7 @@ COMMANDS = (
 )
 LIVE_FLIGHT = "--duration 90 --excitation multisine+turbulence --noise t2 --fault bias:q:size=3 --onset 60 --speed 4"
 _WELL = "The broken gyro was found and named, and the healthy flight was not accused."
+_STORY = "# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"  # of the folder
 _RUN = {"fly": fly_command, "inject": inject_command, "monitor": monitor_command}
 _FOUND, _OTHERWISE = (0, 0, 0, 1), 3  # the exit codes, where all goes as it should; our own, where it doesn't
 
@@ -71,7 +72,9 @@ def demo_command(out: Path, live: bool, force: bool) -> int:
     shows = sys.stderr.isatty() and not is_silent()
     with atomic_folder(out) as aside, chdir(aside):
         steps = [_run(typed, why, shows=shows) for typed, why in COMMANDS[: len(_FOUND)]]
-        Path(STORY).write_text(_story(steps), encoding="utf-8")
+        commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
+        said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
+        Path(STORY).write_text(_STORY.format(said=said, commands=commands), encoding="utf-8")
     went = tuple(step.exit_code for step in steps) == _FOUND
     verdict = _WELL if went else f"Cannot tell: of the broken flight was said: {steps[3].lines[0]}"
 
@@ -127,10 +130,3 @@ def _run(typed: str, why: str, *, shows: bool) -> _Step:
     with redirect_stdout(said):
         code = _RUN[name].main(arguments, prog_name=f"gtmbench {name}", standalone_mode=False)
     return _Step(typed=f"gtmbench {typed}", why=why, exit_code=int(code or 0), lines=said.getvalue().splitlines())
-
-
-def _story(steps: list[_Step]) -> str:
-    """Return what the folder says of itself."""
-    commands = "\n".join(f"gtmbench {typed}    # {why}" for typed, why in COMMANDS)
-    said = "\n".join(f"- {step.why}: {step.lines[0]}" for step in steps)
-    return f"# A broken gyro, found from the sensors alone\n\n{said}\n\n```sh\n{commands}\n```\n"

@@ -93,10 +93,7 @@ class Keeping:
 def keeping_of(
     history: Path | None, aircraft_id: str | None, how: Mapping[str, Any], limit_s: float | None
 ) -> Keeping | None:
-    """Return how flights are kept; None where no history is given.
-
-    Raises InputError where an aircraft is named, and no history.
-    """
+    """Return how flights are kept; None where no history is given."""
     if history is None:
         if aircraft_id is not None:
             raise InputError("--aircraft-id is of a history; give --history, too")

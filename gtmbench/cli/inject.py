@@ -21,6 +21,7 @@ from gtmbench.cli.options import (
 from gtmbench.cli.output import claim_file, finish, print_columns
 from gtmbench.errors import InputError
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 from gtmbench.values.channels import ATTITUDE
 
 if TYPE_CHECKING:
@@ -91,7 +92,6 @@ def inject_command(
     if out is None:
         raise InputError("--out is missing; name the broken log to write")
     from gtmbench.intake.read import read_log
-    from gtmbench.report.words.units import counted
     from gtmbench.study.log.bending import following_in_log
     from gtmbench.study.log.injection import becomes_table, inject_log, left_out
 
@@ -121,7 +121,6 @@ def _check_out(out: Path, log: Path, suffix: str, *, force: bool) -> None:
 
 def _list(log: Path, trials: Sequence[FaultSpec]) -> None:
     from gtmbench.intake.contents import log_columns
-    from gtmbench.report.words.units import counted
 
     columns = log_columns(log)
     verdict = f"{log} has {counted(len(columns), 'column')}, and the scenario {counted(len(trials), 'trial')}."

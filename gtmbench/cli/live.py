@@ -98,7 +98,7 @@ def live_command(
     --save or --record write lacks something, 0 nothing found, 3 can't tell, 130 Ctrl-C (after the verdict; a second
     Ctrl-C doesn't wait for it).
     """
-    _check(source, mapping=mapping, say=say, request=request, save=save, key_file=key_file, only=only, end=end_after)
+    _check(source, mapping)
     _claim(source, save, record, force=force)
     if view:
         check_screen("--record live.rrd, and afterwards: gtmbench view live.rrd --web")
@@ -151,30 +151,20 @@ def live_command(
     return code
 
 
-def _check(
-    source: str,
-    *,
-    mapping: Sequence[str],
-    say: bool,
-    request: float | None,
-    save: Path | None,
-    key_file: Path | None,
-    only: str,
-    end: float | None,
-) -> None:
+def _check(source: str, mapping: Sequence[str]) -> None:
     """Refuse options that this kind of source doesn't have."""
     is_lines = source == "-" or source.startswith("follow:")
-    is_link = source.startswith(("udp:", "tcp:", "serial:"))
+    is_link, typed = source.startswith(("udp:", "tcp:", "serial:")), click.get_current_context().params
     for option, given, of in (
-        ("--map", bool(mapping), is_lines),
-        ("--say", say, is_link),
-        ("--request-rates", request is not None, is_link),
-        ("--save", save is not None, not is_lines),
-        ("--key-file", key_file is not None, not is_lines),
-        ("--from", bool(only), source.startswith("udp:")),
-        ("--end-after", end is not None, is_link or source.startswith("follow:")),
+        ("--map", mapping, is_lines),
+        ("--say", typed["say"], is_link),
+        ("--request-rates", typed["request"], is_link),
+        ("--save", typed["save"], not is_lines),
+        ("--key-file", typed["key_file"], not is_lines),
+        ("--from", typed["only"], source.startswith("udp:")),
+        ("--end-after", typed["end_after"], is_link or source.startswith("follow:")),
     ):
-        if given and not of:
+        if given not in (None, False, (), "") and not of:
             told = {
                 "--map": "for lines of CSV (- and follow:); a MAVLink message states what it holds",
                 "--save": "for MAVLink; to keep lines of CSV, put tee before the pipe",

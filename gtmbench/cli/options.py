@@ -143,10 +143,7 @@ class ChosenFaults:
 
 
 def trial_number(trial: int | None, trials: Sequence[FaultSpec], scenario: str) -> int:
-    """Return which trial is meant, or list those that there are.
-
-    Raises InputError where there is no such trial, or none is named of several.
-    """
+    """Return which trial is meant, or list those that there are."""
     if trial is None and len(trials) == 1:
         return 1
     if trial is not None and 1 <= trial <= len(trials):
@@ -162,10 +159,7 @@ def numbered(trials: Sequence[FaultSpec]) -> list[str]:
 
 
 def chosen_faults(given: Sequence[str], onset: float | None, trial: int | None) -> ChosenFaults:
-    """Return the faults that are typed, or those of a scenario's trial; none where nothing is given.
-
-    Raises InputError where it isn't said which trial, a severity is relative, a typed fault is none, or has no onset.
-    """
+    """Return the faults that are typed, or those of a scenario's trial; none where nothing is given."""
     from gtmbench.faults.typed import fault
 
     typed = [text for text in given if is_typed(text)]
@@ -232,10 +226,7 @@ def map_files(mapping: Sequence[str]) -> list[Path]:
 
 
 def _kept_mapping(path: Path) -> list[str]:
-    """Return what a file of maps holds; nothing of one that the command is to write.
-
-    Raises InputError where it isn't such a file, or there is none and the command doesn't write it.
-    """
+    """Return what a file of maps holds; nothing of one that `gtmbench monitor` is to write."""
     if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
     from gtmbench.intake.map_file import read_map_file

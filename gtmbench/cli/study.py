@@ -30,6 +30,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.folders import atomic_folder
 from gtmbench.files.shipped import MAIN_JOB
 from gtmbench.report.tables.envelope import envelope
+from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
     from gtmbench.study.scenario import Scenario
@@ -255,7 +256,6 @@ def _run_seeds(
 
 def _print_study(study: Study, out: Path, parts: _Parts) -> None:
     from gtmbench.report.words.study import summary_lines, title, trial_rows
-    from gtmbench.report.words.units import counted
 
     columns, rows, right = trial_rows(study)
     print_table(f"{', '.join(map(title, study.baselines))}: {counted(len(rows), 'trial')}", columns, rows, right=right)

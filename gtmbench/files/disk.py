@@ -130,10 +130,7 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 
 
 def check_file(target: Path, *, force: bool, option: str = "--out") -> None:
-    """Refuse a result's file that can't be written, or that exists and isn't to be replaced; `option` named it.
-
-    Raises InputError before the long work, not after it.
-    """
+    """Refuse, before the work, a result's file that can't be written or isn't to be replaced; `option` named it."""
     meant = resolved(target)
     if meant.exists() and not force:
         raise InputError(f"{target} exists; give another {option}, or --force to write over it")

@@ -110,15 +110,12 @@ def _clear_unsigned(lock: Path) -> None:
 def _sign(lock: Path) -> None:
     """Put down who holds the lock since when: lines that the lease's own reader passes over."""
     since = time.strftime("%Y-%m-%d %H:%M:%S %z")
-    with suppress(OSError), lock.open("a", encoding="utf-8") as file:  # who it is can be told without, less well
-        file.write(f"user={printable(_user())}\nmachine={printable(platform.node())}\nsince={since}\n")
-
-
-def _user() -> str:
     try:
-        return getpass.getuser()
+        user = getpass.getuser()
     except (KeyError, OSError):  # a number without a name, in a container
-        return "somebody"
+        user = "somebody"
+    with suppress(OSError), lock.open("a", encoding="utf-8") as file:  # who it is can be told without, less well
+        file.write(f"user={printable(user)}\nmachine={printable(platform.node())}\nsince={since}\n")
 
 
 def _holder(lock: Path) -> str:

@@ -73,11 +73,7 @@ class Weighed:
 def weighed(
     constants: Mapping[Key, Constant], predictions: Mapping[Key, Prediction], *, is_same: bool = False
 ) -> tuple[Weighed, ...]:
-    """Return explanations of a flight's constants, the likeliest first.
-
-    `constants`, by key: of the flight. `predictions`, by key: of those that earlier flights predict. `is_same`: whether
-    it was flown with the same autopilot.
-    """
+    """Return explanations of a flight's constants, by key, beside what earlier flights predict, the likeliest first."""
     shifts = {key: constants[key].value - each.value for key, each in predictions.items()}
     told = list(explanations_of(shifts, is_same=is_same))
     scores = np.array([each.log_odds(constants, predictions) for each in told])

@@ -39,10 +39,7 @@ def history_file(given: Path) -> Path:
 
 
 def read_history(path: Path) -> tuple[Entry, ...]:
-    """Return the flights of a history, in the order in which they were entered; none where there is no file yet.
-
-    InputError where it isn't a history, or is damaged; it stays as it is.
-    """
+    """Return the flights of a history as they were entered; none without a file. InputError: damaged, or none."""
     if not is_file(path):
         if path.exists():
             raise InputError(f"--history is {path}, which is no file; give a file's name, such as airframe.parquet")
@@ -72,10 +69,7 @@ def read_history(path: Path) -> tuple[Entry, ...]:
 
 
 def enter(path: Path, entry: Entry) -> bool:
-    """Enter a flight, beside what others enter meanwhile; return whether it is new: each log is entered once.
-
-    InputError where the file isn't a history, or another process holds it for a minute.
-    """
+    """Enter a flight beside what others enter meanwhile; return whether it is new: each log is entered once."""
     if not path.parent.is_dir():
         raise InputError(f"can't write {path}: folder {path.parent} doesn't exist; create it first")
     with alone(lock_beside(path), f"another process writes {path}", patience_s=_PATIENCE_S):

@@ -144,10 +144,7 @@ def alike_of(keys: Sequence[Key]) -> IntArray:
 
 
 def constants_by_flight(earlier: Sequence[Entry], keys: Sequence[Key]) -> tuple[FloatArray, FloatArray]:
-    """Return what flights tell of constants, and by which deviations, shape (constants, flights).
-
-    NaN where one doesn't tell it, or isn't as those before it.
-    """
+    """Return constants and deviations, shape (constants, flights): NaN where a flight tells none, or is apart."""
     nothing = Constant(sensor="", name="", value=np.nan, deviation=np.nan)
     told = [[nothing if key in each.apart else each.by_key.get(key, nothing) for each in earlier] for key in keys]
     shape = len(keys), len(earlier)

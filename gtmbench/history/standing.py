@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -58,10 +58,6 @@ class Standing:
         """Whether an installation begins with this flight."""
         return bool(self.explained) and self.explained[0].explanation.is_new and self.explained[0].probability > _SURE
 
-    def claims(self, span_s: Span) -> list[Claim]:
-        """Return what is claimed of sensors, from the first sample to the last."""
-        return list(self._claims(span_s))
-
     def entered(self, failed: Sequence[str]) -> Entry:
         """Return the flight as it is entered, beside the sensors that failed in it."""
         apart = {*self.apart} if not self.begins else set()
@@ -95,37 +91,31 @@ class Standing:
     def _is_quieter(self, key: Key) -> bool:
         return key[1] == NOISE and self._value(key) < self.predictions[key].value
 
-    def _claims(self, span_s: Span) -> Iterator[Claim]:
+    def claims(self, span_s: Span) -> list[Claim]:
+        """Return what is claimed of sensors, from the first sample to the last."""
         if not self.telling:
-            return
+            return []
         likely = self._likely
-        first = likely[0].explanation
         suspects = tuple(dict.fromkeys(name for each in likely for name in each.explanation.suspects))
         healthy = [each.explanation.kind for each in likely if not each.explanation.suspects]
         if not suspects:
-            return
+            return []
         lead = next(each for each in likely if each.explanation.suspects).explanation
         led = lead.lead or self.telling[0]
         reason = reads_text(self.entry.by_key[led], self.predictions[led])
         if healthy or self._unexplained or len(suspects) > _SUSPECTS:
             why = f"{reason}; {'; or '.join(healthy) or 'and nothing explains all of it'}"
-            for sensor in suspects:
-                yield sensor, unjudged(span_s, why)
-            return
+            return [(sensor, unjudged(span_s, why)) for sensor in suspects]
         is_one = len(suspects) == 1
-        judgement = self._judgement(likely, suspects, span_s)
-        for sensor in suspects:
-            yield (
-                sensor,
-                SensorSpan(
-                    start_s=span_s[0],
-                    end_s=span_s[1],
-                    state=State.FAILED if is_one else State.SUSPECTED,
-                    suspects=() if is_one else suspects,
-                    reason=reason,
-                    judgement=replace(judgement, kind=first.kind),
-                ),
-            )
+        span = SensorSpan(
+            start_s=span_s[0],
+            end_s=span_s[1],
+            state=State.FAILED if is_one else State.SUSPECTED,
+            suspects=() if is_one else suspects,
+            reason=reason,
+            judgement=self._judgement(likely, suspects, span_s),
+        )
+        return [(sensor, span) for sensor in suspects]
 
     @cached_property
     def _likely(self) -> tuple[Weighed, ...]:
@@ -174,10 +164,7 @@ def _size(constant: Constant, before: Prediction) -> tuple[str, float, tuple[flo
 
 
 def stood(earlier: Sequence[Entry], entry: Entry) -> Standing:
-    """Return a flight beside the earlier ones of its airframe, since its installation began.
-
-    `earlier`: in the order in which they were flown; those of other airframes, and the flight itself, are passed over.
-    """
+    """Return a flight beside earlier ones of its airframe, in the order flown, since its installation began."""
     own = installed(earlier, entry)
     is_same = bool(own) and bool(entry.is_on(own[-1]))
     return Standing(entry=entry, flights=len(own), predictions=predicted(own, entry), is_same=is_same)
@@ -225,13 +212,13 @@ def would_show_text(predictions: Mapping[tuple[str, str], Prediction], level: fl
     told = f"as in {flights} flights before"
     sizes = {}
     for name in (OFFSET, FACTOR):
-        own = [_would_show(each, level) for key, each in predictions.items() if key[1] == name and " of " not in key[0]]
+        own = [
+            each.reach(level) + _SHOWS * each.deviation
+            for key, each in predictions.items()
+            if key[1] == name and " of " not in key[0]
+        ]
         if own:
             sizes[name] = max(own)
     parts = [f"an error of {sizes[OFFSET]:.2g} deg/s"] if OFFSET in sizes else []
     parts += [f"a factor of {max(1.0 - sizes[FACTOR], 0.0):.2g}"] if FACTOR in sizes else []
     return f"{told}; {' or '.join(parts)} throughout would show" if parts else told
-
-
-def _would_show(prediction: Prediction, level: float) -> float:
-    return prediction.reach(level) + _SHOWS * prediction.deviation

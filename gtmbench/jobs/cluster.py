@@ -74,10 +74,7 @@ def completed_on_cluster(
 def check_cluster(
     scheduler: str, tls: Path | None = None, versions: Callable[[], Mapping[str, str]] | None = None
 ) -> None:
-    """Refuse a scheduler that doesn't answer, and workers that are others: before the long work, not after it.
-
-    `versions`: what has to be the same here and on every worker; workers import it by name.
-    """
+    """Refuse a scheduler that doesn't answer, and workers with other `versions`, which they import by name."""
     with _client(load_extra("distributed", "scale", "--scheduler needs"), scheduler, tls) as client:
         if versions is None:
             return

@@ -83,10 +83,7 @@ class Parts:
         return self.folder / f"part-{task:06d}.parquet"
 
     def done(self) -> tuple[int, ...]:
-        """Return the tasks that are finished, in order.
-
-        Raises InputError where a part isn't what was written, or is of another run.
-        """
+        """Return the tasks that are finished, in order; InputError where a part is altered, or of another run."""
         return tuple(number for number, _ in self._opened())
 
     def damaged(self) -> dict[int, str]:
@@ -122,10 +119,7 @@ class Parts:
             yield part.read(columns=columns).replace_schema_metadata(None)
 
     def write(self, task: int, rows: pa.Table) -> None:
-        """Keep what a task gave: on the disk, and there whole, when this returns.
-
-        Raises GtmbenchError where it can't be written; what is finished stays.
-        """
+        """Keep what a task gave: on the disk, and there whole, when this returns."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 

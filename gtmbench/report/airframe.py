@@ -94,10 +94,7 @@ def _constant(each: Overview) -> Mapping[str, Any]:
 
 
 def airframe_figure(airframes: Mapping[str, Sequence[Entry]]) -> Figure:
-    """Return a figure of constants over flights, one or more airframes.
-
-    Raises InputError where no flight tells a constant.
-    """
+    """Return a figure of constants over flights, one or more airframes; InputError where no flight tells a constant."""
     shown = [(name, each) for name, flights in airframes.items() for each in overviews_of(flights)][:_MOST_DRAWN]
     if not shown:
         raise InputError("no flight of this history tells a constant: its logs hold no gyros with an attitude")

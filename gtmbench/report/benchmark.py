@@ -155,10 +155,7 @@ _KINDS = ("kind", "flights", "reference (s)")
 
 
 def benchmark_results(rows: Sequence[Row], definition: Definition, split: str) -> dict[str, Any]:
-    """Return every figure of a run as plain values; what is infinite or unknown is None.
-
-    ``benchmarks/results.schema.json`` says what stands where.
-    """
+    """Return a run's figures, as ``benchmarks/results.schema.json`` has them; None: infinite or unknown."""
     told = differences(rows)
     ranks = places(rows, told)
     left_out = ("outcomes", "draws")

@@ -135,12 +135,7 @@ _READ = [
 
 
 def campaign_results(parts: Parts) -> dict[str, Any]:
-    """Return what a campaign found, as one JSON-ready object, with the envelope of what is printed.
-
-    `detectors` has an object a detector, `faults` one a detector and kind of fault. Rows with an error are counted as
-    failed and as nothing else. Shares are of trials, delays of what was detected; what a detector doesn't claim to
-    find, or wasn't asked, is None.
-    """
+    """Return what a campaign found as one object, failed rows counted as that; None: not claimed, or not asked."""
     rows = parts.read(_READ).to_pandas()
     rows = rows[rows["mildest"].isna()]  # searches are scored by `gtmbench campaign --report`
     flights, finished = flights_of(parts)

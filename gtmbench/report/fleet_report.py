@@ -186,10 +186,7 @@ def page_name(log: str) -> str:
 
 
 def write_fleet(parts: Parts, folder: Path, pages: Path) -> None:
-    """Write ``fleet.parquet``, a row a log in the order in which they were given, ``gyros.png`` and ``fleet.html``.
-
-    Where no log tells anything of a gyro there is no figure. ``fleet.html`` links to the pages that there are.
-    """
+    """Write ``fleet.parquet``, ``gyros.png`` if a log tells of any, and ``fleet.html``, which links to the `pages`."""
     import pyarrow.parquet as pq
 
     table = parts.read()

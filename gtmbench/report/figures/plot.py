@@ -292,10 +292,7 @@ _LABELS = {"heldout": "held-out residual over the outputs' RMS"}
 
 
 def order_figure(choice: OrderChoice, *, name: str | None = None) -> Figure:
-    """Draw a column of the table over r and d, the recommendation marked.
-
-    `name`: the column; what the recommendation stands on unless told: ``heldout`` if there is one, else ``bic``.
-    """
+    """Draw a column (unless told ``heldout``, or ``bic``) of the table over r and d, the recommendation marked."""
     wanted = name or ("heldout" if "heldout" in choice.table else "bic")
     surface = choice.surface(wanted)
     figure, axes = panels(1, 1, (6.4, 5.0))

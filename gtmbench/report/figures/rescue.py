@@ -40,10 +40,7 @@ def shown_flight(rescue: Rescue, name: str) -> Record:
 
 
 def moments(rescue: Rescue) -> dict[str, list[Moment]]:
-    """Return of either flight what is marked on its way: how it ends, and when the broken sensor was told.
-
-    Times are told after the onset.
-    """
+    """Return of either flight when, after the onset, the broken sensor was told, and how it ends: what is marked."""
     broken, since = {fault.channel for fault in rescue.faults}, rescue.onset_s
     words = {SUSPECTED: "alarm: {} is suspected", REPLACED: "{} is flown without", DEPARTURE: "departure"}
     told: dict[str, list[Moment]] = {name: [] for name in rescue.flights}

@@ -159,11 +159,7 @@ def _draw_smallest(axis: Axes, found: Mapping[str, Sequence[Smallest]], styles: 
 def delay_figure(
     delays_s: Mapping[str, ArrayLike], *, deadline_s: float | None = None, styles: Styles | None = None
 ) -> Figure:
-    """Draw, detector by detector, the share of all faults that it has detected by when.
-
-    `delays_s`: one a fault, in seconds; infinite (or NaN) where it was missed. `deadline_s`: drawn as a line. `styles`:
-    of every detector, the same in all figures.
-    """
+    """Draw by when each detector has detected which share of faults; infinite or NaN: missed."""
     styles = strokes(delays_s) if styles is None else styles
     figure, axes = panels(1, 1, beside_labels(len(delays_s)))
     axis = axes[0][0]

@@ -151,10 +151,7 @@ class Contents:
 
 
 def contents_of(parts: Parts, *, target_per_hour: float | None = None, deadline_s: float = DEADLINE_S) -> Contents:
-    """Score what stands in a campaign's folder.
-
-    `target_per_hour`: False alarms; unless told, what the campaign calibrates for, or one an hour.
-    """
+    """Score a campaign's folder; false alarms unless told as the campaign calibrates for, or one an hour."""
     if parts.what != "campaign":
         raise InputError(f"{parts.folder} holds parts of a {parts.what}, no campaign's; a report is of a campaign")
     flights, done = flights_of(parts)

@@ -319,10 +319,7 @@ def _log_attitude() -> rrb.Container:
 
 
 def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:
-    """Return scores above, measured and virtual sensors in the middle, the sensors' timelines and what was said below.
-
-    Without scores there are alarms instead.
-    """
+    """Return scores, or alarms, above; measured and virtual sensors in the middle; timelines and words below."""
     above = ["/threshold", "/levels/**"] if scores_of(watched) or not watched.watches else []
     scores = plot("levels" if above else "alarms", [*above, "/began", "/alarm", "/named"], span, top=SHOWN_LEVELS)
     what = "measured and virtual" if residuals_of(watched) or suspects_of(watched.monitor) else "measured"

@@ -301,10 +301,7 @@ def log_text(recording: rr.RecordingStream, entity: str, time_s: float, severity
 
 
 def log_verdict(recording: rr.RecordingStream, entity: str, row: Mapping[str, object]) -> None:
-    """Log what was found, field by field, for programs: numbers bit for bit, words, None as neither.
-
-    What lies within a field is named with dots: ``severity.slope``, ``candidates.0``.
-    """
+    """Log what was found, for programs: numbers bit for bit, words, None as neither; ``severity.slope`` in a field."""
     fields = [field for name, value in row.items() for field in _flat(name, value)]
     numbers = [float(value) if isinstance(value, (int, float, np.generic)) else None for _, value in fields]
     texts = [_text(value) for _, value in fields]

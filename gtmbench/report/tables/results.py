@@ -141,11 +141,7 @@ def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what was injected and what was found, a column a figure, with its unit in the name.
-
-    The columns are those of the fault that was injected, whatever the detector; what it found of another kind is told
-    in one cell.
-    """
+    """Return what was injected and found, a column a figure of the injected kind, with its unit in the name."""
     injected = _headers(row["fault"], row["channel"])
     figures = {**row["severity"], **row["settings"]}
     columns = {f"injected_{injected.get(name, name)}": value for name, value in figures.items()}

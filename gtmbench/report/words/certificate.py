@@ -45,7 +45,10 @@ def certificate_table(certificate: Certificate) -> list[list[str]]:
     table = [["", *(_NAMES.get(kind, kind) for kind in kinds)]]
     for sensor in sensors:
         own = [certificate.of(sensor, kind) for kind in kinds]
-        table.append([sensor, *("-" if row is None else _seen_text(row) for row in own)])
+        cells = [
+            f"in {_share(row.share)}" if row and row.size is None else row and size_text(row, row.size) for row in own
+        ]
+        table.append([sensor, *(cell or "-" for cell in cells)])
         if certificate.is_named:
             table.append(["  named", *("-" if row is None else size_text(row, row.named_from) for row in own)])
     return table
@@ -68,10 +71,8 @@ def certificate_title(certificate: Certificate) -> str:
     usual_s = min(longest_s.values())
     longer = [f"{_NAMES.get(kind, kind)} {time_s:g} s" for kind, time_s in longest_s.items() if time_s > usual_s]
     within = f"within {usual_s:g} s" + (f" ({', '.join(longer)})" if longer else "")
-    return (
-        f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the "
-        f"{_watched(certificate)}"
-    )
+    watched = f"{duration_text(certificate.watched_s / 3600.0)} watched"
+    return f"Smallest faults that would have been detected {within}, at {_share(SHARE)} of start times in the {watched}"
 
 
 def certificate_notes(certificate: Certificate) -> list[str]:
@@ -114,19 +115,11 @@ def unit_text(row: SmallestSeen) -> str:
     return per_second(unit) if size.per_second else unit
 
 
-def _seen_text(row: SmallestSeen) -> str:
-    return f"in {_share(row.share)}" if row.size is None else size_text(row, row.size)
-
-
 def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
     return [
         "  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in table
     ]
-
-
-def _watched(certificate: Certificate) -> str:
-    return f"{duration_text(certificate.watched_s / 3600.0)} watched"
 
 
 def _share(share: float) -> str:

@@ -206,10 +206,7 @@ def alarm_text(alarm: Alarm) -> str:
 
 
 def source_text(alarm: Alarm, watch: Watch) -> str:
-    """Say what rose: ``residual of p (mean 0.16 s)``; nothing of a detector with one score, or none, and one test.
-
-    Where samples are missing: ``missing samples of p``.
-    """
+    """Say what rose: ``residual of p (mean 0.16 s)``, ``missing samples of p``; "" of a detector with one score."""
     if len(watch.scores) < 2 and not alarm.test:
         return ""
     if alarm.test == MISSING:
@@ -232,10 +229,7 @@ def counting_alarm(trial: Trial) -> Alarm | None:
 
 
 def trial_events(trial: Trial) -> list[Event]:
-    """Return a trial's onsets, alarms with what became of them, ends, and misses.
-
-    A detector that names no sensor says the same again with every alarm, so of those after the onset one is told.
-    """
+    """Return a trial's onsets, alarms, ends and misses; of alarms that name no sensor one after the onset is told."""
     what, onset_s = fault_text(trial.injected), trial.onset_s
     events = _fault_events(what, trial.injected)
     for fault in trial.also:

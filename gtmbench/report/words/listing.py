@@ -30,10 +30,7 @@ _LONGEST = 4  # lines of the screen
 
 
 def listing_lines(contents: LogContents, width: int) -> list[str]:
-    """Return the listing, no line longer than the screen is wide: what is there, then what can be watched, and how.
-
-    A kind of sensor is a line; columns that are no channel aren't listed.
-    """
+    """Return the listing, no line longer than the screen is wide: what is there, then what can be watched, and how."""
     width = max(width, _LEAST_WIDTH)
     lines = [contents_verdict(contents), *([f"no time: {contents.no_time}"] if contents.no_time else contents.notes)]
     lines += _sensor_lines(contents.channels, width)

@@ -118,7 +118,13 @@ def events_lines(events: Sequence[Event]) -> list[str]:
     by_kind: dict[str, list[Event]] = {}
     for event in events:
         by_kind.setdefault(event.kind, []).append(event)
-    return [f"the log reports: {', '.join(map(_events_text, by_kind.values()))}"]
+    told = [
+        event_text(same[0])
+        if len(same) == 1
+        else f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
+        for same in by_kind.values()
+    ]
+    return [f"the log reports: {', '.join(told)}"]
 
 
 def event_text(event: Event) -> str:
@@ -133,12 +139,6 @@ def event_name(event: Event) -> str:
 
 def _own_words(event: Event) -> str:
     return f" ({event.text})" if event.kind in _TOLD else ""
-
-
-def _events_text(same: Sequence[Event]) -> str:
-    if len(same) == 1:
-        return event_text(same[0])
-    return f"{same[0].kind} {len(same)} times from {same[0].time_s:.2f} to {same[-1].time_s:.2f} s"
 
 
 def remark_text(remark: Remark) -> str:
@@ -192,13 +192,13 @@ def _explained_lines(explained: Sequence[ExplainedMotion]) -> list[str]:
     """Say how much of the slow motion is explained, a line a place."""
     lines = []
     for where in dict.fromkeys(each.where for each in explained):
-        shares = ", ".join(f"{each.output} {_share_text(each.share)}" for each in explained if each.where == where)
+        shares = ", ".join(
+            f"{each.output} {f'{100.0 * max(each.share, 0.0):.0f} %' if np.isfinite(each.share) else 'none'}"
+            for each in explained
+            if each.where == where
+        )
         lines.append(f"slow motion explained in the {_PARTS.get(where, where)}: {shares}")
     return lines
-
-
-def _share_text(share: float) -> str:
-    return f"{100.0 * max(share, 0.0):.0f} %" if np.isfinite(share) else "none"
 
 
 def _score_lines(watched: WatchedLog, known: Mapping[str, Any]) -> list[str]:

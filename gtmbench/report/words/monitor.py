@@ -20,7 +20,6 @@ from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.method.transmissibility import Transmissibility
 from gtmbench.report.words.units import counted, duration_text, or_dash
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
@@ -43,10 +42,7 @@ _OPERATOR = (
 
 
 def facts(monitor: Monitor | Detector) -> dict[str, Any]:
-    """Return a monitor's facts as one JSON-ready object; units stand in the names, or beside.
-
-    Of a detector that wasn't calibrated its name and its channels.
-    """
+    """Return a monitor's facts as one JSON-ready object; of a detector that wasn't calibrated its name and channels."""
     if not is_ready(monitor):
         return {"name": monitor.name, "channels": list(monitor.channels)}
     known: dict[str, Any] = {
@@ -72,15 +68,11 @@ def facts(monitor: Monitor | Detector) -> dict[str, Any]:
 def norm_facts(monitor: NormMonitor) -> dict[str, Any]:
     """Return the operator, the threshold of E(k) and the length of its window."""
     return {
-        "operator": _operator(monitor.operator),
+        "operator": {key: exact(getattr(monitor.operator, key)) for key in _OPERATOR},
         "threshold": monitor.threshold,
         "threshold_unit": unit_of(monitor.operator.outputs[0]),
         "window_s": monitor.window_s,
     }
-
-
-def _operator(operator: Transmissibility) -> dict[str, Any]:
-    return {key: exact(getattr(operator, key)) for key in _OPERATOR}
 
 
 def bank_summary(monitor: BankMonitor) -> dict[str, Any]:
@@ -286,7 +278,8 @@ def _indistinguishable(told: Isolability) -> Iterator[str]:
     unknown = [name for name in told.suspects if name not in told.predicted]
     mistaken, mixed = defaultdict(list), []
     for one in unknown:
-        others = [other for other in told.suspects if other != one and NOT_TOLD in _both_ways(told, one, other)]
+        ways = {other: (told.told(one, other), told.told(other, one)) for other in told.suspects if other != one}
+        others = [other for other, both in ways.items() if NOT_TOLD in both]
         if known := tuple(name for name in others if name in told.predicted):
             mistaken[known].append(one)
         if len(known) < len(others):
@@ -294,10 +287,6 @@ def _indistinguishable(told: Isolability) -> Iterator[str]:
     yield from (f"{listed(known)} from {listed(ones)}" for known, ones in mistaken.items())
     if mixed:
         yield f"{listed(mixed)} from each other"
-
-
-def _both_ways(told: Isolability, one: str, other: str) -> tuple[str, str]:
-    return told.told(one, other), told.told(other, one)
 
 
 EQUATIONS = ("equation", "surfaces in it", "beside them")
@@ -328,20 +317,16 @@ def equation_rows(flow: Flow, judged: Sequence[str] | None = None) -> list[list[
 
 
 def effect_rows(monitor: SurfaceMonitor) -> tuple[list[str], list[list[str]]]:
-    """Return the columns and rows of what a degree of each surface changes, and what gusts amount to in its degrees.
-
-    Of the throttle it is a step of 20 %, and percent.
-    """
+    """Return columns and rows: what a degree (20 %) of each surface changes, and what gusts amount to in these."""
     surfaces, steps = list(monitor.suspects), monitor.answer.frame.steps
     rows = [
-        [f"{name} ({_unit(name)})", *(f"{value:.3g}" if value else "" for value in effects)]
+        [
+            f"{name} ({'deg/s²' if name in GYROS else unit_of(name)})",
+            *(f"{value:.3g}" if value else "" for value in effects),
+        ]
         for name, effects in zip(monitor.answer.equations, monitor.answer.effects, strict=True)
     ]
     noise = monitor.normal.noise[: len(surfaces)] * steps
     rows.append(["gusts and sensors (deg, %)", *(f"{value:.2g}" for value in noise)])
     headed = [f"{name} ({STEP_PERCENT:g} %)" if name == THROTTLE else name for name in surfaces]
     return ["equation", *headed], rows
-
-
-def _unit(name: str) -> str:
-    return "deg/s²" if name in GYROS else unit_of(name)

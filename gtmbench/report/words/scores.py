@@ -118,10 +118,7 @@ def severity_unit(found: Smallest) -> str:
 
 
 def verdict_lines(scores: Scores) -> list[str]:
-    """Say what a campaign comes to: who is soonest, at what price, who gets no score, what isn't known.
-
-    Names, which come from files, stand in them as they are.
-    """
+    """Say what a campaign comes to: who is soonest, at what price, who gets no score, what isn't known."""
     without = [f"{one.name} gets no score: {one.no_score}." for one in scores.detectors if not one.is_quiet]
     return [*_best_lines(scores), *without, *_price_lines(scores), *_thin_lines(scores)]
 

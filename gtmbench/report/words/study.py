@@ -25,11 +25,7 @@ def title(baseline: Baseline) -> str:
 
 
 def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
-    """Return the columns of the table of trials, its rows, one a detector and trial, and which columns are numbers.
-
-    The columns are the same whatever the detector. What was flown may leave out three: the scenario where it is called
-    like its fault, further faults and departures where there are none.
-    """
+    """Return columns, rows and which columns are numbers: of a table of trials, what is nowhere left out."""
     rows = [_cells(trial) for trial in study.trials]
     left_out: set[str] = set()
     if all(trial.scenario == trial.fault for trial in study.trials):  # the package's own
@@ -44,6 +40,7 @@ def trial_rows(study: Study) -> tuple[list[str], list[list[str]], list[str]]:
 
 
 def _cells(trial: Trial) -> dict[str, str]:
+    departed_s = None if trial.departure_time_s is None else trial.departure_time_s - trial.onset_s
     return {
         "detector": trial.detector,
         "scenario": trial.scenario,
@@ -52,16 +49,12 @@ def _cells(trial: Trial) -> dict[str, str]:
         "severity": severity_text(trial),
         "also": "; ".join(f"{fault_text(fault)}, from {fault.onset_s:g} s" for fault in trial.also),
         "delay (s)": or_dash(trial.detection_delay_s, ".2f"),
-        "departed (s)": or_dash(_departed_after_s(trial), ".2f"),
+        "departed (s)": or_dash(departed_s, ".2f"),
         "named (s)": or_dash(trial.isolation_delay_s, ".2f"),
         "peak": f"{trial.peak_ratio:.2f}" if trial.watch.scores else "-",
         "verdict": _verdict(trial),
         "kind": _kind(trial),
     }
-
-
-def _departed_after_s(trial: Trial) -> float | None:
-    return None if trial.departure_time_s is None else trial.departure_time_s - trial.onset_s
 
 
 def _verdict(trial: Trial) -> str:

@@ -212,10 +212,7 @@ def timeline_rows(verdict: LogVerdict) -> list[SensorRow]:
 
 
 def table_lines(rows: Sequence[SensorRow], width: int, most: int) -> list[str]:
-    """Return the table, no line wider than a screen, with at most so many lines, the heading among them.
-
-    Where there are more rows than lines, those that tell of no fault give way, and a last line counts them.
-    """
+    """Return the table, no line wider than a screen, `most` lines with the heading; the calm give way."""
     if not rows or most < 2:
         return []
     kept = list(rows)

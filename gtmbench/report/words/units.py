@@ -161,10 +161,7 @@ def beside_text(zero_stamp: str, *times_s: float) -> str:
 
 
 def stamped_text(log: FlightLog, verdict: LogVerdict) -> list[str]:
-    """Say when it was, by the log's stamps: of each failure when it began, else of the log's beginning.
-
-    Stamps that count from when a logger was switched on are the times themselves: then how long after the first.
-    """
+    """Say by the log's stamps, or since its first sample, when each failure began, else when the log did."""
     first_s = log.span_s[0]
     begins = dict.fromkeys(span.start_s for _, span in verdict.failed[:_MOST])
     if log.zero_stamp:

@@ -110,10 +110,7 @@ def _accusations_text(verdict: LogVerdict) -> str:
 
 
 def _accusations(verdict: LogVerdict) -> list[_Accusation]:
-    """Return failures and suspicions in order of time; what is alike is one.
-
-    Of sensors that aren't asked, suspicions are told where one of them failed, and no other sensor may have.
-    """
+    """Return failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
     found: dict[tuple[str, str, str], list[Span]] = {}
     for sensor, span in verdict.failed:
         _add(found, _failure(sensor, span), span)
@@ -263,10 +260,7 @@ def labelled(watched: WatchedLog) -> list[tuple[str, str]]:
 
 
 def summary_lines(watched: WatchedLog, width: int = 80, most: int | None = LINES) -> list[str]:
-    """Return the verdict, the table of its sensors and the lines that follow, as wide as a screen.
-
-    `most`: lines in all; None for as many as there are.
-    """
+    """Return the verdict, the table of its sensors and the lines that follow; `most` in all, None for any number."""
     return verdict_lines(watched.verdict, labelled(watched), width, most)
 
 
