@@ -67,13 +67,7 @@ def check(reference: Reference, groups: Sequence[FigureGroup]) -> Check:
 
 
 def regression_line(figure: Compared) -> str:
-    """Write a regression: which figure, what it was, what it is, and what is allowed.
-
-    >>> figure = Compared(group="drift of p", figure="delay_s", at="", was=91.55, now=97.2, low=-math.inf, high=93.381,
-    ...                   unit="s", remark="", better=False, explained=False)
-    >>> regression_line(figure)
-    'drift of p, delay: was 91.55, is 97.2, allowed up to 93.381 s'
-    """
+    """Write a regression: which figure, what it was, what it is, and what is allowed."""
     said = f" ({figure.remark})" if figure.remark and figure.rule.form == "flag" else ""
     return f"{figure.text}: was {shown(figure.was)}, is {shown(figure.now)}, allowed {_allowed(figure)}{said}"
 
@@ -108,14 +102,7 @@ def _unexpected(group: FigureGroup) -> list[str]:
 
 
 def changed_rows(pairs: Iterable[Pair]) -> list[list[str]]:
-    """Return rows of what differs: figure, was, is, in which unit; of a list, where it differs most, and in how many.
-
-    >>> from gtmbench.check.compare import Pair
-    >>> pairs = [Pair(group="healthy E(k) of r", figure="windows", at=f"window {i}", was=1.0, now=now, unit="deg/s",
-    ...               remark="", explained=False) for i, now in enumerate([1.0, 1.5, 4.0])]
-    >>> changed_rows(pairs)
-    [['healthy E(k) of r, window 2, max (2 of 3 changed)', '1', '4', 'deg/s']]
-    """
+    """Return rows of what differs: figure, was, is, unit; of a list, where it differs most, and in how many."""
     rows = []
     for _, entries in groupby(pairs, lambda pair: (pair.group, pair.figure)):
         several = list(entries)

@@ -75,12 +75,6 @@ def compare(
 
     Raises InputError where a figure has none, or a recorded one is no longer there: that's no regression, but a
     baseline of something else.
-
-    >>> was = {"score": {"E(k)": {"threshold": 6.0}}}
-    >>> now = FigureGroup(kind="score", name="E(k)", values={"threshold": 7.0}, unit="deg/s")
-    >>> (threshold,) = compare(was, [now], {"threshold": Tolerance(share=0.02)})
-    >>> threshold.regressed, threshold.high
-    (True, 6.12)
     """
     held: list[Compared] = []
     new: list[str] = []

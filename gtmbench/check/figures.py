@@ -58,12 +58,6 @@ def figures_of(study: Study) -> tuple[FigureGroup, ...]:
     """Return the figures of a study. What of a healthy record lies before `alarm.watch_from_s` isn't watched, nor here.
 
     Raises InputError where several detectors watched.
-
-    >>> from gtmbench.study.run import run_study
-    >>> from gtmbench.study.scenario import load_scenario
-    >>> groups = figures_of(run_study([load_scenario("jam")]))
-    >>> [group.title for group in groups][:4]
-    ['healthy flight', 'healthy residual of r', 'healthy score E(k)', 'jam of p']
     """
     if len(study.baselines) != 1:
         raise InputError(f"{len(study.baselines)} detectors watched; a baseline holds the figures of one")

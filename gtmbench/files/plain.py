@@ -79,13 +79,7 @@ class Column(NamedTuple):
 
 
 def table_of(rows: Sequence[Row], columns: Mapping[str, Column], *, schema: int) -> pa.Table:
-    """Return rows as a table with the columns' meanings and the schema's number in it; what a row lacks is null.
-
-    >>> table_of([{"task": 3}], {"task": Column("int32", "of the run"), "error": Column("string", "why")}, schema=1)[
-    ...     "error"
-    ... ].to_pylist()
-    [None]
-    """
+    """Return rows as a table with the columns' meanings and the schema's number in it; what a row lacks is null."""
     import pyarrow as pa
 
     named = pa.schema(_fields(columns), metadata={"gtmbench.schema": str(schema)})
@@ -93,14 +87,7 @@ def table_of(rows: Sequence[Row], columns: Mapping[str, Column], *, schema: int)
 
 
 def described(table: pa.Table, columns: Mapping[str, Column]) -> pa.Table:
-    """Return a table with the meanings of its columns, which parts don't repeat.
-
-    >>> columns = {"task": Column("int32", "of the run")}
-    >>> parts = table_of([{"task": 3}], columns, schema=1).to_pandas()
-    >>> import pyarrow as pa
-    >>> described(pa.table(parts), columns).schema.field("task").metadata
-    {b'meaning': b'of the run'}
-    """
+    """Return a table with the meanings of its columns, which parts don't repeat."""
     import pyarrow as pa
 
     return table.cast(pa.schema(_fields({name: columns[name] for name in table.column_names})))

@@ -84,12 +84,7 @@ def weighed(
 
 
 def explanations_of(shifts: Mapping[Key, float], *, is_same: bool = False) -> Iterator[FlightCause]:
-    """Give what may explain how far some constants are from what they were.
-
-    >>> told = list(explanations_of({("q", "offset"): 4.1, ("q", "noise"): 0.1}))
-    >>> [each.kind for each in told if each.suspects]
-    ['bias', 'noise']
-    """
+    """Give what may explain how far some constants are from what they were."""
     yield from _failures(shifts)
     for imu in dict.fromkeys(gyro_and_imu(sensor)[1] for sensor, _ in shifts):
         own = [key for key in shifts if not imu or gyro_and_imu(key[0])[1] == imu]

@@ -46,14 +46,6 @@ def trends_of(flights: Sequence[Entry], limits: Mapping[str, float] | None = Non
 
     `flights`: of one airframe since its installation began, in order. `limits`, by name: how far from zero an offset
     may be, in deg/s, and from one a factor; 5 and 0.1 by default.
-
-    >>> from gtmbench.history.entry import Constant
-    >>> def flight(number):
-    ...     read = Constant(sensor="q", name="offset", value=0.2 * number + 0.1 * (number % 2), deviation=0.02)
-    ...     return Entry(digest=str(number), log="", airframe="a", constants=(read,))
-    >>> (trend,) = trends_of([flight(number) for number in range(10)])
-    >>> round(trend.slope, 1), round(trend.crossing), trend.between[0] < 25.0 < trend.between[1]
-    (0.2, 25, True)
     """
     own = {OFFSET: 5.0, AT_REST: 5.0, FACTOR: _FACTOR} | dict(limits or {})
     keys = tuple(dict.fromkeys(key for each in flights for key in each.by_key if key[1] in own))
@@ -103,12 +95,7 @@ def _trend(key: Key, lines: Lines, at: int, flights: int, middle: float, limit: 
 
 
 def trend_text(trend: Trend) -> str:
-    """Say how a constant changes, and when it will reach its limit.
-
-    >>> told = dict(sensor="q", name="offset", flights=12, slope=0.1, deviation=0.01, limit=5.0, crossing=43.2)
-    >>> trend_text(Trend(between=(38.0, 51.4), **told))
-    'changes by 0.1 deg/s a flight; it reaches 5 deg/s at flight 43 (38 to 51)'
-    """
+    """Say how a constant changes, and when it will reach its limit."""
     unit = kind_of(trend.name).unit
     behind = f" {unit}" if unit else ""
     low, high = trend.between

@@ -89,13 +89,6 @@ def fitted(
     columns). `prior`, shape (constants, columns): standard deviations about zero; infinite of what nothing is known of.
     Only the latter cost a degree of freedom. `least`, shape (constants,): of the spread. `alike`, shape (constants,): a
     number that those have in common which tell one spread.
-
-    >>> random = np.random.default_rng(1)
-    >>> values, one = 2.0 + 0.5 * random.standard_normal((1, 400)), np.ones((400, 1))
-    >>> own = np.full((1, 400), 0.01), one, np.array([[np.inf]]), np.array([0.1]), np.array([0])
-    >>> lines = fitted(values, *own)
-    >>> lines.theta.round(1).item(), lines.spread.round(1).item()
-    (2.0, 0.5)
     """
     there = np.isfinite(values)
     own, variance = np.where(there, values, 0.0), np.where(there, np.square(deviations), 1.0)
@@ -159,16 +152,7 @@ def warmth(flights: Sequence[Entry]) -> FloatArray | None:
 
 
 def predicted(earlier: Sequence[Entry], entry: Entry) -> Mapping[Key, Prediction]:
-    """Return what a flight's constants are by earlier ones; none of those that fewer than five tell.
-
-    >>> def flight(number, value):
-    ...     read = Constant(sensor="q", name="offset", value=value, deviation=0.05)
-    ...     return Entry(digest=str(number), log="", airframe="a", temperature_c=20.0, constants=(read,))
-    >>> flights = [flight(number, 0.1 * (number % 3)) for number in range(12)]
-    >>> told = predicted(flights, flight(12, 4.1))["q", "offset"]
-    >>> told.flights, round(told.value, 1), told.chance(4.1) < 1e-6 < 0.1 < told.chance(0.2)
-    (12, 0.1, True)
-    """
+    """Return what a flight's constants are by earlier ones; none of those that fewer than five tell."""
     keys = tuple(entry.by_key)
     values, deviations = constants_by_flight(earlier, keys)
     enough = np.isfinite(values).sum(axis=1) >= FEWEST

@@ -181,13 +181,7 @@ def installed(earlier: Sequence[Entry], entry: Entry) -> list[Entry]:
 
 
 def reads_text(constant: Constant, before: Prediction) -> str:
-    """Say by how much a constant is another than before.
-
-    >>> read = Constant(sensor="q", name="offset", value=4.2, deviation=0.05)
-    >>> before = Prediction(flights=12, value=0.1, deviation=0.2, degrees=11.0, spread=0.2, low=-0.2, high=0.4)
-    >>> reads_text(read, before)
-    'q reads 4.1 deg/s too much throughout; in 12 flights before at most 0.3'
-    """
+    """Say by how much a constant is another than before."""
     most = max(before.high - before.value, before.value - before.low)
     flights = f"in {before.flights} flights before"
     off = constant.value - before.value

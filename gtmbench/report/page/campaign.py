@@ -180,17 +180,6 @@ def who_sees_what(scores: Scores) -> str:
 
     In brackets: with thresholds as low, and as high, as other calibrations would have set them. Of more than fourteen
     detectors the last are named below it; so are those without a score, with the reason.
-
-    >>> from gtmbench.study.campaign.rows import table_of
-    >>> from gtmbench.study.scores.scoring import scored
-    >>> quiet = [{"seed": seed, "detector": "C", "armed_hours": 0.1, "false_alarms": 0} for seed in range(8)]
-    >>> broken = [
-    ...     {"seed": seed, "detector": "C", "fault": "jam", "channel": "p", "detected": seed > 0,
-    ...      "detection_delay_s": 0.1 * seed if seed else None, "look_ahead_s": 0.05}
-    ...     for seed in range(8)
-    ... ]
-    >>> print(who_sees_what(scored(table_of(quiet + broken).to_pandas())).splitlines()[2])
-    | 1 | C | 7 of 8 | 0.50 | missed | - | 0 in 0.8 h: 4.6 |
     """
     best_first = [one for one in ordered(scores) if one.merits and one.name in scores.delays_s]
     places = {rank.detector: rank for rank in scores.ranks}

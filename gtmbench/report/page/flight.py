@@ -52,18 +52,6 @@ def flight_page(watched: WatchedLog, command: str) -> str:
     It holds no path, user or machine of where it was made, and no position.
 
     `command`: what repeats it, as it is typed where the log lies.
-
-    >>> import tempfile
-    >>> import numpy as np
-    >>> import gtmbench as gb
-    >>> noise = np.random.default_rng(1).standard_normal((1500, 2))
-    >>> record = gb.Record(noise @ [[1.0, 1.0], [0.0, 0.1]], channels=["p", "q"], sample_period_s=0.04)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     gb.write_log(record, f"{folder}/flight.csv")
-    ...     watched = gb.watch_log(f"{folder}/flight.csv", gb.bank_between(["p"], ["q"]), healthy=[(0.0, 30.0)])
-    ...     page = flight_page(watched, "gtmbench monitor flight.csv")
-    >>> page.startswith("<!doctype html>"), folder in page, "gtmbench monitor flight.csv" in page
-    (True, False, True)
     """
     span, zero = whole_of(watched), watched.log.zero_stamp
     faults = [same[0] for same in faults_of(watched).values()][:_MOST_FAULTS]

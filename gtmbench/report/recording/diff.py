@@ -110,12 +110,6 @@ def compare(a: pd.DataFrame, b: pd.DataFrame, tolerance: Closeness | None = None
     """Compare two recordings, as `read_recording` gives them.
 
     `tolerance`: of numbers; left out, they have to be equal bit for bit (NaN equals NaN). Words always have to be.
-
-    >>> import pandas as pd
-    >>> a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
-    >>> b = a.assign(value=[1.0, 2.5])
-    >>> compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal
-    (0.1, True)
     """
     tolerance = tolerance or Closeness()
     lines_a, lines_b = lines(a), lines(b)

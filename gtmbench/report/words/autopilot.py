@@ -35,13 +35,7 @@ def word_text(word: Event) -> str:
 
 
 def beside_text(each: Beside) -> str:
-    """Write an alarm of ours with the autopilot's word.
-
-    >>> from gtmbench.detectors.alarm import Alarm
-    >>> word = Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)
-    >>> beside_text(Beside(alarm=Alarm(number=0, time_s=11.0, onset_s=10.0, source="q"), word=word))
-    "beside our alarm at 11.00 s: 'gyro 1 isn't healthy' at 12.50 s, 1.50 s later"
-    """
+    """Write an alarm of ours with the autopilot's word."""
     what = f"beside our alarm at {each.alarm.time_s:.2f} s"
     if each.word is None or each.ahead_s is None:
         return f"{what}: nothing"
@@ -50,12 +44,7 @@ def beside_text(each: Beside) -> str:
 
 
 def injection_text(injection: Injection) -> str:
-    """Write a failure that was injected: of what, how much, from when to when.
-
-    >>> injection_text(Injection(sensor="gyro", number=2, channels=("q",), kind="bias", size=5.73, unit="deg/s",
-    ...                          onset_s=60.0, end_s=90.0, text="SIM_GYR2_BIAS_Y = 0.1"))
-    'q of gyro 2: bias 5.73 deg/s from 60.00 to 90.00 s'
-    """
+    """Write a failure that was injected: of what, how much, from when to when."""
     which = injection.sensor if injection.number is None else f"{injection.sensor} {injection.number}"
     who = f"{', '.join(injection.channels)} of {which}" if injection.channels else which
     size = "" if injection.size is None else f" {injection.size:.3g} {injection.unit}".rstrip()

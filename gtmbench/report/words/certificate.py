@@ -15,12 +15,7 @@ _NAMES = {"scale_factor": "scale error"}
 
 
 def certificate_text(certificate: Certificate) -> str:
-    """Say in a sentence from which size on a bias of each sensor would have been detected.
-
-    >>> row = SmallestSeen(sensor="r", kind="bias", size=0.8412, share=0.9, within_s=10.0)
-    >>> certificate_text(Certificate(rows=(row,), watched_s=134.2))
-    'A bias above r 0.84 deg/s would have been detected within 10 s (at 90 % of start times).'
-    """
+    """Say in a sentence from which size on a bias of each sensor would have been detected."""
     rows = [row for row in certificate.rows if row.kind == "bias"]
     if not rows:
         return f"Nobody can tell which faults would have been detected: {certificate.missing}."
@@ -94,12 +89,7 @@ def certificate_notes(certificate: Certificate) -> list[str]:
 
 
 def size_text(row: SmallestSeen, size: float | None) -> str:
-    """Write a size of a row's kind of fault with its unit; a scale error in percent.
-
-    >>> drift = SmallestSeen(sensor="p", kind="drift", size=0.02636, share=0.9, within_s=20.0)
-    >>> size_text(drift, drift.size), size_text(drift, None)
-    ('0.026 deg/s²', '-')
-    """
+    """Write a size of a row's kind of fault with its unit; a scale error in percent."""
     if size is None:
         return "-"
     if how_of(row.kind) == "gain":

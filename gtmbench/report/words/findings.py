@@ -73,16 +73,7 @@ def made_text(curve: ErrorCurve) -> str:
 
 
 def chances_text(finding: Finding) -> str:
-    """Say how likely explanations are, the likeliest first.
-
-    >>> from gtmbench.engine.relation import Effect
-    >>> from gtmbench.engine.explanation import Explanation
-    >>> bias = (Explanation(suspect="q", kind="bias", effect=lambda _: Effect()), 0.0)
-    >>> told = dict(first=0, last=9, onset_s=4.0, end_s=9.0, onset_range_s=(3.0, 5.0), evidence=50.0)
-    >>> chances = (("q", "bias", 0.93), ("theta", "drift", 0.07))
-    >>> chances_text(Finding(ranked=(bias,), size=2.0, interval=(1.9, 2.1), chances=chances, **told))
-    'bias of q 93 %, drift of theta 7 %'
-    """
+    """Say how likely explanations are, the likeliest first."""
     told = []
     for suspect, kind, chance in finding.chances:  # what isn't a sensor's says itself whose it is
         of = f" of {suspect}" if gyro_and_imu(suspect)[0] in _SENSORS else ""

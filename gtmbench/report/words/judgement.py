@@ -124,17 +124,7 @@ def estimate_text(
     unit: str,
     injected: Fault | None = None,
 ) -> str:
-    """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units.
-
-    >>> import math
-    >>> known = {"slope": (0.0498, 0.05002), "onset_s": (299.7, 300.12)}
-    >>> estimate_text("drift", {"slope": 0.04991, "onset_s": 299.91}, known, "deg/s")
-    '0.0499 ± 0.0001 deg/s², from 299.9 ± 0.2 s'
-    >>> estimate_text("lag", {"lag_s": 1.0}, {"lag_s": (1.0, math.inf)}, "deg")
-    'at least 1 s'
-    >>> estimate_text("stuck", {"value": 0.0}, {}, "deg")
-    'at 0 deg'
-    """
+    """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units."""
     units = parameter_units(kind, parameters, unit, injected)
     return ", ".join(
         f"{_BEFORE.get(name, '')}{_figure(name, value, intervals.get(name))} {units[name]}".rstrip()

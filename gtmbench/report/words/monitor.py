@@ -235,15 +235,7 @@ def _origin(known: Mapping[str, Any]) -> str:
 
 
 def isolation_lines(told: Isolability) -> list[str]:
-    """Say which residuals a fault of each suspect raises, and what isn't told by that.
-
-    >>> from gtmbench.detectors.bank.bank import load_bank
-    >>> from gtmbench.detectors.bank.isolability import isolability
-    >>> for line in isolation_lines(isolability(load_bank("C"))):
-    ...     print(line)
-    isolable by which residuals rise: p (p), q (q), r (r), phi, theta and psi (p, q and r)
-    isolable only by how they rise: p, q and r from phi, theta and psi; phi, theta and psi from each other
-    """
+    """Say which residuals a fault of each suspect raises, and what isn't told by that."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, outputs in told.enters.items():
         groups.setdefault(outputs, []).append(name)

@@ -71,15 +71,7 @@ def _seconds(value: float) -> str:
 
 
 def severity_words(found: Smallest) -> str:
-    """Write the smallest fault that is detected in nine of ten searches, with its interval.
-
-    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "share_of": None}
-    >>> some |= {"found": Share(hits=9, of=10, low=0.5, high=1.0), "mildest": 0.01, "severest": 1.0}
-    >>> severity_words(Smallest(**some, severity=Estimate(value=0.123, low=0.1, high=math.inf)))
-    '0.123 [0.1, over 1]'
-    >>> severity_words(Smallest(**some, severity=Estimate(value=math.inf)))
-    'over 1'
-    """
+    """Write the smallest fault that is detected in nine of ten searches, with its interval."""
     value = found.severity
     if value.low is None or value.high is None or value.low == value.high:
         return _severity(found, value.value)
@@ -97,13 +89,7 @@ def _severity(found: Smallest, value: float) -> str:
 
 
 def severity_unit(found: Smallest) -> str:
-    """Return what a search's severities are in: the parameter's unit, or what they are a share of.
-
-    >>> some = {"fault": "drift", "channel": "p", "parameter": "slope", "mildest": 0.01, "severest": 1.0}
-    >>> some |= {"found": Share(hits=1, of=1, low=0.0, high=1.0), "severity": Estimate(value=0.1)}
-    >>> severity_unit(Smallest(**some, share_of=None)), severity_unit(Smallest(**some, share_of="slew"))
-    ('deg/s²', '% of slew')
-    """
+    """Return what a search's severities are in: the parameter's unit, or what they are a share of."""
     if found.share_of:
         return f"% of {found.share_of}"
     try:

@@ -71,17 +71,7 @@ class _Accusation(NamedTuple):
 
 
 def first_line(verdict: LogVerdict) -> str:
-    """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why.
-
-    >>> from gtmbench.verdict.scope import Scope
-    >>> from gtmbench.verdict.timeline import SensorSpan, Sizes, State, laid_out
-    >>> from gtmbench.verdict.verdict import verdict_of
-    >>> shown = Sizes(error=0.5, within_s=60.0, factors=(0.7, 1.3))
-    >>> clear = SensorSpan(start_s=0.0, end_s=172.0, state=State.CLEAR, sizes=shown)
-    >>> timeline = laid_out((0.0, 180.0), {"p": [clear], "q": [clear]}, motion_s=[(0.0, 180.0)])
-    >>> first_line(verdict_of(timeline, Scope(sensors=("p", "q"))))
-    'No fault found in p, q: 172 of 180 s judged; an error of 0.5 deg/s or a factor of 0.7 would show.'
-    """
+    """Say in a sentence or two what happened: what failed and when, who is clear, for whom nobody can tell, and why."""
     if verdict.outcome is Outcome.HEALTHY:
         asked = verdict.scope.sensors
         total_s = verdict.timeline.motion_total_s
