@@ -109,9 +109,6 @@ KINDS = {  # the tables of a baseline: what a report calls them, and the figures
     "healthy": ("healthy {}", ("false_alarms", "hours")),
     "residual": ("healthy residual of {}", ("samples", "peak", "rms", "windows")),
     "score": ("healthy score {}", ("threshold", "margin", "thresholds", "windows")),
-    "trials": (
-        "{}",
-        ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right"),
-    ),
+    "trials": ("{}", ("severity", "detected", "delay_s", "peak_ratio", "isolated", "isolation_delay_s", "kind_right")),
     "sensors": ("{}", OF_LOGS),
 }

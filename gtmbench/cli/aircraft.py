@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import F, HeadedCommand, common_options
+from gtmbench.cli.command import PATH, F, HeadedCommand, common_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent, print_table, shown_progress, write_new
 from gtmbench.errors import InputError
 from gtmbench.files.disk import atomic_write
@@ -99,9 +99,7 @@ def _facts_file(name: str, folder: Path | None, *, without_io: bool) -> tuple[Pa
     help="Write what is known of it as aircraft.toml, commented, to be edited: into --out, or its own folder.",
 )
 @click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="With --autopilot: also write its table into this file. With --facts: the folder.",
+    "--out", type=PATH, help="With --autopilot: also write its table into this file. With --facts: the folder."
 )
 @click.option("--force", is_flag=True, help="Write over an existing file of --autopilot.")
 @common_options

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import detector_option
 from gtmbench.cli.output import echo, finish, is_silent, print_table, shown_progress
 from gtmbench.errors import InputError
@@ -27,14 +27,12 @@ if TYPE_CHECKING:
 
 @click.command("benchmark", cls=HeadedCommand)
 @click.option("--quick", is_flag=True, help="A small version, with flights of its own: minutes instead of hours.")
-@click.option(
-    "--export", "export", type=click.Path(path_type=Path), metavar="DIR", help="Write the flights, without labels."
-)
+@click.option("--export", "export", type=PATH, metavar="DIR", help="Write the flights, without labels.")
 @click.option(
     "--score",
     "entries",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="DIR",
     help="Judge the score files, or the alarms.csv, in a folder. Repeat it for several.",
 )
@@ -48,15 +46,13 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--private-seed",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Judge a private split, whose seeds follow from what the file holds.",
 )
 @click.option("--csv/--parquet", "as_csv", default=False, help="With --export: the format.  [default: parquet]")
-@click.option("--out", type=click.Path(path_type=Path), help="Folder of the table.  [default: the benchmark's name]")
-@click.option(
-    "--archive", type=click.Path(path_type=Path), metavar="FILE", help="Write the run as one ZIP file, to be deposited."
-)
+@click.option("--out", type=PATH, help="Folder of the table.  [default: the benchmark's name]")
+@click.option("--archive", type=PATH, metavar="FILE", help="Write the run as one ZIP file, to be deposited.")
 @click.option("--jobs", type=int, help="Processes on this machine.  [default: all cores]")
 @click.option("--any-versions", is_flag=True, help="Run with other versions of jsbsim, numpy or scipy: not gtmbench-2.")
 @common_options

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.listing import print_bank_monitor
 from gtmbench.cli.options import attitude_option, detector_option, healthy_option, healthy_part, map_option
 from gtmbench.cli.output import claim_file, echo, finish, say, shown_progress
@@ -28,12 +28,10 @@ if TYPE_CHECKING:
 
 
 @click.command("calibrate", cls=HeadedCommand)
-@click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=click.Path(path_type=Path))
+@click.argument("logs", nargs=-1, metavar="[HEALTHY_LOG ...]", type=PATH)
 @map_option
 @detector_option("The default is bank C.")
-@click.option(
-    "--out", default="monitor.json", show_default=True, type=click.Path(path_type=Path), help="The monitor's file."
-)
+@click.option("--out", default="monitor.json", show_default=True, type=PATH, help="The monitor's file.")
 @healthy_option("Without it, all of every log. With it, one log is learnt as `gtmbench monitor` learns it.")
 @click.option(
     "--inputs", metavar="p,q,beta", help="Instead of a detector: predict from these channels or pseudo inputs ..."
@@ -42,12 +40,7 @@ if TYPE_CHECKING:
 @click.option(
     "--look", default=0.5, show_default=True, help="With --inputs and --outputs: seconds to look back and ahead."
 )
-@click.option(
-    "--rate",
-    "rate_hz",
-    type=float,
-    help="The monitor's rate in Hz.  [default: the first log's]",
-)
+@click.option("--rate", "rate_hz", type=float, help="The monitor's rate in Hz.  [default: the first log's]")
 @click.option(
     "--false-alarms-per-hour",
     "rate",

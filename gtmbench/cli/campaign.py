@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import number, whole
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import check_cluster_options, cluster_options, detector_option, import_option
 from gtmbench.cli.output import claim_file, finish, print_table, shown_progress
 from gtmbench.errors import InputError
@@ -40,7 +40,7 @@ def _shard(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.argument("source", metavar="NAME|CAMPAIGN.toml|DIR")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Folder for the parts and results.  [default: the name]  With --report the file.  [default: in DIR]",
 )
 @click.option(

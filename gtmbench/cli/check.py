@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import detector_option, import_option
 from gtmbench.cli.output import claim_file, finish, is_json, is_silent, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 )
 @detector_option("Give it with --update for a new baseline, or if the baseline names a detector of your own.")
 @import_option
-@click.option("--junit", type=click.Path(path_type=Path), help="Also write a JUnit XML file for a CI.")
+@click.option("--junit", type=PATH, help="Also write a JUnit XML file for a CI.")
 @common_options
 def check_command(
     baseline: str,

@@ -16,6 +16,7 @@ from gtmbench.errors import InputError
 from gtmbench.files.disk import is_file
 
 F = TypeVar("F", bound=Callable[..., Any])
+PATH = click.Path(path_type=Path)
 
 _APART = {  # the heading of options that few need
     "Long runs": ("--resume", "--time-limit", "--scheduler", "--tls"),

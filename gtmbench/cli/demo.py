@@ -16,7 +16,7 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.flight import fly_command
 from gtmbench.cli.inject import inject_command
 from gtmbench.cli.monitor import monitor_command
@@ -51,9 +51,7 @@ class _Step:
 
 
 @click.command("demo", cls=HeadedCommand)
-@click.option(
-    "--out", default="demo", show_default=True, type=click.Path(path_type=Path), help="The folder to write into."
-)
+@click.option("--out", default="demo", show_default=True, type=PATH, help="The folder to write into.")
 @click.option("--live", is_flag=True, help="Watch the broken flight while it flies, at four times its speed, instead.")
 @click.option("--force", is_flag=True, help="Write over existing files.")
 @common_options

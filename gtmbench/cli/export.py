@@ -6,16 +6,14 @@ from pathlib import Path
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.output import claim_folder, finish
 from gtmbench.report.tables.envelope import envelope
 
 
 @click.command("export", cls=HeadedCommand)
-@click.argument("monitor", metavar="MONITOR.json", type=click.Path(path_type=Path))
-@click.option(
-    "--out", default="on_board", show_default=True, type=click.Path(path_type=Path), help="The folder of C code."
-)
+@click.argument("monitor", metavar="MONITOR.json", type=PATH)
+@click.option("--out", default="on_board", show_default=True, type=PATH, help="The folder of C code.")
 @click.option(
     "--full/--compact",
     "full",

@@ -12,7 +12,7 @@ from click.core import ParameterSource
 
 from gtmbench.checks import number
 from gtmbench.cli.aircraft import aircraft_options, loaded_aircraft
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, fault_options
 from gtmbench.cli.output import claim_file, echo, finish, is_silent
 from gtmbench.cli.rescue import fly_twice
@@ -25,11 +25,7 @@ if TYPE_CHECKING:
 
 
 @click.command("fly", cls=HeadedCommand)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="The log to write: .csv or .parquet; with --rescue a recording, .rrd.",
-)
+@click.option("--out", type=PATH, help="The log to write: .csv or .parquet; with --rescue a recording, .rrd.")
 @click.option(
     "--live",
     "target",
@@ -78,11 +74,11 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Fly a gyro's fault twice in the loop, without accommodation and with it.  [default fault: r's sign flips]",
 )
-@click.option("--figure", type=click.Path(path_type=Path), help="With --rescue: also a figure: .png, .svg or .pdf.")
+@click.option("--figure", type=PATH, help="With --rescue: also a figure: .png, .svg or .pdf.")
 @click.option(
     "--detector",
     "monitor_file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="MONITOR.json",
     help="With --rescue: a monitor from `gtmbench calibrate`.  [default: bank C-early, calibrated now on 6 flights]",
 )

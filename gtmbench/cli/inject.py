@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import (
     ChosenFaults,
     chosen_faults,
@@ -35,7 +35,7 @@ _MOST_NAMED = 12  # columns
 
 
 @click.command("inject", cls=HeadedCommand)
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=PATH)
 @fault_options("The fault: typed in place, or a scenario's [[faults]].", required=True)
 @map_option
 @click.option(
@@ -52,11 +52,7 @@ _MOST_NAMED = 12  # columns
     type=float,
     help="The estimator's time constant.  [default: the log's own if accelerometers show it, else 5 s]",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="The broken log to write, in the same format; a .csv where that is only read.",
-)
+@click.option("--out", type=PATH, help="The broken log to write, in the same format; a .csv where that is only read.")
 @click.option("--list", "listed", is_flag=True, help="List the log's columns and the scenario's trials; write nothing.")
 @import_option
 @click.option("--force", is_flag=True, help="Write over an existing file.")
@@ -134,11 +130,7 @@ def _list(log: Path, trials: Sequence[FaultSpec]) -> None:
 
 
 def _summary(
-    log: Path,
-    out: Path,
-    chosen: ChosenFaults,
-    changed: Sequence[ChangedColumn],
-    following: AttitudeFollowing,
+    log: Path, out: Path, chosen: ChosenFaults, changed: Sequence[ChangedColumn], following: AttitudeFollowing
 ) -> dict[str, object]:
     from gtmbench.study.trial import fault_row
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.output import echo, finish, print_table, say
 from gtmbench.errors import InputError
 from gtmbench.files.disk import read_toml
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 
 @click.command("list", cls=HeadedCommand)
 @click.argument("name", required=False, metavar="[BANK|FILE.toml|MONITOR.json]")
-@click.option(
-    "--of", "log", type=click.Path(path_type=Path), metavar="LOG", help="For bank auto: the log it is made of."
-)
+@click.option("--of", "log", type=PATH, metavar="LOG", help="For bank auto: the log it is made of.")
 @click.option("--all", "with_all", is_flag=True, help="Also list the aircraft that come with JSBSim.")
 @common_options
 def list_command(name: str | None, log: Path | None, with_all: bool) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import attitude_option, detector_option, import_option, map_option
 from gtmbench.cli.output import check_screen, claim_file, echo, is_json, is_silent, say, screen_width, shown_progress
 from gtmbench.errors import InputError
@@ -33,8 +33,8 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 @detector_option("It has to be calibrated. Without one, a monitor is learnt from the link's first part.")
 @import_option
 @click.option("--learn", default=60.0, show_default=True, help="Without a detector: seconds of the link to learn from.")
-@click.option("--save", type=click.Path(path_type=Path), help="Write every packet to this telemetry log (.tlog).")
-@click.option("--record", type=click.Path(path_type=Path), help="Record it (.rrd) for `gtmbench view`.")
+@click.option("--save", type=PATH, help="Write every packet to this telemetry log (.tlog).")
+@click.option("--record", type=PATH, help="Record it (.rrd) for `gtmbench view`.")
 @click.option("--view", is_flag=True, help="Show readings, predictions and test statistics in the rerun viewer.")
 @click.option("--say", is_flag=True, help="Send STATUSTEXT and a heartbeat back, so that ground stations show events.")
 @click.option(
@@ -46,16 +46,14 @@ _INTERRUPTED, _UNWRITTEN = 130, 2
 )
 @click.option(
     "--key-file",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="A signing key: 32 bytes, 64 hexadecimal digits or a passphrase. Packets that it didn't sign are refused.",
 )
 @click.option(
     "--from", "only", default="", metavar="ADDRESS[:PORT]", help="For udp: the only address whose packets are believed."
 )
 @click.option(
-    "--speed",
-    type=float,
-    help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]",
+    "--speed", type=float, help="For a telemetry log: how many times its own speed.  [default: as fast as it is read]"
 )
 @click.option(
     "--end-after",

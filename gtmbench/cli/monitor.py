@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gtmbench.checks import whole
-from gtmbench.cli.command import HeadedCommand, command_line, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, command_line, common_options
 from gtmbench.cli.history import keeping_of, monitor_history, written_lines
 from gtmbench.cli.options import (
     check_cluster_options,
@@ -73,21 +73,19 @@ class Log(click.ParamType[Path | str]):
 )
 @click.option(
     "--history",
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Judge beside the aircraft's earlier flights in this file, or folder of logs, and enter this one.",
 )
 @click.option("--aircraft-id", metavar="NAME", help="Whose flight it is.  [default: by the log's hardware, or folder]")
-@click.option("--record", type=click.Path(path_type=Path), help="Write a recording (.rrd) for `gtmbench view`.")
+@click.option("--record", type=PATH, help="Write a recording (.rrd) for `gtmbench view`.")
 @click.option(
     "--report",
     "reports",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=PATH,
     help="Write a page (.html) to file or to mail, or a figure (.png). Repeat it for both.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), help="For several logs: folder for table, figure, report and parts."
-)
+@click.option("--out", type=PATH, help="For several logs: folder for table, figure, report and parts.")
 @click.option("--jobs", type=int, help="For several logs: processes.  [default: 1]")
 @click.option("--resume", is_flag=True, help="For several logs: continue the run in the folder.")
 @cluster_options

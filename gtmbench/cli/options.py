@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from gtmbench.cli.command import F
+from gtmbench.cli.command import PATH, F
 from gtmbench.errors import InputError
 from gtmbench.files.disk import LOGS, is_file, no_such
 
@@ -275,10 +275,7 @@ def scope_options(command: F) -> F:
 def cluster_options(command: F) -> F:
     """Give a command ``--scheduler`` and ``--tls``."""
     tls = click.option(
-        "--tls",
-        type=click.Path(path_type=Path),
-        metavar="FOLDER",
-        help="With --scheduler: the folder of ca.pem, cert.pem and key.pem.",
+        "--tls", type=PATH, metavar="FOLDER", help="With --scheduler: the folder of ca.pem, cert.pem and key.pem."
     )
     where = "Run the tasks on a Dask cluster: tcp://HOST:PORT, tls://..."
     return click.option("--scheduler", metavar="ADDRESS", help=where)(tls(command))

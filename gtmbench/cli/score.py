@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import detector_option, healthy_option, healthy_part, import_option, map_option, scope_options
 from gtmbench.cli.output import finish, print_table, shown_progress
 
@@ -19,7 +19,7 @@ _COLUMNS = ("failure", "found after (s)", "we said", "", "autopilot after (s)", 
 
 
 @click.command("score", cls=HeadedCommand)
-@click.argument("log", type=click.Path(path_type=Path))
+@click.argument("log", type=PATH)
 @map_option
 @detector_option("The default, auto, uses the relations that the log's channels allow.")
 @import_option

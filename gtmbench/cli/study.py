@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.options import chosen_faults, detector_option, import_option, is_typed, watchers_of
 from gtmbench.cli.output import (
     check_screen,
@@ -59,9 +59,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 
 @click.command("run", cls=HeadedCommand)
 @click.argument("scenarios", nargs=-1, metavar="[SCENARIO.toml ...]")
-@click.option(
-    "--out", default="study", show_default=True, type=click.Path(path_type=Path), help="Folder for the results."
-)
+@click.option("--out", default="study", show_default=True, type=PATH, help="Folder for the results.")
 @detector_option(
     "The default is `dissertation`: the scenarios' own [operator] and [alarm]. A bank, or any other detector, is first "
     "calibrated on separate flights; then only watch_from_s and healthy_records of [alarm] are used.",
@@ -99,7 +97,7 @@ def _seeds(_context: click.Context, _option: click.Parameter, value: str | None)
 @click.option("--no-recording", "recording", is_flag=True, flag_value=False, default=True, help="Write no study.rrd.")
 @click.option(
     "--new",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="NAME.toml",
     help="Fly nothing: write a scenario to edit, commented, with every key at its default.",
 )
@@ -219,13 +217,7 @@ def _write(study: Study, folder: Path, parts: _Parts, tell: Callable[[str], None
 
 
 def _run_seeds(
-    loaded: list[Scenario],
-    watching: list[Any],
-    seeds: tuple[int, ...],
-    out: Path,
-    parts: _Parts,
-    *,
-    strict: bool,
+    loaded: list[Scenario], watching: list[Any], seeds: tuple[int, ...], out: Path, parts: _Parts, *, strict: bool
 ) -> int:
     """Run a study for every seed, each into a folder of its own, and put all of them into one table."""
     from gtmbench.report.tables.results import SeedTable, unexpected, write_tables
@@ -266,7 +258,7 @@ def _print_study(study: Study, out: Path, parts: _Parts) -> None:
 
 
 @click.command("view", cls=HeadedCommand)
-@click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=click.Path(path_type=Path))
+@click.argument("recording", metavar="RECORDING.rrd|FOLDER", type=PATH)
 @click.option("--web", is_flag=True, help="Open it in the browser, for machines without a screen.")
 @common_options
 def view_command(recording: Path, web: bool) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from gtmbench.checks import number
-from gtmbench.cli.command import HeadedCommand, common_options
+from gtmbench.cli.command import PATH, HeadedCommand, common_options
 from gtmbench.cli.output import claim_file, echo, finish, is_json, print_table, say, shown_progress
 from gtmbench.errors import GtmbenchError, InputError, NoteWarning
 from gtmbench.files.disk import is_file, is_folder
@@ -34,13 +34,8 @@ class _Told(NamedTuple):
 
 
 @click.command("verify", cls=HeadedCommand)
-@click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=click.Path(path_type=Path))
-@click.option(
-    "--against",
-    type=click.Path(path_type=Path),
-    metavar="B.rrd",
-    help="Compare a recording with this one: values, not bytes.",
-)
+@click.argument("paths", nargs=-1, required=True, metavar="FOLDER|FILE...", type=PATH)
+@click.option("--against", type=PATH, metavar="B.rrd", help="Compare a recording with this one: values, not bytes.")
 @click.option(
     "--tolerance",
     default=0.0,
@@ -50,21 +45,11 @@ class _Told(NamedTuple):
 @click.option(
     "--absolute", default=0.0, metavar="ABS", help="With --against: absolute tolerance, in a series' own unit."
 )
-@click.option(
-    "--overlay",
-    type=click.Path(path_type=Path),
-    metavar="OUT.rrd",
-    help="With --against: write both into one recording.",
-)
+@click.option("--overlay", type=PATH, metavar="OUT.rrd", help="With --against: write both into one recording.")
 @click.option("--force", is_flag=True, help="Write over an existing overlay.")
 @common_options
 def verify_command(
-    paths: tuple[Path, ...],
-    against: Path | None,
-    tolerance: float,
-    absolute: float,
-    overlay: Path | None,
-    force: bool,
+    paths: tuple[Path, ...], against: Path | None, tolerance: float, absolute: float, overlay: Path | None, force: bool
 ) -> int:
     """Check that results are what they were: files against their digests, or a recording against another.
 

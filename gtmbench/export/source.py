@@ -140,12 +140,7 @@ def tables_of(board: Board, *, compact: bool) -> tuple[list[str], int, list[str]
     tables.reals("TOLERANCES", [each.tolerance for each in own])
     tests = [
         _tests(
-            board,
-            board.windows,
-            board.near(each),
-            board.ordinary(each),
-            each.mean_thresholds,
-            each.energy_thresholds,
+            board, board.windows, board.near(each), board.ordinary(each), each.mean_thresholds, each.energy_thresholds
         )
         for each in own
     ]

@@ -264,13 +264,7 @@ def judged_lines(
 
 
 def log_mark(
-    recording: rr.RecordingStream,
-    entity: str,
-    time_s: float,
-    value: float,
-    name: str,
-    tint: str,
-    marker: SHAPES,
+    recording: rr.RecordingStream, entity: str, time_s: float, value: float, name: str, tint: str, marker: SHAPES
 ) -> None:
     """Log one point."""
     style = rr.SeriesPoints(names=name, colors=rgb(tint), markers=marker, marker_sizes=6.0)

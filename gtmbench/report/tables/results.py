@@ -87,11 +87,7 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
 
 def false_alarm_figures(alarms: int, hours: float) -> dict[str, Any]:
     """Return how many false alarms there were in how many healthy hours, and the rate's upper 95 % bound."""
-    return {
-        "false_alarms": alarms,
-        "healthy_hours": hours,
-        "false_alarms_per_hour_at_most": rate_bound(alarms, hours),
-    }
+    return {"false_alarms": alarms, "healthy_hours": hours, "false_alarms_per_hour_at_most": rate_bound(alarms, hours)}
 
 
 def _setup(study: Study) -> dict[str, Any]:

@@ -118,11 +118,7 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
 
 
 def estimate_text(
-    kind: str,
-    parameters: Mapping[str, float],
-    intervals: Mapping[str, Span],
-    unit: str,
-    injected: Fault | None = None,
+    kind: str, parameters: Mapping[str, float], intervals: Mapping[str, Span], unit: str, injected: Fault | None = None
 ) -> str:
     """Write the parameters of a kind of fault with the intervals that hold them at 95 %, and units."""
     units = parameter_units(kind, parameters, unit, injected)

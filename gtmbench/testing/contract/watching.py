@@ -258,10 +258,7 @@ def gaps(case: ContractCase) -> None:
     first = case.cuts[0]
     values[max(first - 60, 0) : max(first - 45, 1)] = np.nan
     record = Record(
-        values,
-        channels=case.record.channels,
-        sample_period_s=case.record.sample_period_s,
-        start_s=case.record.start_s,
+        values, channels=case.record.channels, sample_period_s=case.record.sample_period_s, start_s=case.record.start_s
     )
     _batch(case, record, "100")
 
