@@ -93,11 +93,7 @@ class Reference:
 
 
 def find_baseline(source: str) -> Path:
-    """Return the path of a baseline: one of the package's by name, else a file that may not exist yet.
-
-    >>> find_baseline("dissertation").name
-    'dissertation.toml'
-    """
+    """Return the path of a baseline: one of the package's by name, else a file that may not exist yet."""
     return shipped_baselines().get(source, Path(source))
 
 
@@ -234,11 +230,7 @@ def write_figures(path: Path, text: str, *, seed: int, groups: Sequence[FigureGr
 
 
 def renewed(text: str, figures: str) -> str:
-    r"""Return a baseline's text with other figures; its settings, its comments and its order stay.
-
-    >>> renewed("[recorded]  # anew\nseed = 2  # mine", "[recorded]\nseed = 3")
-    '[recorded]  # anew\nseed = 3  # mine'
-    """
+    """Return a baseline's text with other figures; its settings, its comments and its order stay."""
     import tomlkit
 
     document, fresh = tomlkit.parse(text), tomlkit.parse(figures)

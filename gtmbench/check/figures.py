@@ -73,11 +73,7 @@ def figures_of(study: Study) -> tuple[FigureGroup, ...]:
 
 
 def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
-    """Name trials by scenario, kind of fault and channel; numbered where several have all of them in common.
-
-    >>> trial_names([("drift", "drift", "p"), ("mine", "jam", "q"), ("mine", "jam", "q")])
-    ['drift of p', 'mine: jam of q', 'mine: jam of q (2)']
-    """
+    """Name trials by scenario, kind of fault and channel; numbered where several have all of them in common."""
     often = Counter[str]()
     names = []
     for scenario, kind, channel in trials:
@@ -88,11 +84,7 @@ def trial_names(trials: Iterable[tuple[str, str, str]]) -> list[str]:
 
 
 def rounded(value: _V) -> _V:
-    """Return a number, or each of several, as it is written into a baseline.
-
-    >>> rounded(1.23456789)
-    1.2346
-    """
+    """Return a number, or each of several, as it is written into a baseline."""
     if isinstance(value, tuple):
         return tuple(map(rounded, value))
     return float(f"{value:.{_DIGITS}g}")

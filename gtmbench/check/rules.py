@@ -30,11 +30,7 @@ class Tolerance:
 
 
 def parse_tolerance(key: str, given: Any) -> Tolerance:
-    """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``.
-
-    >>> parse_tolerance("tolerances.delay_s", ["2 %", 0.1])
-    Tolerance(share=0.02, absolute=0.1)
-    """
+    """Return a tolerance as a baseline states it: ``0.1``, ``"5 %"``, or both, ``["5 %", 0.1]``."""
     if not isinstance(given, list):
         return _share_or_number(key, given)
     if len(given) != 2 or isinstance(given[0], str) == isinstance(given[1], str):

@@ -220,11 +220,7 @@ def _joined(values: Iterable[float]) -> str:
 
 
 def number(value: float) -> str:
-    """Return a float as C writes it, exactly.
-
-    >>> number(0.1), number(2.0), number(math.inf), number(-1e-12)
-    ('0.100000001f', '2.0f', 'INFINITY', '-9.99999996e-13f')
-    """
+    """Return a float as C writes it, exactly."""
     if math.isinf(value):
         return "INFINITY" if value > 0.0 else "-INFINITY"
     told = f"{float(np.float32(value)):.9g}"

@@ -32,11 +32,7 @@ _LONGEST_NAME = 200  # in bytes; systems take 255
 
 
 def lock_beside(target: Path) -> Path:
-    """Return where the lock of a file or a folder stands, which may not exist yet.
-
-    >>> lock_beside(Path("results/study")).as_posix()
-    'results/.study.gtmbench-lock'
-    """
+    """Return where the lock of a file or a folder stands, which may not exist yet."""
     name = os.fsencode(target.name)
     told = target.name if len(name) < _LONGEST_NAME else hashlib.sha256(name).hexdigest()
     return target.parent / f".{told}.gtmbench-lock"

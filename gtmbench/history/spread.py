@@ -124,11 +124,7 @@ def fitted(
 
 
 def alike_of(keys: Sequence[Key]) -> IntArray:
-    """Return a number for each constant that those of one kind and one IMU have in common.
-
-    >>> alike_of([("p", "offset"), ("q", "offset"), ("q", "misalignment p"), ("q of IMU2", "offset")]).tolist()
-    [0, 0, 1, 2]
-    """
+    """Return a number for each constant that those of one kind and one IMU have in common."""
     kinds = [
         (gyro_and_imu(sensor)[1], MISALIGNMENT if name.startswith(MISALIGNMENT) else name) for sensor, name in keys
     ]

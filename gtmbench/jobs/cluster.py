@@ -87,11 +87,7 @@ def check_cluster(
 
 
 def difference(here: Mapping[str, str], there: Mapping[str, str]) -> str:
-    """Say what a worker has otherwise.
-
-    >>> difference({"numpy": "2.1", "scipy": "1.14"}, {"numpy": "2.0", "scipy": "1.14"})
-    'numpy 2.0 instead of 2.1'
-    """
+    """Say what a worker has otherwise."""
     return ", ".join(
         f"{name} {there.get(name)} instead of {own}" for name, own in here.items() if there.get(name) != own
     )

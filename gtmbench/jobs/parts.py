@@ -49,11 +49,7 @@ class Shard(NamedTuple):
     of: int
 
     def holds(self, task: int) -> bool:
-        """Whether a task is this one's.
-
-        >>> [task for task in range(7) if Shard(2, 3).holds(task)]
-        [1, 4]
-        """
+        """Whether a task is this one's."""
         return task % self.of == self.number - 1
 
     def __str__(self) -> str:
@@ -345,11 +341,7 @@ def _compare(known: Parts, facts: Mapping[str, Any]) -> None:
 
 
 def _differences(was: Any, now: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Give what differs between plain values, and where.
-
-    >>> list(_differences({"a": [1, {"b": 2}]}, {"a": [1, {"b": 3}]}))
-    [('a[1].b', 2, 3)]
-    """
+    """Give what differs between plain values, and where."""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in (*was, *(key for key in now if key not in was)):
             yield from _differences(was.get(key), now.get(key), f"{where}.{key}" if where else str(key))

@@ -72,11 +72,7 @@ def plan_lines(plan: Mapping[str, Any]) -> list[str]:
 
 
 def _time(hours: float) -> str:
-    """Say a time that isn't known better than that.
-
-    >>> _time(0.004), _time(0.3), _time(30.0), _time(400.0)
-    ('14 s', '18 min', '30 h', '17 days')
-    """
+    """Say a time that isn't known better than that."""
     if hours < 0.03:
         return f"{3600.0 * hours:.0f} s"
     if hours < 2.0:

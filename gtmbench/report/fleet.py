@@ -53,11 +53,7 @@ MEANING = {
 
 
 def words_text(words: Sequence[Event]) -> str:
-    """Write the autopilot's first word of its sensors, and how many more there are.
-
-    >>> words_text([Event(kind="complaint", time_s=12.5, text="gyro 1 isn't healthy", about="gyro", number=1)])
-    "gyro 1 isn't healthy, 12.5 s"
-    """
+    """Write the autopilot's first word of its sensors, and how many more there are."""
     if not words:
         return "nothing"
     more = f", {len(words) - 1} more" if len(words) > 1 else ""
@@ -65,11 +61,7 @@ def words_text(words: Sequence[Event]) -> str:
 
 
 def counts_text(outcomes: Iterable[str]) -> str:
-    """Say how many logs came out how.
-
-    >>> counts_text(["healthy", "failed", "error", "healthy"])
-    '4 logs: 1 failed, 1 not read, 2 no fault found'
-    """
+    """Say how many logs came out how."""
     counts = Counter(outcomes)
     parts = [f"{counts[outcome]} {text}" for outcome, text in _OUTCOMES.items() if counts[outcome]]
     return f"{counted(counts.total(), 'log')}: {', '.join(parts)}"
@@ -212,9 +204,6 @@ def exit_code(rows: Iterable[Row]) -> int:
     """Return 1 where any log failed, 2 where none could be watched, 3 where some can't be told, else 0.
 
     A log that couldn't be watched is one that can't be told.
-
-    >>> exit_code([{"outcome": "healthy"}, {"outcome": "error"}]), exit_code([{"outcome": "error"}])
-    (3, 2)
     """
     outcomes = {row["outcome"] for row in rows}
     if "failed" in outcomes:

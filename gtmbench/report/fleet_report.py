@@ -177,11 +177,7 @@ def _options(watching: FleetQuestion) -> list[str]:
 
 
 def page_name(log: str) -> str:
-    """Return what the page of a log is called: by its file's name, and apart from its namesakes in other folders.
-
-    >>> page_name("monday/flight 1.csv")
-    'flight_1.csv-99606b.html'
-    """
+    """Return what the page of a log is called: by its file's name, and apart from its namesakes in other folders."""
     return f"{_ODD.sub('_', Path(log).name)[:80]}-{sha256(log.encode()).hexdigest()[:6]}.html"
 
 

@@ -55,13 +55,7 @@ _MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
 def strokes(names: Iterable[str]) -> dict[str, dict[str, Any]]:
-    """Return a colour, a line style and a marker for each name, no two alike for 28 of them.
-
-    >>> strokes(["C", "B"])["B"]
-    {'color': '#d55e00', 'linestyle': '--', 'marker': 's'}
-    >>> len({(each["color"], each["linestyle"]) for each in strokes(map(str, range(28))).values()})
-    28
-    """
+    """Return a colour, a line style and a marker for each name, no two alike for 28 of them."""
     found: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(dict.fromkeys(names)):
         style = (i % len(_HUES) + i // len(_HUES)) % len(_DASHES)
@@ -76,11 +70,7 @@ def colour(name: str, position: int = 0) -> str:
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:
-    """Return each name's colour, those that come again left out.
-
-    >>> colours(["p", "flow", "p"])
-    {'p': '#1f77b4', 'flow': '#17a2b8'}
-    """
+    """Return each name's colour, those that come again left out."""
     return {name: colour(name, i) for i, name in enumerate(dict.fromkeys(names))}
 
 

@@ -2,10 +2,11 @@
 
 import math
 
+from gtmbench.check.baseline import find_baseline, renewed
 from gtmbench.check.check import changed_rows, regression_line
 from gtmbench.check.compare import Compared, Pair, compare
-from gtmbench.check.figures import FigureGroup, figures_of
-from gtmbench.check.rules import Tolerance
+from gtmbench.check.figures import FigureGroup, figures_of, rounded, trial_names
+from gtmbench.check.rules import Tolerance, parse_tolerance
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 
@@ -59,3 +60,30 @@ def test_figures_of():
         "healthy score E(k)",
         "jam of p",
     ]
+
+
+def test_find_baseline():
+    assert find_baseline("dissertation").name == "dissertation.toml"
+
+
+def test_renewed():
+    assert (
+        renewed("[recorded]  # anew\nseed = 2  # mine", "[recorded]\nseed = 3")
+        == "[recorded]  # anew\nseed = 3  # mine"
+    )
+
+
+def test_trial_names():
+    assert trial_names([("drift", "drift", "p"), ("mine", "jam", "q"), ("mine", "jam", "q")]) == [
+        "drift of p",
+        "mine: jam of q",
+        "mine: jam of q (2)",
+    ]
+
+
+def test_rounded():
+    assert rounded(1.23456789) == 1.2346
+
+
+def test_parse_tolerance():
+    assert repr(parse_tolerance("tolerances.delay_s", ["2 %", 0.1])) == "Tolerance(share=0.02, absolute=0.1)"

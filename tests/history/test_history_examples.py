@@ -5,7 +5,7 @@ import numpy as np
 from gtmbench.history.entry import Constant, Entry
 from gtmbench.history.explanations import explanations_of
 from gtmbench.history.overview import Trend, trend_text, trends_of
-from gtmbench.history.spread import Prediction, fitted, predicted
+from gtmbench.history.spread import Prediction, alike_of, fitted, predicted
 from gtmbench.history.standing import reads_text
 
 
@@ -60,3 +60,12 @@ def test_reads_text():
     read = Constant(sensor="q", name="offset", value=4.2, deviation=0.05)
     before = Prediction(flights=12, value=0.1, deviation=0.2, degrees=11.0, spread=0.2, low=-0.2, high=0.4)
     assert reads_text(read, before) == ("q reads 4.1 deg/s too much throughout; in 12 flights before at most 0.3")
+
+
+def test_alike_of():
+    assert alike_of([("p", "offset"), ("q", "offset"), ("q", "misalignment p"), ("q of IMU2", "offset")]).tolist() == [
+        0,
+        0,
+        1,
+        2,
+    ]

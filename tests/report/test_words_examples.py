@@ -26,6 +26,18 @@ from gtmbench.report.words.judgement import estimate_text
 from gtmbench.report.words.monitor import isolation_lines
 from gtmbench.report.words.other_sensors import estimator_lines
 from gtmbench.report.words.scores import severity_unit, severity_words
+from gtmbench.report.words.units import (
+    capitalised,
+    counted,
+    duration_text,
+    or_dash,
+    per_second,
+    percent_text,
+    round_times,
+    round_values,
+    time_text,
+    with_unit,
+)
 from gtmbench.report.words.verdict import first_line
 from gtmbench.study.campaign.rows import table_of
 from gtmbench.study.log.autopilot_messages import Beside
@@ -179,3 +191,52 @@ def test_compare():
     a = pd.DataFrame({"entity": "/x", "series": "x", "time_s": [0.0, 0.1], "value": [1.0, 2.0], "text": None})
     b = a.assign(value=[1.0, 2.5])
     assert (compare(a, b).lines[0].worst.at, compare(a, b, Closeness(relative=0.2)).equal) == (0.1, True)
+
+
+def test_capitalised():
+    assert (capitalised("no GPS"), capitalised("")) == ("No GPS", "")
+
+
+def test_per_second():
+    assert (per_second("deg/s"), per_second("g"), per_second("")) == ("deg/s²", "g/s", "per s")
+
+
+def test_with_unit():
+    assert (with_unit("p", "deg/s"), with_unit("strain_3", "")) == ("p (deg/s)", "strain_3")
+
+
+def test_percent_text():
+    assert (percent_text(0.873), percent_text(0.9987)) == ("87 %", "over 99 %")
+
+
+def test_duration_text():
+    assert (duration_text(2.0), duration_text(0.21), duration_text(0.0083)) == ("2.00 h", "0.21 h", "29.9 s")
+
+
+def test_or_dash():
+    assert (or_dash(0.125, ".2f"), or_dash(None, ".2f")) == ("0.12", "-")
+
+
+def test_counted():
+    assert (counted(1, "false alarm"), counted(0, "false alarm")) == ("1 false alarm", "0 false alarms")
+
+
+def test_time_text():
+    assert (time_text(60.04), time_text(5025.26)) == ("60.0 s", "5025.3 s (1:23:45)")
+
+
+def test_round_values():
+    assert (round_values((0.0, 60.0)), round_values((-0.31, 0.28))) == (
+        [0.0, 20.0, 40.0, 60.0],
+        [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2],
+    )
+
+
+def test_round_times():
+    assert round_times((0.0, 60.0)) == [(0.0, "0"), (20.0, "20"), (40.0, "40"), (60.0, "60")]
+    assert round_times((600.0, 7300.0)) == [
+        (1800.0, "0:30:00"),
+        (3600.0, "1:00:00"),
+        (5400.0, "1:30:00"),
+        (7200.0, "2:00:00"),
+    ]

@@ -64,11 +64,7 @@ def write_figures(study: Study, folder: Path) -> list[Path]:
 
 
 def _safe(name: str) -> str:
-    """Return a name as part of a file's: letters, digits, dots and dashes stay.
-
-    >>> _safe("C (2)"), _safe("../odd")
-    ('C_2', 'odd')
-    """
+    """Return a name as part of a file's: letters, digits, dots and dashes stay."""
     return re.sub(r"[^\w.-]+", "_", name).strip("_.") or "detector"
 
 

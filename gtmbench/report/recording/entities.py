@@ -181,11 +181,7 @@ def send_lines(
 
 
 def _sent(there: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the rows to send: those that are there, and the first of every interruption.
-
-    >>> _sent(np.array([False, True, False, False, True, False])).tolist()
-    [False, True, True, False, True, False]
-    """
+    """Return the rows to send: those that are there, and the first of every interruption."""
     rows = np.flatnonzero(there)
     sent = np.array(there)
     sent[rows[:-1][np.diff(rows) > 1] + 1] = True

@@ -152,11 +152,7 @@ def _figures(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _headers(kind: str | None, channel: str) -> dict[str, str]:
-    """Return the columns of a kind's parameters: names that state no unit get that of the channel behind them.
-
-    >>> _headers("drift", "p"), _headers("oscillation", "nz")["amplitude"]
-    ({'slope': 'slope_deg_s2'}, 'amplitude_g')
-    """
+    """Return the columns of a kind's parameters: names that state no unit get that of the channel behind them."""
     cls = loaded_faults().get(str(kind))
     suffix = UNIT_SUFFIX.get(unit_of(channel), "")
     if cls is None or not suffix:
@@ -178,11 +174,7 @@ def _expectation_text(expected: Mapping[str, Any]) -> str:
 
 
 def named(figures: Mapping[str, Any]) -> str:
-    """Write figures as ``name=value``, those that are None left out.
-
-    >>> named({"slope": 0.05})
-    'slope=0.05'
-    """
+    """Write figures as ``name=value``, those that are None left out."""
     return " ".join(f"{name}={value!r}" for name, value in figures.items() if value is not None)
 
 

@@ -114,11 +114,7 @@ def _luck_table(scores: Scores) -> ScoreTable:
 
 
 def range_cell(ends_s: tuple[float, float]) -> Cell:
-    """Return two times, one where they are the same; infinite ones were missed.
-
-    >>> range_cell((0.31, 0.334)).text, range_cell((8.0, float("inf"))).text
-    ('0.31 to 0.33', '8.00 to missed')
-    """
+    """Return two times, one where they are the same; infinite ones were missed."""
     low, high = (f"{end_s:.2f}" if end_s < float("inf") else "missed" for end_s in ends_s)
     return Cell(low if low == high else f"{low} to {high}", ends_s[0])
 

@@ -66,12 +66,7 @@ def _severities(fault: Fault) -> str:
 
 
 def units_of(fault: Fault) -> dict[str, str]:
-    """Return the units of a fault's severities by name.
-
-    >>> from gtmbench.faults.kinds.additive import Drift
-    >>> units_of(Drift(channel="p", onset_s=300, slope=0.05))
-    {'slope': 'deg/s²'}
-    """
+    """Return the units of a fault's severities by name."""
     unit = unit_of(fault.channel)
     return {item.name: parameter_unit(item, unit) for item in fault.parameters() if item.is_severity}
 
@@ -108,9 +103,6 @@ def parameter_units(kind: str, names: Iterable[str], unit: str, injected: Fault 
     """Return the units of a kind's parameters as a diagnosis names them, the channel's being `unit`.
 
     A constant reading has the channel's. Of a kind that only the `injected` fault knows, its declaration tells.
-
-    >>> parameter_units("spikes", ["size", "rate_hz"], "deg/s"), parameter_units("jam", ["value"], "deg")
-    ({'size': 'deg/s', 'rate_hz': 'Hz'}, {'value': 'deg'})
     """
     known = injected if injected is not None and injected.kind == kind else loaded_faults().get(kind)
     units = {item.name: parameter_unit(item, unit) for item in known.parameters()} if known else {}

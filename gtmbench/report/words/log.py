@@ -177,11 +177,7 @@ def _monitor_lines(watched: WatchedLog) -> list[str]:
 
 
 def attitude_lines(origin: Origin | None) -> list[str]:
-    """Say whether the gyros drive the attitude, and what that stands on.
-
-    >>> attitude_lines(Origin(is_driven=False, why="as it was told"))
-    ['attitude: of its own (as it was told)']
-    """
+    """Say whether the gyros drive the attitude, and what that stands on."""
     if origin is None:
         return []
     taken = "assumed to be computed from the gyros" if origin.is_assumed else "computed from the gyros"

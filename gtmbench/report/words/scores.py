@@ -31,22 +31,14 @@ def share_words(found: Share) -> str:
 
 
 def _percent(value: float) -> str:
-    """Write a share in percent, as finely as it is near 0 or 1.
-
-    >>> _percent(0.4321), _percent(0.9987), _percent(1.0)
-    ('43', '99.9', '100')
-    """
+    """Write a share in percent, as finely as it is near 0 or 1."""
     percent = 100.0 * value
     fine = 0.0 < percent < 9.95 or 90.05 < percent < 100.0
     return f"{percent:.1f}".removesuffix(".0") if fine else f"{percent:.0f}"
 
 
 def rate_words(found: Rate) -> str:
-    """Write a rate an hour with its interval.
-
-    >>> rate_words(Rate(events=0, hours=3.0, low=0.0, high=1.23))
-    '0 [0, 1.2]'
-    """
+    """Write a rate an hour with its interval."""
     if found.value is None:
         return "-"
     value, low, high = (f"{float(f'{each:.2g}'):g}" for each in (found.value, found.low, found.high))

@@ -104,11 +104,7 @@ def size_text(value: float, *, up: bool = True) -> str:
 
 
 def factors_text(factors: tuple[float, float]) -> str:
-    """Say which factors show: one below 1 where those as far above show, too.
-
-    >>> factors_text((0.7, 1.3)), factors_text((0.6, 1.5)), factors_text((0.0, 2.0))
-    ('a factor of 0.7', 'a factor below 0.6 or above 1.5', 'a factor of 0 or above 2')
-    """
+    """Say which factors show: one below 1 where those as far above show, too."""
     low, high = factors
     below, above = size_text(low, up=False), size_text(high)
     if not math.isfinite(high):
@@ -235,11 +231,7 @@ def _weight(row: SensorRow) -> int:
 
 
 def cut(text: str, width: int) -> str:
-    """Shorten a text to a width, between words where that is possible.
-
-    >>> cut("clear for 140 of 180 s", 16), cut("clear", 16)
-    ('clear for 140...', 'clear')
-    """
+    """Shorten a text to a width, between words where that is possible."""
     if len(text) <= width:
         return text
     short = text[: width - 3]

@@ -16,29 +16,17 @@ _LOPSIDED = 0.2  # of an interval's half width: a value so near to its middle is
 
 
 def capitalised(text: str) -> str:
-    """Write a sentence's beginning with a capital; the rest stays as it is.
-
-    >>> capitalised("no GPS"), capitalised("")
-    ('No GPS', '')
-    """
+    """Write a sentence's beginning with a capital; the rest stays as it is."""
     return text[:1].upper() + text[1:]
 
 
 def per_second(unit: str) -> str:
-    """Write a unit per second.
-
-    >>> per_second("deg/s"), per_second("g"), per_second("")
-    ('deg/s²', 'g/s', 'per s')
-    """
+    """Write a unit per second."""
     return "deg/s²" if unit == "deg/s" else f"{unit}/s" if unit else "per s"
 
 
 def with_unit(what: str, unit: str) -> str:
-    """Write a unit behind what it is of, where there is one.
-
-    >>> with_unit("p", "deg/s"), with_unit("strain_3", "")
-    ('p (deg/s)', 'strain_3')
-    """
+    """Write a unit behind what it is of, where there is one."""
     return f"{what} ({unit})" if unit else what
 
 
@@ -67,38 +55,22 @@ def with_interval(value: float, interval: tuple[float, float] | None) -> str:
 
 
 def percent_text(probability: float) -> str:
-    """Write a probability as one reads it.
-
-    >>> percent_text(0.873), percent_text(0.9987)
-    ('87 %', 'over 99 %')
-    """
+    """Write a probability as one reads it."""
     return "over 99 %" if probability > _SURE else f"{100.0 * probability:.2g} %"
 
 
 def duration_text(hours: float) -> str:
-    """Write a span of hours as one reads it.
-
-    >>> duration_text(2.0), duration_text(0.21), duration_text(0.0083)
-    ('2.00 h', '0.21 h', '29.9 s')
-    """
+    """Write a span of hours as one reads it."""
     return f"{hours:.2f} h" if hours >= 0.1 else f"{3600.0 * hours:.1f} s"
 
 
 def or_dash(value: float | None, form: str) -> str:
-    """Write a figure, or a dash where there is none.
-
-    >>> or_dash(0.125, ".2f"), or_dash(None, ".2f")
-    ('0.12', '-')
-    """
+    """Write a figure, or a dash where there is none."""
     return "-" if value is None else f"{value:{form}}"
 
 
 def counted(count: int, what: str, several: str = "") -> str:
-    """Write how many there are.
-
-    >>> counted(1, "false alarm"), counted(0, "false alarm")
-    ('1 false alarm', '0 false alarms')
-    """
+    """Write how many there are."""
     return f"{count:,} {what if count == 1 else several or what + 's'}"
 
 
@@ -123,11 +95,7 @@ def clock_text(time_s: float, digits: int = 1, *, hours: bool = False) -> str:
 
 
 def time_text(time_s: float, digits: int = 1) -> str:
-    """Write a time in seconds, as it is typed, and from an hour on in hours, too.
-
-    >>> time_text(60.04), time_text(5025.26)
-    ('60.0 s', '5025.3 s (1:23:45)')
-    """
+    """Write a time in seconds, as it is typed, and from an hour on in hours, too."""
     long = f" ({clock_text(time_s, digits).partition('.')[0]})" if abs(round(time_s, digits)) >= HOUR_S else ""
     return f"{time_s:.{digits}f} s{long}"
 
@@ -179,11 +147,7 @@ _STEPS_S = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 10800
 
 
 def round_values(span: Span, step: float = 0.0) -> list[float]:
-    """Return round values within a span, three to eight of them, or those a step apart.
-
-    >>> round_values((0.0, 60.0)), round_values((-0.31, 0.28))
-    ([0.0, 20.0, 40.0, 60.0], [-0.3, -0.2, -0.1, 0.0, 0.1, 0.2])
-    """
+    """Return round values within a span, three to eight of them, or those a step apart."""
     if not step:
         apart = (span[1] - span[0]) / _TICKS
         unit = 10.0 ** math.floor(math.log10(apart))
@@ -193,13 +157,7 @@ def round_values(span: Span, step: float = 0.0) -> list[float]:
 
 
 def round_times(span: Span) -> list[tuple[float, str]]:
-    """Return round times within a span, and how each is called.
-
-    >>> round_times((0.0, 60.0))
-    [(0.0, '0'), (20.0, '20'), (40.0, '40'), (60.0, '60')]
-    >>> round_times((600.0, 7300.0))
-    [(1800.0, '0:30:00'), (3600.0, '1:00:00'), (5400.0, '1:30:00'), (7200.0, '2:00:00')]
-    """
+    """Return round times within a span, and how each is called."""
     if not is_long(span):
         return [(time_s, f"{time_s:g}") for time_s in round_values(span)]
     step_s = max((each for each in _STEPS_S if each <= (span[1] - span[0]) / _TICKS), default=0)

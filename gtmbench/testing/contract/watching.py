@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -217,7 +218,8 @@ def _pushed(stream: Stream, record: Record, edges: Sequence[int], kind: str) -> 
     assert len(stream.alarms) == numbers, f"the stream holds {len(stream.alarms)} alarms and has given {numbers}"
 
 
-def _batch(case: ContractCase, record: Record, kind: str) -> None:
+def _batch(case: ContractCase, kind: str, record: Record | None = None) -> None:
+    record = case.record if record is None else record
     stream = case.monitor.stream()
     _pushed(stream, record, _cut(case, kind), kind)
     watch = case.watch if record is case.record else case.monitor.watch(record)
@@ -232,26 +234,6 @@ def _ends(alarms: Iterable[Alarm]) -> list[str]:
     return [f"{fault}: {[None if at is None else round(at, 6) for at in ends]}" for fault, *ends in known]
 
 
-def all_at_once(case: ContractCase) -> None:
-    """Check that a record pushed as one chunk gives the alarms of `watch`."""
-    _batch(case, case.record, "all")
-
-
-def hundreds(case: ContractCase) -> None:
-    """Check that chunks of 100 samples give the alarms of `watch`."""
-    _batch(case, case.record, "100")
-
-
-def sevens(case: ContractCase) -> None:
-    """Check that chunks of 7 samples, around the first alarm, give the alarms of `watch`."""
-    _batch(case, case.record, "7")
-
-
-def singles(case: ContractCase) -> None:
-    """Check that single samples, around the first alarm, give the alarms of `watch`, each when it becomes known."""
-    _batch(case, case.record, "1")
-
-
 def gaps(case: ContractCase) -> None:
     """Check that a record with missing samples gives the alarms of `watch`."""
     values = np.array(case.record.values)
@@ -260,7 +242,7 @@ def gaps(case: ContractCase) -> None:
     record = Record(
         values, channels=case.record.channels, sample_period_s=case.record.sample_period_s, start_s=case.record.start_s
     )
-    _batch(case, record, "100")
+    _batch(case, "100", record)
 
 
 def refused_chunks(case: ContractCase) -> None:
@@ -300,11 +282,10 @@ def armed(case: ContractCase) -> None:
     assert test == MISSING or said.get(source), f"just before an alarm of '{source}', armed is {dict(said)}"
 
 
+_CHUNKS = {"at once": "all", "by 100": "100", "by 7": "7", "by 1": "1"}
 STREAM: dict[str, Callable[[ContractCase], None]] = {
-    "stream at once": all_at_once,
-    "stream by 100": hundreds,
-    "stream by 7": sevens,
-    "stream by 1": singles,
+    # a record pushed as one chunk, by 100 samples, and by 7 and 1 around the first alarm gives the alarms of `watch`
+    **{f"stream {how}": partial(_batch, kind=kind) for how, kind in _CHUNKS.items()},
     "stream with gaps": gaps,
     "refused chunks": refused_chunks,
     "armed": armed,
