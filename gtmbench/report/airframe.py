@@ -159,7 +159,7 @@ def write_airframe_recording(airframes: Mapping[str, Sequence[Entry]], path: Pat
     import rerun.blueprint as rrb
 
     from gtmbench.report.recording.blueprint import opened, plot
-    from gtmbench.report.recording.entities import entity, lighter, log_line, recorded
+    from gtmbench.report.recording.entities import entity, lighter, recorded
 
     shown = {
         entity(entity(entity("", name), each.sensor), each.name): each
@@ -172,10 +172,10 @@ def write_airframe_recording(airframes: Mapping[str, Sequence[Entry]], path: Pat
     with recorded(path, f"gtmbench history: {', '.join(airframes)}", blueprint) as recording:
         for root, each in shown.items():
             time_s, colour = each.flights.astype(np.float64), COLOURS["p"]
-            log_line(recording, f"{root}/value", (time_s, each.values), each.title, colour)
+            recording.log_line(f"{root}/value", (time_s, each.values), each.title, colour)
             for place, name in enumerate(("low", "high")):
                 line = (time_s, each.intervals[:, place])
-                log_line(recording, f"{root}/{name}", line, f"{name} of 95 %", lighter(colour))
+                recording.log_line(f"{root}/{name}", line, f"{name} of 95 %", lighter(colour))
             if each.trend is not None:
                 limit = (time_s[[0, -1]], np.full(2, each.trend.limit))
-                log_line(recording, f"{root}/limit", limit, "limit", COLOURS["threshold"])
+                recording.log_line(f"{root}/limit", limit, "limit", COLOURS["threshold"])

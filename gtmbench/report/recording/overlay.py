@@ -26,7 +26,7 @@ import rerun.blueprint as rrb
 
 from gtmbench.report.recording.blueprint import beside, event_log, opened, plot, shown
 from gtmbench.report.recording.diff import Line, LineDifference, Name, RecordingDiff, events, lines
-from gtmbench.report.recording.entities import SHAPES, entity, log_lines, log_mark, log_text, recorded, rgb
+from gtmbench.report.recording.entities import SHAPES, Recording, entity, recorded, rgb
 from gtmbench.report.tables.markdown import in_markdown, markdown_table
 from gtmbench.values.channels import CHANNELS
 from gtmbench.values.record import FloatArray, Span
@@ -55,7 +55,7 @@ def write_overlay(
                 _log(recording, which, name, *line)
         _log_events(recording, a, b)
         summary = rr.TextDocument(_summary(comparison, names), media_type="text/markdown")
-        recording.log("/summary", summary, static=True)
+        recording.stream.log("/summary", summary, static=True)
 
 
 def _parts(a: dict[Name, Line], b: dict[Name, Line], comparison: RecordingDiff) -> Parts:
@@ -81,28 +81,28 @@ def _entity(which: str, name: Name) -> str:
     return entity(f"/{which}{name[0]}", name[1])
 
 
-def _log(recording: rr.RecordingStream, which: str, name: Name, time_s: FloatArray, values: FloatArray) -> None:
+def _log(recording: Recording, which: str, name: Name, time_s: FloatArray, values: FloatArray) -> None:
     where, tint = _entity(which, name), TINTS[which]
     has_unit = name[1] in CHANNELS and "/levels/" not in name[0]  # levels are shares of their thresholds
     unit = f" ({CHANNELS[name[1]].unit})" if has_unit else ""
     label = {"both": "A = B", "difference": "B - A"}.get(which, which) + f": {name[1]}{unit}"
     if len(time_s) and isinstance(time_s[0], str):  # lags
         lags = np.array([float(lag.removeprefix("lag ")) for lag in time_s])
-        recording.log(where, rr.BarChart(values, abscissa=lags, color=rgb(tint)), static=True)
+        recording.stream.log(where, rr.BarChart(values, abscissa=lags, color=rgb(tint)), static=True)
     elif len(time_s) == 1:
         marker = SHAPES.Up if name[1] == "onset" else SHAPES.Down
-        log_mark(recording, where, float(time_s[0]), float(values[0]), label, tint, marker)
+        recording.log_mark(where, float(time_s[0]), float(values[0]), label, tint, marker)
     elif len(time_s):
-        log_lines(recording, where, time_s, values, [label], [tint], width=_WIDTHS.get(which, 1.5))
+        recording.log_lines(where, time_s, values, [label], [tint], width=_WIDTHS.get(which, 1.5))
 
 
-def _log_events(recording: rr.RecordingStream, a: pd.DataFrame, b: pd.DataFrame) -> None:
+def _log_events(recording: Recording, a: pd.DataFrame, b: pd.DataFrame) -> None:
     of_a, of_b = events(a), events(b)
     told = {"both": of_a & of_b, "only A": of_a - of_b, "only B": of_b - of_a}
     rows = [(event[1], which, event) for which, of in told.items() for event in of.elements()]
     for time_s, which, (path, _, severity, text) in sorted(rows):
         trial = "/".join(word for word in path.split("/") if word not in ("", "detectors", "trials", "events"))
-        log_text(recording, "/events", time_s, severity, f"{which}: {trial} {text}" if trial else f"{which}: {text}")
+        recording.log_text("/events", time_s, severity, f"{which}: {trial} {text}" if trial else f"{which}: {text}")
 
 
 def _summary(comparison: RecordingDiff, names: tuple[str, str]) -> str:

@@ -57,11 +57,12 @@ def read_recording(path: str | Path) -> pd.DataFrame:
     >>> from tempfile import TemporaryDirectory
     >>> import rerun as rr
     >>> import gtmbench as gb
-    >>> from gtmbench.report.recording.entities import log_verdict
+    >>> from gtmbench.report.recording.entities import Recording
     >>> with TemporaryDirectory() as folder:
-    ...     with rr.RecordingStream("gtmbench") as recording:
-    ...         recording.save(f"{folder}/study.rrd")
-    ...         log_verdict(recording, "/trials/drift/p/verdict", {"detected": True, "alarm_time_s": 301.25})
+    ...     with rr.RecordingStream("gtmbench") as stream:
+    ...         stream.save(f"{folder}/study.rrd")
+    ...         found = {"detected": True, "alarm_time_s": 301.25}
+    ...         Recording(stream=stream).log_verdict("/trials/drift/p/verdict", found)
     ...     frame = gb.read_recording(f"{folder}/study.rrd")
     >>> verdict = frame[frame.entity == "/trials/drift/p/verdict"].set_index("series")
     >>> float(verdict.value["alarm_time_s"])

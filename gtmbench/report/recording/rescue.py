@@ -20,16 +20,7 @@ import rerun.blueprint as rrb
 
 from gtmbench.report.figures.rescue import TINTS, moments, shown_flight, shown_s
 from gtmbench.report.recording.blueprint import event_log, opened, plot
-from gtmbench.report.recording.entities import (
-    entity,
-    in_unit,
-    lighter,
-    log_events,
-    log_judged,
-    log_line,
-    log_threshold,
-    recorded,
-)
+from gtmbench.report.recording.entities import entity, in_unit, lighter, recorded
 from gtmbench.report.recording.flight import log_scene
 from gtmbench.report.scene import Scene
 from gtmbench.report.style import SHOWN_LEVELS, part, tints
@@ -50,15 +41,15 @@ def write_rescue_recording(rescue: Rescue, path: Path) -> None:
         for root, channel in _plotted(rescue).items():
             for scene in scenes:
                 line, label = (scene.flight.time_s, scene.flight[channel]), in_unit(f"{scene.name}: {channel}", channel)
-                log_line(recording, entity(root, scene.name), line, label, scene.tint, channel=channel)
+                recording.log_line(entity(root, scene.name), line, label, scene.tint, channel=channel)
         sensed = rescue.rescued.sensed
         for channel in _broken(rescue):
             read, label = part(sensed.time_s, sensed[channel], span), in_unit(f"rescued: {channel} as read", channel)
-            log_line(recording, f"/broken/{channel}/read", read, label, lighter(TINTS["rescued"]), channel=channel)
+            recording.log_line(f"/broken/{channel}/read", read, label, lighter(TINTS["rescued"]), channel=channel)
         colours = tints(rescue.watch)
-        log_judged(recording, "", [rescue.watch], {name: colours[name] for name in rescue.watch.scores}, span=span)
-        log_threshold(recording, span)
-        log_events(recording, "/events", _events(rescue))
+        recording.log_judged("", [rescue.watch], {name: colours[name] for name in rescue.watch.scores}, span=span)
+        recording.log_threshold(span)
+        recording.log_events("/events", _events(rescue))
 
 
 def _plotted(rescue: Rescue) -> dict[str, str]:
