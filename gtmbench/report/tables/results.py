@@ -37,7 +37,7 @@ def results(study: Study) -> dict[str, Any]:
     """
     table = {
         "schema_version": SCHEMA_VERSION,
-        "trim": asdict(study.baseline.trim),
+        "trim": study.baseline.trim,
         "detectors": [_detector(baseline, study.trials_of(baseline.detector)) for baseline in study.baselines],
         "trials": [trial.row() for trial in study.trials],
         "setup": _setup(study),
@@ -64,7 +64,9 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
     """Say what a detector is, and what it found; what it doesn't claim to find is None."""
     monitor = baseline.monitor
     armed = [score.armed_s for score in baseline.watch.scores.values() if score.armed_s is not None]
-    names_any = bool(monitor.suspects)
+    named = dict.fromkeys(("isolated", "named_wrong", "axis_right", "kind_right", "kind_right_20s"))
+    if monitor.suspects:
+        named = {name: sum(bool(getattr(trial, name)) for trial in trials) for name in named}
     return {
         "name": baseline.detector,
         "channels": list(monitor.channels),
@@ -74,11 +76,7 @@ def _detector(baseline: Baseline, trials: Sequence[Trial]) -> dict[str, Any]:
         **({"monitor": bank_summary(monitor)} if isinstance(monitor, BankMonitor) else {}),
         "armed_s": min(armed, default=None),
         "detected": sum(trial.detected for trial in trials),
-        "isolated": sum(bool(trial.isolated) for trial in trials) if names_any else None,
-        "named_wrong": sum(bool(trial.named_wrong) for trial in trials) if names_any else None,
-        "axis_right": sum(bool(trial.axis_right) for trial in trials) if names_any else None,
-        "kind_right": sum(bool(trial.kind_right) for trial in trials) if names_any else None,
-        "kind_right_20s": sum(bool(trial.kind_right_20s) for trial in trials) if names_any else None,
+        **named,
         "expected": sum(trial.expected is not None for trial in trials),
         "unexpected": sum(bool(trial.unexpected) for trial in trials),
         **false_alarm_figures(baseline.false_alarms, baseline.healthy_hours),
@@ -203,7 +201,8 @@ class SeedTable:
                 row = {"seed": seed, **trial.row()}
                 self.trials.append(row)
                 self._by_fault.setdefault((base.detector, number), []).append(row)
-                self._labels.setdefault((base.detector, number), _label(trial))
+                label = [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
+                self._labels.setdefault((base.detector, number), label)
 
     def figures(self) -> list[dict[str, Any]]:
         """Return a row a detector and fault, over all seeds; fields on isolation are None where none is claimed."""
@@ -257,9 +256,7 @@ class SeedTable:
         for row in self.totals():
             bound = row["false_alarms_per_hour_at_most"]
             limit = "" if bound is None else f" (at most {bound:.2g} an hour at 95 %)"
-            named = (
-                "" if row["isolated"] is None else f", isolated {row['isolated']}, wrongly named {row['named_wrong']}"
-            )
+            named = f", isolated {row['isolated']}, wrongly named {row['named_wrong']}" * (row["isolated"] is not None)
             if row["expected"]:
                 named += f", as expected {row['expected'] - row['unexpected']} of {row['expected']}"
             alarms, hours = counted(row["false_alarms"], "false alarm"), f"{row['healthy_hours']:.2f} h"
@@ -282,22 +279,18 @@ class SeedTable:
         return dict(plain(table))
 
 
-def _label(trial: Trial) -> list[str]:
-    return [trial.scenario, trial.fault, trial.channel, severity_text(trial)]
-
-
 def _merits(rows: list[dict[str, Any]]) -> dict[str, Any]:
     detected = [row for row in rows if row["detected"]]
     delays = [row["detection_delay_s"] for row in detected]
-    claims = any(row["isolated"] is not None for row in rows)
+    named = dict.fromkeys(("isolated", "named_wrong", "kind_right"))
+    if any(row["isolated"] is not None for row in rows):
+        named = {name: sum(bool(row[name]) for row in detected) for name in named}
     return {
         "trials": len(rows),
         "detected": len(detected),
         "median_delay_s": float(np.median(delays)) if delays else None,
         "worst_delay_s": max(delays) if delays else None,
-        "isolated": sum(bool(row["isolated"]) for row in detected) if claims else None,
-        "named_wrong": sum(bool(row["named_wrong"]) for row in detected) if claims else None,
-        "kind_right": sum(bool(row["kind_right"]) for row in detected) if claims else None,
+        **named,
     }
 
 
