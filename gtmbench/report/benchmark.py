@@ -204,7 +204,7 @@ def table(rows: Sequence[Row]) -> pd.DataFrame:
     return pd.DataFrame(
         [
             {
-                "place": _place(ranks[row.name]),
+                "place": "-".join(map(str, dict.fromkeys(ranks[row.name]))),
                 "entry": f"*{row.name}*" if row.name in (*YARDSTICKS, RawReading.name) else row.name,
                 "quickness": "-" if row.quickness is None else f"{row.quickness.value:.3f} {_interval(row.quickness)}",
                 "delay (s)": _figure(row.median_delay_s),
@@ -265,11 +265,6 @@ def _count(of: tuple[int, int]) -> str:
 
 def _interval(estimate: Estimate) -> str:
     return f"({estimate.low:.3f} to {estimate.high:.3f})"
-
-
-def _place(place: tuple[int, int]) -> str:
-    best, worst = place
-    return f"{best}" if best == worst else f"{best}-{worst}"
 
 
 def _figure(value: float) -> str:

@@ -308,14 +308,11 @@ def log_blueprint(watched: WatchedLog) -> rrb.Blueprint:
     residuals, scores = residuals_of(watched), scores_of(watched)
     roots = {name: [""] for name in [*scores, *residuals]}
     plots = judged_plots(roots, residuals, scores, "/threshold", span)
-    turned = [_log_attitude()] if set(ATTITUDE) <= set(watched.log.channels) else []
+    turned = []
+    if set(ATTITUDE) <= set(watched.log.channels):  # the aircraft as it is turned, with what was said beside it
+        angles = _attitude([sensor_entity("phi"), sensor_entity("theta")], [sensor_entity("psi")])
+        turned.append(beside(angles, event_log("/events"), "Attitude"))
     return opened(*pages, *([in_pairs(plots, "Residuals")] if plots else []), _log_sensors(watched, span), *turned)
-
-
-def _log_attitude() -> rrb.Container:
-    """Return a log's aircraft as it is turned, with what was said beside it."""
-    angles, heading = [sensor_entity("phi"), sensor_entity("theta")], [sensor_entity("psi")]
-    return beside(_attitude(angles, heading), event_log("/events"), "Attitude")
 
 
 def _log_page(watched: WatchedLog, name: str, span: Span, signals: Sequence[str]) -> rrb.Container:

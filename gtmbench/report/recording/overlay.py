@@ -129,7 +129,9 @@ def _worst(line: LineDifference) -> list[str]:
 def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
     """Return the blueprint of an overlay."""
     names = sorted({name for part in parts.values() for name in part})
-    plotted = [name for name in names if _is_line(name, parts)]
+    held = {name: [part[name][0] for part in parts.values() if name in part] for name in names}
+    charted = [name for name in names if any(len(at) and isinstance(at[0], str) for at in held[name])]
+    plotted = [name for name in names if any(len(at) > 1 for at in held[name]) and name not in charted]
     drawn = [time_s for part in parts.values() for name, (time_s, _) in part.items() if name in plotted]
     times_s = [time_s for time_s in drawn if len(time_s)]  # a difference has none where the two share no time
     shown_s = (float(min(of[0] for of in times_s)), float(max(of[-1] for of in times_s))) if times_s else (0.0, 1.0)
@@ -137,7 +139,7 @@ def _blueprint(parts: Parts, comparison: RecordingDiff) -> rrb.Blueprint:
     for name in sorted(plotted, key=_importance):
         tabs[_tab(name)].append(name)
     grids = [_grid(tab, members, parts, shown_s) for tab, members in tabs.items()]
-    charts = [chart for name in names if _is_chart(name, parts) for chart in _charts(name, parts)]
+    charts = [chart for name in charted for chart in _charts(name, parts)]
     operator = [rrb.Grid(*charts, grid_columns=2, name="operator")] if charts else []
     return opened(_front(parts, comparison, plotted, shown_s), *grids, *operator)
 
@@ -194,15 +196,6 @@ def _charts(name: Name, parts: Parts) -> list[rrb.BarChartView]:
     if name in parts["difference"]:
         charts.append(rrb.BarChartView(name=f"B - A: {_title(name)}", origin=_entity("difference", name)))
     return charts
-
-
-def _is_line(name: Name, parts: Parts) -> bool:
-    times_s = [part[name][0] for part in parts.values() if name in part]
-    return any(len(time_s) > 1 for time_s in times_s) and not _is_chart(name, parts)
-
-
-def _is_chart(name: Name, parts: Parts) -> bool:
-    return any(name in part and len(part[name][0]) and isinstance(part[name][0][0], str) for part in parts.values())
 
 
 def _importance(name: Name) -> tuple[int, Name]:

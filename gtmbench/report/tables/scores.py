@@ -72,14 +72,15 @@ def _detectors(scores: Scores) -> ScoreTable:
     places = {rank.detector: rank for rank in scores.ranks}
 
     def line(one: DetectorScores) -> Line:
-        place = places.get(one.name)
+        place, lost = places.get(one.name), one.merits.failed if one.merits else 0
+        failed = f"{counted(lost, 'trial')} failed: missed" if lost else ""
         return {
             "place": place_cell(place.best, place.worst) if place else Cell("-"),
             "detector": Cell(one.name, one.name),
             "false alarms an hour": Cell(rate_words(one.false_alarms), _key(one.false_alarms.value)),
             **_detection(one.merits),
             **_sensors(one.merits),
-            "remark": Cell("no score: " + one.no_score if one.no_score else _failed(one.merits)),
+            "remark": Cell("no score: " + one.no_score if one.no_score else failed),
         }
 
     return ScoreTable.of(
@@ -179,10 +180,6 @@ def _order(one: DetectorScores, places: Mapping[str, Rank]) -> tuple[float, floa
 def place_cell(best: int, worst: int) -> Cell:
     """Return a place, or those that are shared."""
     return Cell(f"{best}" if best == worst else f"{best}-{worst}", best + worst / 1000.0)
-
-
-def _failed(found: Merits | None) -> str:
-    return f"{counted(found.failed, 'trial')} failed: missed" if found and found.failed else ""
 
 
 def _detection(found: Merits | None) -> Line:

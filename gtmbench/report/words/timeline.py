@@ -213,21 +213,16 @@ def table_lines(rows: Sequence[SensorRow], width: int, most: int) -> list[str]:
         return []
     kept = list(rows)
     if len(kept) > most - 1:
-        weighty = sorted(range(len(kept)), key=lambda place: _weight(kept[place]))[: max(most - 2, 0)]
+        # what failed, what is suspected, not judged, clear
+        states = [next(i for i, state in enumerate((*State, "")) if row.state.startswith(state)) for row in kept]
+        weighty = sorted(range(len(kept)), key=states.__getitem__)[: max(most - 2, 0)]
         kept = [kept[place] for place in sorted(weighty)]
     left = len(rows) - len(kept)
     cells = [SensorRow(*HEAD), *kept]
     sensors = max(len(row.sensor) for row in cells)
-    states = min(max(len(row.state) for row in cells), max(_STATE_WIDTH, width // 2 - sensors))
-    lines = [
-        cut(f"{row.sensor:{sensors}}  {cut(row.state, states):{states}}  {row.why}".rstrip(), width) for row in cells
-    ]
+    wide = min(max(len(row.state) for row in cells), max(_STATE_WIDTH, width // 2 - sensors))
+    lines = [cut(f"{row.sensor:{sensors}}  {cut(row.state, wide):{wide}}  {row.why}".rstrip(), width) for row in cells]
     return [*lines, f"... and {left} more: --details"] if left else lines
-
-
-def _weight(row: SensorRow) -> int:
-    """Return how far behind a row stands where room is short: what failed, what is suspected, not judged, clear."""
-    return next(place for place, state in enumerate((*State, "")) if row.state.startswith(state))
 
 
 def cut(text: str, width: int) -> str:

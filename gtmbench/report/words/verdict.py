@@ -8,7 +8,7 @@ what, what the monitor was learnt from, and what to type next. Everything else i
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from gtmbench.checks import listed
@@ -22,7 +22,6 @@ from gtmbench.report.words.judgement import source_text, whole_text
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.other_sensors import gps_why
 from gtmbench.report.words.timeline import (
-    SensorRow,
     factors_text,
     fault_text,
     of_text,
@@ -266,18 +265,13 @@ def verdict_lines(
     if len(lines) > _LONGEST:
         lines = [*lines[: _LONGEST - 1], f"{lines[_LONGEST - 1][: width - 4].rstrip()} ..."]
     rows = timeline_rows(verdict)
-    if _all_open(rows):
-        rows = []
+    if len(rows) > 1 and len({row[1:] for row in rows}) == 1 and rows[0].state == State.NOT_JUDGED:
+        rows = []  # one reason holds for all: the first line has said it
     told = textwrap.wrap(" ".join(verdict.timeline.told), width, max_lines=1, placeholder=" ...")
     needed = [each for each in labels if each[0] == "Next"]
     lines += table_lines(rows, width, most - len(lines) - len(told) - len(needed))
     lines += told
     return [*lines, *_labelled_lines(labels, width, most - len(lines))]
-
-
-def _all_open(rows: Sequence[SensorRow]) -> bool:
-    """Whether one reason holds for all rows: the first line has said it."""
-    return len(rows) > 1 and len({row[1:] for row in rows}) == 1 and rows[0].state == State.NOT_JUDGED
 
 
 def _labelled_lines(labels: Sequence[tuple[str, str]], width: int, most: int | None) -> list[str]:
@@ -367,7 +361,8 @@ def _learnt(watched: WatchedLog) -> list[str]:
         chosen = ", assumed healthy" if watched.is_assumed_healthy else ""
         failed = {name for name, each in watched.verdict.failed for span in spans if each.meets(*span)}
         chosen = f", in which {_listed(sorted(failed))} failed" if failed else chosen
-        return [f"{_spans(spans)} of this log{chosen} ({title})."]
+        told = _listed([f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans])
+        return [f"{told} of this log{chosen} ({title})."]
     logs = monitor.provenance.get("logs")
     named = [str(log.get("name")) for log in logs if isinstance(log, dict)] if isinstance(logs, list) else []
     return [f"{_listed(named)} ({title})." if named else f"{capitalised(title)} came calibrated."]
@@ -414,10 +409,6 @@ def _next(watched: WatchedLog) -> list[str]:
     if watched.verdict.outcome is Outcome.FAILED:
         return ["--report F.html or --record F.rrd shows it; --details for the rest."]
     return ["--details for every span, with the sizes that would show."]
-
-
-def _spans(spans: Iterable[Span]) -> str:
-    return _listed([f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans])
 
 
 def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
