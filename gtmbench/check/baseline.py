@@ -18,8 +18,20 @@ from pathlib import Path
 from typing import Any
 
 from gtmbench.check.compare import Recorded, pairs
-from gtmbench.check.figures import FigureGroup, Value, history_path, log_paths, new_logs, texts_of, trial_names
-from gtmbench.check.rules import KINDS, OF_LOGS, RULES, Tolerance, parse_tolerance
+from gtmbench.check.figures import (
+    KINDS,
+    OF_LOGS,
+    RULES,
+    FigureGroup,
+    Tolerance,
+    Value,
+    history_path,
+    log_paths,
+    new_logs,
+    parse_tolerance,
+    texts_of,
+    trial_names,
+)
 from gtmbench.checks import boolean, keys, meant, naming, number, printable, shown, table_of, text, whole
 from gtmbench.errors import InputError, NoteWarning
 from gtmbench.files.disk import LARGEST_TOML_BYTES, atomic_write, is_file, read_toml

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 
-from gtmbench.check.figures import FigureGroup, Value
-from gtmbench.check.rules import RULES, Rule, Tolerance
+from gtmbench.check.figures import RULES, FigureGroup, Rule, Tolerance, Value
 from gtmbench.errors import InputError
 
 Recorded = Mapping[str, Mapping[str, Mapping[str, Value]]]  # by kind, name and figure, as the tables of the file

@@ -315,7 +315,7 @@ def _fly_twice(
     from gtmbench.detectors.monitor_file import load_monitor
     from gtmbench.faults.kinds.shaping import SignFlip
     from gtmbench.report.figures.rescue import rescue_figure
-    from gtmbench.report.recording.rescue import write_rescue_recording
+    from gtmbench.report.recording.flight import write_rescue_recording
     from gtmbench.report.tables.results import event_rows
     from gtmbench.report.words.study import rescue_verdict
     from gtmbench.study.rescue import fly_rescue

@@ -5,8 +5,7 @@ import math
 from gtmbench.check.baseline import find_baseline, renewed
 from gtmbench.check.check import changed_rows, regression_line
 from gtmbench.check.compare import Compared, Pair, compare
-from gtmbench.check.figures import FigureGroup, figures_of, rounded, trial_names
-from gtmbench.check.rules import Tolerance, parse_tolerance
+from gtmbench.check.figures import FigureGroup, Tolerance, figures_of, parse_tolerance, rounded, trial_names
 from gtmbench.study.run import run_study
 from gtmbench.study.scenario import load_scenario
 

@@ -25,8 +25,7 @@ from gtmbench.check.baseline import (
 )
 from gtmbench.check.check import check, run_reference
 from gtmbench.check.compare import pairs
-from gtmbench.check.figures import FigureGroup, rounded
-from gtmbench.check.rules import KINDS, OF_LOGS, RULES
+from gtmbench.check.figures import KINDS, OF_LOGS, RULES, FigureGroup, rounded
 from gtmbench.detectors.registry import find_detector
 from gtmbench.files.disk import LARGEST_TOML_BYTES
 from gtmbench.files.shipped import shipped_baselines

@@ -3,10 +3,9 @@
 import numpy as np
 
 from gtmbench.history.entry import Constant, Entry
-from gtmbench.history.explanations import explanations_of
 from gtmbench.history.overview import Trend, trend_text, trends_of
 from gtmbench.history.spread import Prediction, alike_of, fitted, predicted
-from gtmbench.history.standing import reads_text
+from gtmbench.history.standing import explanations_of, reads_text
 
 
 def test_explanations_of():
