@@ -158,6 +158,7 @@ def _lines(
     without: Sequence[str],
 ) -> Iterator[str]:
     from gtmbench.report.words.judgement import fault_text
+    from gtmbench.report.words.units import first_few
 
     for fault in faults:
         until = "to the end" if fault.duration_s is None else f"to {fault.onset_s + fault.duration_s:g} s"
@@ -167,6 +168,5 @@ def _lines(
         when = "" if column.first_s is None else f", from {column.first_s:.10g} to {column.last_s:.10g} s"
         yield f"{column.channel}, column '{column.column}': {column.changed} of {column.samples} samples changed{when}"
     if without:
-        more = f" and {len(without) - _MOST_NAMED} more" if len(without) > _MOST_NAMED else ""
-        yield f"left out, for this format is only read: {', '.join(without[:_MOST_NAMED])}{more}"
+        yield f"left out, for this format is only read: {first_few(without, _MOST_NAMED)}"
     yield f"broken log: {out}    watch it: gtmbench monitor {out}"

@@ -25,8 +25,8 @@ from gtmbench.report.words.judgement import alarm_text, source_text, whole_text
 from gtmbench.report.words.monitor import facts, isolation_lines, origin_text, title_text
 from gtmbench.report.words.other_sensors import estimator_lines, gps_lines, sensor_lines
 from gtmbench.report.words.timeline import span_lines
-from gtmbench.report.words.units import counted, duration_text, per_second, with_unit
-from gtmbench.report.words.verdict import guessed_options, summary_lines
+from gtmbench.report.words.units import counted, duration_text, first_few, per_second, with_unit
+from gtmbench.report.words.verdict import summary_lines
 from gtmbench.study.log.claims import began_s
 from gtmbench.study.log.self_check.explained import ExplainedMotion
 from gtmbench.study.log.watched import WatchedLog
@@ -84,12 +84,13 @@ def _alarms_text(watched: WatchedLog) -> str:
 def _log_lines(log: FlightLog) -> list[str]:
     first, last = log.segments[0], log.segments[-1]
     length_s = sum(segment.end_s - segment.start_s for segment in log.segments)
+    options = [source.option for source in log.sources if source.guessed and source.column]
     parts = f", {len(log.segments)} segments of {length_s:.2f} s in all" if len(log.segments) > 1 else ""
     return [
         f"{log.path.name}: {_span((first.start_s, last.end_s))}, every {log.sample_period_s:g} s{parts}",
         f"channels: {', '.join(with_unit(name, unit_of(name)) for name in log.channels)}",
         *log.method,
-        *(f"to state what was guessed: gtmbench monitor {log.path} {typed}" for typed in guessed_options(log)),
+        *([f"to state what was guessed: gtmbench monitor {log.path} {' '.join(options)}"] if options else []),
     ]
 
 
@@ -157,9 +158,8 @@ def _span(span: Span) -> str:
 
 def _spans(spans: Sequence[Span]) -> str:
     """Write spans, of many the first, and how long they are in all."""
-    more = f" and {len(spans) - _MOST_SPANS} more" if len(spans) > _MOST_SPANS else ""
     total = f"; {sum(end_s - start_s for start_s, end_s in spans):.2f} s in all" if len(spans) > 1 else ""
-    return ", ".join(map(_span, spans[:_MOST_SPANS])) + more + total
+    return first_few([_span(span) for span in spans], _MOST_SPANS) + total
 
 
 def _monitor_lines(watched: WatchedLog) -> list[str]:

@@ -20,7 +20,7 @@ from gtmbench.detectors.surfaces.thrust import STEP_PERCENT, THROTTLE
 from gtmbench.detectors.windowed_norm import NormMonitor
 from gtmbench.files.plain import exact, finite_or_none
 from gtmbench.method.pseudo_inputs import PSEUDO_INPUTS
-from gtmbench.report.words.units import counted, duration_text, or_dash
+from gtmbench.report.words.units import counted, duration_text, first_few, or_dash
 from gtmbench.values.channels import COMMANDS, GYROS, SURFACES, unit_of
 
 _OPERATOR = (
@@ -229,8 +229,7 @@ def _origin(known: Mapping[str, Any]) -> str:
             + (f", {known['in_the_loop']} in the loop" if "in_the_loop" in known else "")
         )
     if source == "logs" and isinstance(logs, list) and all(isinstance(log, dict) for log in logs):
-        more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
-        return f"{', '.join(str(log.get('name')) for log in logs[:5])}{more}"
+        return first_few([str(log.get("name")) for log in logs], 5)
     return f"{count} records"
 
 

@@ -13,7 +13,7 @@ from gtmbench.detectors.isolation.fitter import UNKNOWN
 from gtmbench.report.log_findings import reported_sensors
 from gtmbench.report.words.judgement import kind_text
 from gtmbench.report.words.other_sensors import NAMES
-from gtmbench.report.words.units import beside_text, clock_text, time_text
+from gtmbench.report.words.units import beside_text, clock_text, first_few, time_text
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
 from gtmbench.verdict.timeline import SensorSpan, Sizes, State, Timeline
@@ -181,7 +181,7 @@ def _short_spans(spans: Sequence[SensorSpan], whole_s: Span) -> str:
         else f"{clock_text(each.start_s).removesuffix(' s')}-{clock_text(each.end_s)}"
         for each in spans
     ]
-    return ", ".join(told[:_MOST]) + (f" and {len(told) - _MOST} more" if len(told) > _MOST else "")
+    return first_few(told, _MOST)
 
 
 def reasons_of(verdict: LogVerdict, sensor: str) -> tuple[str, ...]:

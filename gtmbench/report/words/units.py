@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -72,6 +73,12 @@ def or_dash(value: float | None, form: str) -> str:
 def counted(count: int, what: str, several: str = "") -> str:
     """Write how many there are."""
     return f"{count:,} {what if count == 1 else several or what + 's'}"
+
+
+def first_few(told: Sequence[str], most: int, between: str = ", ") -> str:
+    """Write a list; of a long one the first, and how many more there are."""
+    more = f" and {len(told) - most} more" if len(told) > most else ""
+    return f"{between.join(told[:most])}{more}"
 
 
 HOUR_S = 3600.0

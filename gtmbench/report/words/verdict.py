@@ -33,7 +33,7 @@ from gtmbench.report.words.timeline import (
     when_text,
     wrapped,
 )
-from gtmbench.report.words.units import capitalised, counted, duration_text, stamped_text, time_text
+from gtmbench.report.words.units import capitalised, counted, duration_text, first_few, stamped_text, time_text
 from gtmbench.study.log.watched import WatchedLog
 from gtmbench.values.channels import GYROS, unit_of
 from gtmbench.values.record import Span
@@ -101,11 +101,12 @@ def _accusations_text(verdict: LogVerdict) -> str:
 def _accusations(verdict: LogVerdict) -> list[_Accusation]:
     """Return failures and suspicions in time, alike ones once; of sensors not asked where no asked one may have."""
     found: dict[tuple[str, str, str], list[Span]] = {}
-    for sensor, span in verdict.failed:
-        _add(found, _failure(sensor, span), span)
+    told = [(_failure(sensor, span), span) for sensor, span in verdict.failed]
     for sensor, span in verdict.suspected:
         if sensor in verdict.scope.sensors or _is_among_others(verdict, span):
-            _add(found, _suspicion(span.suspects or (sensor,), span), span)
+            told.append((_suspicion(span.suspects or (sensor,), span), span))
+    for words, span in told:
+        found.setdefault(words, []).append((span.start_s, span.end_s))
     made = [_Accusation(who, verb, tuple(union(spans)), how) for (who, verb, how), spans in found.items()]
     return sorted(made, key=lambda each: each.spans[0])
 
@@ -115,10 +116,6 @@ def _is_among_others(verdict: LogVerdict, span: SensorSpan) -> bool:
     others = {*verdict.timeline.sensors} - {*verdict.scope.sensors}
     has_kind = span.judgement is not None and bool(span.judgement.kind)
     return has_kind and len(span.suspects) == 2 and {*span.suspects} <= others
-
-
-def _add(found: dict[tuple[str, str, str], list[Span]], words: tuple[str, str, str], span: SensorSpan) -> None:
-    found.setdefault(words, []).append((span.start_s, span.end_s))
 
 
 def _failure(sensor: str, span: SensorSpan) -> tuple[str, str, str]:
@@ -378,10 +375,10 @@ def _read_as(watched: WatchedLog) -> list[str]:
             columns.setdefault(table, []).append(source.channel)
     from_ = [f"{', '.join(names)} from {table}" if table else ", ".join(names) for table, names in columns.items()]
     what = "; ".join(from_) or ", ".join(own)
-    return [*guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
+    return [*_guessed_text(log), f"{what}; {1.0 / log.sample_period_s:.4g} Hz."]
 
 
-def guessed_text(log: FlightLog) -> list[str]:
+def _guessed_text(log: FlightLog) -> list[str]:
     """Say what was guessed of a log's columns, and by what, in one sentence; nothing where nothing was."""
     by_reason: dict[tuple[str, str], list[str]] = {}
     for source in log.sources:
@@ -391,12 +388,6 @@ def guessed_text(log: FlightLog) -> list[str]:
             )
     told = [f"{', '.join(names)} in {unit} by {why}" for (unit, why), names in by_reason.items()]
     return [f"Guessed: {'; '.join(told)}."] if told else []
-
-
-def guessed_options(log: FlightLog) -> list[str]:
-    """Return what to type for a log to be read so without a guess, in one line; none where nothing was guessed."""
-    options = [source.option for source in log.sources if source.guessed and source.column]
-    return [" ".join(options)] if options else []
 
 
 def _next(watched: WatchedLog) -> list[str]:
@@ -411,6 +402,5 @@ def _next(watched: WatchedLog) -> list[str]:
     return ["--details for every span, with the sizes that would show."]
 
 
-def _listed(names: Sequence[str], word: str = "and", most: int = _MOST + 1) -> str:
-    """Write a list: ``p, q or phi``; of a long one how many more there are."""
-    return f"{', '.join(names[:most])} and {len(names) - most} more" if len(names) > most else listed(names, word)
+def _listed(names: Sequence[str]) -> str:
+    return first_few(names, _MOST + 1) if len(names) > _MOST + 1 else listed(names)
