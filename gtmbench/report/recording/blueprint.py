@@ -71,7 +71,10 @@ def plot(
 
     Entities that are `told_apart` have a colour each in this plot, whatever theirs is elsewhere.
     """
-    axis = shown_s if isinstance(shown_s, rrb.TimeAxis) else _time_axis(_with_room(shown_s) if legend else shown_s)
+    if isinstance(shown_s, rrb.TimeAxis):
+        axis = shown_s
+    else:
+        axis = _time_axis((shown_s[0] - legend * _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]))
     return rrb.TimeSeriesView(
         name=name,
         origin="/",
@@ -81,10 +84,6 @@ def plot(
         axis_y=rrb.ScalarAxis(range=(0.0, top)) if top else None,
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop, visible=legend),
     )
-
-
-def _with_room(shown_s: Span) -> Span:
-    return shown_s[0] - _LEGEND * (shown_s[1] - shown_s[0]), shown_s[1]
 
 
 def shown(entities: Sequence[str]) -> list[str]:

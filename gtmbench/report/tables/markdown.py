@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from gtmbench.report.words.units import padded
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -26,8 +28,6 @@ def markdown(frame: pd.DataFrame) -> str:
     """Return a frame as a Markdown table, its columns aligned so that a terminal shows it, too."""
     head = [str(name) for name in frame.columns]
     rows = [[str(value) for value in row] for row in frame.to_numpy(dtype=object)]
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [head, ["-" * width for width in widths], *rows]
-    return "\n".join(
-        "| " + " | ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)) + " |" for line in lines
-    )
+    head, *rows = padded([head, *rows])
+    lines = [head, ["-" * len(cell) for cell in head], *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from gtmbench.checks import listed
 from gtmbench.faults.registry import how_of, loaded_faults
-from gtmbench.report.words.units import duration_text, per_second
+from gtmbench.report.words.units import duration_text, padded, per_second
 from gtmbench.study.log.certificate import SHARE, Certificate, SmallestSeen
 from gtmbench.values.attitude import FASTEST_S, SLOWEST_S
 from gtmbench.values.channels import unit_of
@@ -54,8 +52,8 @@ def certificate_lines(certificate: Certificate) -> list[str]:
     table = certificate_table(certificate)
     if not table:
         return []
-    notes = [f"  {note}" for note in certificate_notes(certificate)]
-    return [f"{certificate_title(certificate)}:", *_aligned(table), *notes]
+    lines = ["  ".join(line).rstrip() for line in padded(table)]
+    return [f"{certificate_title(certificate)}:", *(f"  {line}" for line in [*lines, *certificate_notes(certificate)])]
 
 
 def certificate_title(certificate: Certificate) -> str:
@@ -103,13 +101,6 @@ def unit_text(row: SmallestSeen) -> str:
     size = next(each for each in cls.parameters() if cls.shape is not None and each.name == cls.shape.figure)
     unit = unit_of(row.sensor) if size.unit is None else size.unit
     return per_second(unit) if size.per_second else unit
-
-
-def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(line[i]) for line in table) for i in range(len(table[0]))]
-    return [
-        "  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in table
-    ]
 
 
 def _share(share: float) -> str:

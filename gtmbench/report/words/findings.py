@@ -49,7 +49,9 @@ def _rows(judged: Judged | CourseJudged | None) -> list[tuple[str, ...]]:
         (
             f"{each.onset_s:.1f}",
             f"{each.end_s:.1f}",
-            each.best.kind if each.best.is_healthy else f"{each.best.suspect}: {_fault(each)}",
+            each.best.kind
+            if each.best.is_healthy
+            else f"{each.best.suspect}: {fault_text(each.best.suspect, judgement_of(each, each.end_s))}",
             chances_text(each),
             "; ".join(f"{titles[name].title(channel)} ({nats:.0f} nats)" for name, channel, nats in each.shown_by),
             _why_nobody(each),
@@ -79,10 +81,6 @@ def chances_text(finding: Finding) -> str:
         of = f" of {suspect}" if gyro_and_imu(suspect)[0] in _SENSORS else ""
         told.append(f"{kind.replace('_', ' ')}{of} {percent_text(chance)}")
     return ", ".join(told)
-
-
-def _fault(finding: Finding) -> str:
-    return fault_text(finding.best.suspect, judgement_of(finding, finding.end_s))
 
 
 def _why_nobody(finding: Finding) -> str:

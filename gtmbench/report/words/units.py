@@ -81,6 +81,12 @@ def first_few(told: Sequence[str], most: int, between: str = ", ") -> str:
     return f"{between.join(told[:most])}{more}"
 
 
+def padded(table: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return the rows of a table, the cells of a column of one width."""
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return [[cell.ljust(width) for cell, width in zip(line, widths, strict=True)] for line in table]
+
+
 HOUR_S = 3600.0
 _DAY = re.compile(r"^\S+ (?=\d)")
 _MOST = 3  # failures whose stamps are told
