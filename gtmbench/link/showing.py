@@ -220,7 +220,7 @@ class _Drawing:
         import rerun as rr
 
         from gtmbench.report.recording.live import LiveRecording
-        from gtmbench.report.viewer import opened_viewer
+        from gtmbench.report.recording.read import opened_viewer
 
         self._stream = rr.RecordingStream("gtmbench")
         if self._path is None:

@@ -21,8 +21,8 @@ from gtmbench.detectors.bank.composed import AUTO
 from gtmbench.detectors.registry import prepared
 from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.faults.registry import loaded_faults
-from gtmbench.files.arrow_table import Column, Row, table_of
 from gtmbench.files.disk import is_file, is_pattern
+from gtmbench.files.plain import Column, Row, table_of
 from gtmbench.files.seals import file_digest
 from gtmbench.files.shipped import code_facts
 from gtmbench.imports import digests_of, files_of, load_files

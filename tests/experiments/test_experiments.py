@@ -22,8 +22,8 @@ from gtmbench.errors import InputError
 from gtmbench.faults.registry import FAULTS
 from gtmbench.files.folders import SUMS
 from gtmbench.files.shipped import source_digest
-from gtmbench.report.figures.delays import delay_figure
 from gtmbench.report.figures.panels import panels
+from gtmbench.report.figures.scores import delay_figure
 from gtmbench.study.scores.intervals import exact_interval
 from gtmbench.testing.mechanisms import MECHANISMS
 from studies.conduct import Findings, conducted

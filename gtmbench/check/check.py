@@ -1,34 +1,73 @@
-"""What a check says: as lines for people, as JSON, and as JUnit XML, which CI systems show."""
+"""A check: what a baseline names is run and held against it; what that says as lines, JSON, and JUnit XML."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from gtmbench.check.baseline import Reference
-from gtmbench.check.compare import Compared, Number, Pair
-from gtmbench.check.figures import FigureGroup
-from gtmbench.check.reference_run import Check
-from gtmbench.checks import printable
+from gtmbench.check.compare import Compared, Number, Pair, compare
+from gtmbench.check.figures import FigureGroup, figures_of, log_groups
+from gtmbench.checks import naming, printable
+from gtmbench.detectors.bank.composed import AUTO
+from gtmbench.detectors.protocol import Detector, Monitor
 from gtmbench.files.disk import atomic_write
 from gtmbench.files.plain import finite_or_none
+from gtmbench.jobs.progress import Progress, silent
 from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.tables.results import versions
+from gtmbench.study.run import run_study
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """A baseline, held against a run."""
+
+    reference: Reference
+    groups: tuple[FigureGroup, ...]  # what the run gave
+    compared: tuple[Compared, ...]  # every figure beside the recorded one
+
+    @property
+    def regressions(self) -> list[Compared]:
+        """The figures that are worse than allowed, the furthest beyond its tolerance first."""
+        return sorted((figure for figure in self.compared if figure.regressed), key=lambda figure: -figure.excess)
+
+    @property
+    def better(self) -> list[Compared]:
+        """The figures that are better than recorded by more than the tolerance."""
+        return [figure for figure in self.compared if figure.better]
+
+
+def run_reference(
+    reference: Reference, *, detector: Detector | Monitor | None = None, progress: Progress = silent
+) -> tuple[FigureGroup, ...]:
+    """Run what a baseline names and return its figures; `detector`: what goes by the name that the baseline states."""
+    watcher = reference.detector if detector is None else detector
+    groups: list[FigureGroup] = []
+    if reference.scenarios:
+        watches = [] if watcher is None else [watcher]
+        groups += figures_of(run_study(reference.scenarios, detectors=watches, seed=reference.seed, progress=progress))
+    if reference.logs:
+        how = {"history": reference.history, "aircraft_id": reference.aircraft_id, "mapping": reference.mapping}
+        groups += log_groups(reference.logs, watcher or AUTO, progress, **how)
+    return tuple(groups)
+
+
+def check(reference: Reference, groups: Sequence[FigureGroup]) -> Check:
+    """Hold the figures of a run against a baseline."""
+    with naming(reference.path):
+        compared = compare(reference.recorded, groups, reference.tolerances)
+    return Check(reference=reference, groups=tuple(groups), compared=compared)
 
 
 def regression_line(figure: Compared) -> str:
-    """Write a regression: which figure, what it was, what it is, and what is allowed.
-
-    >>> figure = Compared(group="drift of p", figure="delay_s", at="", was=91.55, now=97.2, low=-math.inf, high=93.381,
-    ...                   unit="s", remark="", better=False, explained=False)
-    >>> regression_line(figure)
-    'drift of p, delay: was 91.55, is 97.2, allowed up to 93.381 s'
-    """
+    """Write a regression: which figure, what it was, what it is, and what is allowed."""
     said = f" ({figure.remark})" if figure.remark and figure.rule.form == "flag" else ""
     return f"{figure.text}: was {shown(figure.was)}, is {shown(figure.now)}, allowed {_allowed(figure)}{said}"
 
@@ -43,12 +82,17 @@ def check_verdict(check: Check) -> str:
 
 def check_lines(check: Check) -> list[str]:
     """Return what a check says: the verdict, then the regressions, the worst of them on top."""
+    command, advice = f"gtmbench check {check.reference.path} --update", []
+    if check.regressions:
+        advice = [f"if that is what the change is meant to do: {command}"]
+    elif check.better:
+        advice = [f"to hold what is better from now on: {command}"]
     return [
         check_verdict(check),
         *map(regression_line, check.regressions),
         *_better_lines(check.better),
         *(f"not as expected: {line}" for group in check.groups for line in _unexpected(group)),
-        *_advice(check),
+        *advice,
     ]
 
 
@@ -58,14 +102,7 @@ def _unexpected(group: FigureGroup) -> list[str]:
 
 
 def changed_rows(pairs: Iterable[Pair]) -> list[list[str]]:
-    """Return rows of what differs: figure, was, is, in which unit; of a list, where it differs most, and in how many.
-
-    >>> from gtmbench.check.compare import Pair
-    >>> pairs = [Pair(group="healthy E(k) of r", figure="windows", at=f"window {i}", was=1.0, now=now, unit="deg/s",
-    ...               remark="", explained=False) for i, now in enumerate([1.0, 1.5, 4.0])]
-    >>> changed_rows(pairs)
-    [['healthy E(k) of r, window 2, max (2 of 3 changed)', '1', '4', 'deg/s']]
-    """
+    """Return rows of what differs: figure, was, is, unit; of a list, where it differs most, and in how many."""
     rows = []
     for _, entries in groupby(pairs, lambda pair: (pair.group, pair.figure)):
         several = list(entries)
@@ -106,13 +143,6 @@ def _better_lines(better: list[Compared]) -> list[str]:
     return lines
 
 
-def _advice(check: Check) -> list[str]:
-    command = f"gtmbench check {check.reference.path} --update"
-    if check.regressions:
-        return [f"if that is what the change is meant to do: {command}"]
-    return [f"to hold what is better from now on: {command}"] if check.better else []
-
-
 def _difference(pair: Pair) -> float:
     difference = math.inf if pair.was is None or pair.now is None else abs(pair.now - pair.was)
     return math.inf if math.isnan(difference) else difference
@@ -123,12 +153,12 @@ def check_results(check: Check) -> dict[str, Any]:
     own = {
         **_origin(check.reference),
         "passed": not check.regressions,
-        "better": list(map(_compared, check.better)),
-        "figures": list(map(_compared, check.compared)),
+        "better": list(map(_compared_row, check.better)),
+        "figures": list(map(_compared_row, check.compared)),
         "unexpected": [line for group in check.groups for line in _unexpected(group)],
         "versions": versions(),
     }
-    worse = [{"text": regression_line(figure), **_compared(figure)} for figure in check.regressions]
+    worse = [{"text": regression_line(figure), **_compared_row(figure)} for figure in check.regressions]
     return envelope("check", check_verdict(check), own, exit_code=int(bool(worse)), findings=worse)
 
 
@@ -144,7 +174,7 @@ def update_verdict(reference: Reference, pairs: Sequence[Pair]) -> str:
 def update_results(reference: Reference, pairs: Sequence[Pair]) -> dict[str, Any]:
     """Return what a new baseline changes as one JSON-ready object; None: there is no such figure."""
     changed = [
-        {"text": f"{pair.text}: was {shown(pair.was)}, is {shown(pair.now)}", **_pair(pair)}
+        {"text": f"{pair.text}: was {shown(pair.was)}, is {shown(pair.now)}", **_pair_row(pair)}
         for pair in pairs
         if pair.changed
     ]
@@ -162,12 +192,12 @@ def _origin(reference: Reference) -> dict[str, Any]:
     }
 
 
-def _compared(figure: Compared) -> dict[str, Any]:
+def _compared_row(figure: Compared) -> dict[str, Any]:
     allowed = {"allowed_from": finite_or_none(figure.low), "allowed_to": finite_or_none(figure.high)}
-    return {**_pair(figure), **allowed, "remark": figure.remark}
+    return {**_pair_row(figure), **allowed, "remark": figure.remark}
 
 
-def _pair(pair: Pair) -> dict[str, Any]:
+def _pair_row(pair: Pair) -> dict[str, Any]:
     return {
         "group": pair.group,
         "figure": pair.figure,

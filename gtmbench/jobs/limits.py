@@ -1,7 +1,8 @@
-"""A limit on how long some work may take, by the clock: whatever hangs is ended, and what it was writing vanishes."""
+"""What work may take: threads of OpenBLAS, one unless somebody asks for more, and time by the clock."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Iterator
@@ -9,6 +10,25 @@ from contextlib import contextmanager
 
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError
+
+_THREADS = "OPENBLAS_NUM_THREADS"
+
+
+def one_thread() -> None:
+    """Let OpenBLAS use one thread in this process, if NumPy isn't loaded yet, and in those that it starts."""
+    os.environ.setdefault(_THREADS, "1")
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Let it use one in the processes that start meanwhile."""
+    asked = os.environ.get(_THREADS)
+    one_thread()
+    try:
+        yield
+    finally:
+        if asked is None:
+            os.environ.pop(_THREADS, None)
 
 
 class _TimeIsUpError(BaseException):
