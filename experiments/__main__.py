@@ -69,17 +69,17 @@ def section(name: str, title: str, results: Results) -> str:
     for row in differing:
         cells = (row["result"], short(row["printed"]), short(row["ours"]), row["note"])
         lines.append(f"| {' | '.join(map(plain, cells))} |")
-    for agreement in (AGREES, NOT_PRINTED):
-        rows = [row for row in results["rows"] if row["agreement"] == agreement]
-        ours = [f": {short(row['ours'])}" if agreement == NOT_PRINTED else "" for row in rows]
-        said = [
-            plain(row["result"] + each + " (note)" * bool(row["note"])) for row, each in zip(rows, ours, strict=True)
-        ]
-        lines += ["", f"**{agreement.capitalize()}**: {' · '.join(said)}." if said else ""]
+    agreeing, unprinted = (
+        [row for row in results["rows"] if row["agreement"] == each] for each in (AGREES, NOT_PRINTED)
+    )
+    lines += ["", f"**Agrees**: {' · '.join(plain(row['result']) for row in agreeing)}."] if agreeing else []
+    if unprinted:
+        digits = f"[results.json](../../experiments/reports/{name}/results.json)"
+        lines += ["", f"**Not printed** in the dissertation: {len(unprinted)}, in {digits}."]
     figures = [
         f"[{figure.removesuffix('.png')}](../../experiments/reports/{name}/{figure})" for figure in results["figures"]
     ]
-    return "\n".join([*lines, "", f"Figures: {', '.join(figures)}." if figures else "", ""])
+    return "\n".join([*lines, "", f"Figures: {', '.join(figures)}.", ""])
 
 
 def overview(parts: dict[str, Results]) -> str:
@@ -87,8 +87,8 @@ def overview(parts: dict[str, Results]) -> str:
     said = tally(row["agreement"] for results in parts.values() for row in results["rows"])
     figures = sum(len(results["figures"]) for results in parts.values())
     return (
-        f"**Of the rows, {said}**; {figures} figures. All digits stand in `reports/NAME/results.json`, and so "
-        "do both figures where rows agree, and all notes, such as a choice that was made after trying.\n\n"
+        f"**Of the rows, {said}**; {figures} figures. A part's `results.json` has all digits, and the notes, such as "
+        "a choice that was made after trying.\n\n"
     )
 
 
