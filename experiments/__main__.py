@@ -98,7 +98,7 @@ def overview(parts: dict[str, Results]) -> str:
     figures = sum(len(results["figures"]) for results in parts.values())
     return (
         f"**Of the rows, {said}**; {figures} figures. All digits, what isn't printed, and the notes, such as a choice "
-        "that was made after trying, stand in `experiments/reports/NAME/results.json`.\n\n"
+        "that was made after trying, stand in `reports/NAME/results.json`.\n\n"
     )
 
 

@@ -3,7 +3,6 @@
 import re
 import runpy
 import shlex
-import subprocess
 import sys
 from dataclasses import fields
 from types import ModuleType
@@ -27,8 +26,7 @@ PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if "generated" n
 OF_ROOT = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")]
 
 
-TUTORIAL = ROOT / "docs/tutorial/in_python.md"
-SCRIPTS = [page for page in PAGES if blocks(page, "python") and page != TUTORIAL]
+SCRIPTS = [page for page in PAGES if blocks(page, "python")]
 
 
 @pytest.mark.nightly
@@ -50,15 +48,6 @@ def test_its_python_runs(page, tmp_path, monkeypatch, capsys):
         assert alarms[0] == alarms[1], "the stream's first alarm is the batch's"
     if page.stem == "detectors":
         assert re.search(r"^0 \d+\.\d+ q alarm$", out, flags=re.MULTILINE)
-
-
-@pytest.mark.nightly
-def test_the_tutorials_python_runs_in_a_new_interpreter(tmp_path):
-    script = "\n".join(blocks(TUTORIAL, "python"))
-    run = subprocess.run(
-        [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert (run.returncode, run.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "sh")], ids=lambda page: page.stem)
