@@ -1,13 +1,15 @@
-"""Arrays in a tree, as MATLAB, HDF5 and NumPy keep them: those of as many rows are a table."""
+"""Arrays in a tree, as MATLAB, HDF5 and NumPy keep them: those of as many rows are a table. NumPy's own files."""
 
 from __future__ import annotations
 
 import os
 import re
+import zipfile
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,8 @@ from numpy.typing import NDArray
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.apart import Arrays
-from gtmbench.intake.formats.limits import MOST_COLUMNS
-from gtmbench.intake.formats.raw import RawLog, RawSeries
+from gtmbench.intake.formats.limits import MOST_COLUMNS, check_unpacked, check_values, reading
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries
 
 _FEWEST = 20  # rows of a table
 _MOST_BESIDE = 64  # columns of an array
@@ -131,3 +133,48 @@ def _clocks(rows: int, paths: Sequence[str], columns: Mapping[str, list[tuple[st
 
 def _unit(values: NDArray[Any]) -> str:
     return "s" if values.dtype.kind == "M" else ""
+
+
+_ARCHIVE = "NumPy archive"
+
+
+def read_numpy(path: Path, part: str = "") -> RawLog:
+    """Read an archive's arrays, fields of a structured one as arrays of their own; objects are left out, unopened."""
+    with reading(path, _ARCHIVE), path.open("rb") as file:
+        if file.read(2) != b"PK":
+            file.seek(0)
+            return log_of_arrays("NumPy array", _fields("", np.load(file, allow_pickle=False)), part)
+        arrays: Arrays = {}
+        left_out = []
+        with zipfile.ZipFile(file) as archive:
+            check_unpacked(sum(member.file_size for member in archive.infolist()), path)
+            for name in archive.namelist():
+                if name.endswith(".npy"):
+                    with archive.open(name) as member:
+                        version = np.lib.format.read_magic(member)
+                        read_header = getattr(np.lib.format, f"read_array_header_{version[0]}_0")
+                        shape, _, dtype = read_header(member)
+                    check_values(float(np.prod(shape, dtype=float)), f"its array '{name[:-4][:60]}'")
+                    if dtype.hasobject:
+                        left_out.append(name[:-4])
+                        continue
+                    with archive.open(name) as member:
+                        arrays |= _fields(name[:-4], np.lib.format.read_array(member, allow_pickle=False))
+        notes = [f"left out, pickled objects: {', '.join(left_out[:12])}"] if left_out else []
+        return log_of_arrays(_ARCHIVE, arrays, part, notes=notes)
+
+
+def _fields(name: str, array: np.ndarray) -> Arrays:
+    if array.dtype.names is None:
+        return {name or "array": array}
+    return {f"{name}/{field}".strip("/"): array[field] for field in array.dtype.names}
+
+
+FORMAT = Format(
+    name="NumPy (.npz)",
+    magic=(b"\x93NUMPY",),
+    pattern=rb"PK\x03\x04.{26}[^\x00/]{1,200}\.npy",
+    suffixes=(".npz", ".npy"),
+    read=read_numpy,
+    has_parts=True,
+)

@@ -32,8 +32,7 @@ from gtmbench.intake.formats.limits import (
     reading,
 )
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
-from gtmbench.intake.formats.rosbag import define, numbers_of
+from gtmbench.intake.formats.rosbag import IMU_SCHEMAS, NOTE, ORIENTATION, define, numbers_of, topic_series
 
 _DEPTH = 8  # of objects in objects
 _MOST_ITEMS = 64  # of a list that becomes columns

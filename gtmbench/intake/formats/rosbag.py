@@ -10,7 +10,7 @@ import keyword
 import re
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from operator import attrgetter
@@ -18,13 +18,30 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.apart import Arrays, read_apart
+from gtmbench.intake.formats.dialects import lines_of, meant
 from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.ros import IMU_SCHEMAS, NOTE, ORIENTATION, topic_series
+
+IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
+NOTE = "sensor_msgs/Imu: units and axes of REP 103 (forward, left, up), turned to forward, right, down"
+ORIENTATION = tuple(f"orientation.{axis}" for axis in "xyzw")
+Load = Callable[[], NDArray[np.float64]]
+
+
+def topic_series(topic: str, columns: Mapping[str, Load], *, is_imu: bool) -> list[RawSeries]:
+    """Return a topic's columns; of an Imu's with what they mean, and the angles of its orientation."""
+    series = [
+        RawSeries(name=f"{topic}.{field}", load=load, clock=topic)
+        for field, load in columns.items()
+        if not field.startswith("header.stamp.")
+    ]
+    return [*meant(series, lines_of("ROS"))] if is_imu else series
+
 
 _STAMP = "header.stamp"
 _DEPTH = 5  # of messages in messages

@@ -15,11 +15,8 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg, in_seconds
-from gtmbench.intake.formats.rflymad_injections import rflymad_injections
-from gtmbench.intake.formats.ulog_complaints import ulog_complaints
-from gtmbench.intake.formats.ulog_events import ulog_events
+from gtmbench.intake.formats.ulog_events import ulog_complaints, ulog_events
 from gtmbench.intake.formats.ulog_injections import ulog_injections
-from gtmbench.intake.injections import Injection
 from gtmbench.values.clock import FloatArray
 
 
@@ -99,12 +96,8 @@ def read_ulog(path: Path) -> RawLog:
         events=functools.partial(
             _events, topics, clocks, [(said.timestamp, said.message) for said in log.logged_messages]
         ),
-        injections=functools.partial(_injections, topics, clocks),
+        injections=functools.partial(ulog_injections, topics, clocks),
     )
-
-
-def _injections(topics: dict[str, dict[str, NDArray[Any]]], clocks: dict[str, FloatArray]) -> list[Injection]:
-    return [*ulog_injections(topics, clocks), *rflymad_injections(topics, clocks)]
 
 
 def _events(

@@ -1,15 +1,21 @@
-"""Events of a PX4 log: what its estimators, its land detector, commander and failure detector publish."""
+"""What a PX4 log says beside its sensors: of resets, landings, arming and failures, and against its sensors.
+
+Estimators, land detector, commander and failure detector publish the events. Complaints are which gyros aren't healthy,
+what the estimators reject, which sensor failed and was replaced.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gtmbench.intake.events import Event, EventKind, touchdowns
+from gtmbench.intake.events import Event, EventKind, complaints, onsets, touchdowns
 from gtmbench.values.clock import FloatArray
+from gtmbench.values.record import BoolArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
 _ARMED = 2  # vehicle_status.msg: ARMING_STATE_ARMED
@@ -91,25 +97,90 @@ def _landings(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Even
 
 
 def _arming(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
-    was_armed = _first(topics, "vehicle_status", "arming_state") == _ARMED
+    states = topics.get("vehicle_status", {}).get("arming_state", np.zeros(0))
+    was_armed = bool(len(states)) and states[0] == _ARMED
     for _, time_s, state in _changes(topics, clocks, "vehicle_status", "arming_state"):
         if (state == _ARMED) != was_armed:
             was_armed = not was_armed
             yield Event(kind=EventKind.ARM if was_armed else EventKind.DISARM, time_s=time_s, text="commander")
 
 
-def _first(topics: Topics, topic: str, field: str) -> float:
-    values: Sequence[Any] | NDArray[Any] = topics.get(topic, {}).get(field, ())
-    return float(values[0]) if len(values) else np.nan
-
-
 def _failures(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
-    found = {
-        ("failure_detector_status", field): f"failure detector: {field.removeprefix('fd_').replace('_', ' ')}"
-        for field in topics.get("failure_detector_status", {})
-        if field.startswith("fd_")
-    }
-    for (topic, field), text in found.items():
-        for _, time_s, value in _changes(topics, clocks, topic, field):
+    topic = "failure_detector_status"
+    for field in topics.get(topic, {}):
+        text = f"failure detector: {field.removeprefix('fd_').replace('_', ' ')}"
+        for _, time_s, value in _changes(topics, clocks, topic, field) if field.startswith("fd_") else ():
             if value:
                 yield Event(kind=EventKind.FAILURE, time_s=time_s, text=text)
+
+
+_SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
+_SLOTS = 4  # of sensors_status_imu
+_LANES = 9  # of estimator_selector_status
+_INSTANCES = 9  # of estimator_status
+# EstimatorStatus.msg: ratios of innovations to their test limits; the first is mag_test_ratio in older logs
+_RATIOS = {
+    "hdg_test_ratio": "heading",
+    "mag_test_ratio": "magnetometer",
+    "vel_test_ratio": "velocity",
+    "pos_test_ratio": "position",
+    "hgt_test_ratio": "height",
+    "tas_test_ratio": "airspeed",
+}
+_FAILED = re.compile(r"(Gyro|Accel) #(\d+) fail")  # voted_sensors_update.cpp
+
+
+def ulog_complaints(
+    topics: Topics, clocks: Mapping[str, FloatArray], messages: Iterable[tuple[float, str]]
+) -> list[Event]:
+    """Return what a log says of sensors, by fields, and by texts of the autopilot; what it begins with is no event."""
+    return [*_sensors(topics, clocks), *_estimators(topics, clocks), *_lanes(topics, clocks), *_texts(messages)]
+
+
+def _raised(clocks: Mapping[str, FloatArray], topic: str, flags: BoolArray) -> list[float]:
+    """Return when flags rise, on their topic's clock."""
+    time_s = clocks[topic]
+    return [float(time_s[row]) for row in onsets(time_s, flags)]
+
+
+def _sensors(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+    topic = "sensors_status_imu"
+    fields = topics.get(topic, {})
+    for short, about in _SENSORS.items():
+        for slot in range(_SLOTS):
+            healthy, known = fields.get(f"{short}_healthy[{slot}]"), fields.get(f"{short}_device_ids[{slot}]")
+            if healthy is not None and known is not None:
+                sick = _raised(clocks, topic, (healthy == 0) & (known != 0))
+                yield from complaints(sick, f"{about} {slot + 1} isn't healthy ({topic})", about, slot + 1)
+
+
+def _estimators(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+    for number in range(_INSTANCES):
+        topic = f"estimator_status#{number}" if number else "estimator_status"
+        fields = topics.get(topic, {})
+        for field, what in _RATIOS.items():
+            if field in fields:
+                with np.errstate(invalid="ignore"):
+                    rejected = _raised(clocks, topic, fields[field] > 1.0)
+                yield from complaints(rejected, f"estimator {number} rejects {what} ({field} above 1)", "estimator")
+        if "filter_fault_flags" in fields:
+            faults = _raised(clocks, topic, fields["filter_fault_flags"] != 0)
+            yield from complaints(faults, f"estimator {number} has a fault (filter_fault_flags)", "estimator")
+
+
+def _lanes(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+    topic = "estimator_selector_status"
+    fields = topics.get(topic, {})
+    for short, about in _SENSORS.items():
+        if (found := fields.get(f"{short}_fault_detected")) is not None:
+            yield from complaints(_raised(clocks, topic, found != 0), f"{about} fault detected ({topic})", about)
+    for lane in range(_LANES):
+        if (healthy := fields.get(f"healthy[{lane}]")) is not None:
+            sick = _raised(clocks, topic, healthy == 0)
+            yield from complaints(sick, f"estimator {lane} isn't healthy ({topic})", "estimator")
+
+
+def _texts(messages: Iterable[tuple[float, str]]) -> Iterator[Event]:
+    for time_s, text in messages:
+        if failed := _FAILED.search(text):
+            yield from complaints([time_s], text.strip(), _SENSORS[failed[1].lower()], int(failed[2]) + 1)

@@ -1,6 +1,9 @@
-"""PX4's failure injection, as its logs have it: the command that asks for it, and the topic that says what is in force.
+"""Failures that PX4's logs say were injected: by PX4 itself, and in the data set RflyMAD.
 
-Units, types and instances are those of MAVLink's MAV_CMD_INJECT_FAILURE, FAILURE_UNIT and FAILURE_TYPE.
+PX4: the command that asks for it, and the topic that says what is in force; units, types and instances are those of
+MAVLink's MAV_CMD_INJECT_FAILURE, FAILURE_UNIT and FAILURE_TYPE. RflyMAD (Le and others 2024, a dataset for multicopter
+fault detection and health assessment): of the topic `rfly_ctrl_lxl`, `id` is the kind of fault, `mode` how it acts,
+`controls` its parameters. In force is what the topic says until it says something else.
 """
 
 from __future__ import annotations
@@ -11,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gtmbench.intake.formats.ulog_events import Topics
 from gtmbench.intake.injections import GYRO, Injection, injected, spells
 from gtmbench.values.clock import FloatArray
 
-Topics = Mapping[str, Mapping[str, NDArray[Any]]]
 _COMMAND = 420  # MAV_CMD_INJECT_FAILURE: param1 the unit, param2 the type, param3 the instance from 1, or 0 for all
 _UNITS = {
     0: GYRO,
@@ -48,11 +51,12 @@ def ulog_injections(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[In
     """Return the failures that a log says were injected: by the topic that says what is in force, else by commands."""
     in_force = _in_force(topics, clocks)
     changes = _commanded(topics, clocks) if in_force is None else in_force
-    return [
+    found = [
         _injection(key, int(kind), onset_s, end_s)
         for key, each in changes.items()
         for onset_s, end_s, kind in spells(each, _OK)
     ]
+    return found + _of_rflymad(topics, clocks)
 
 
 def _injection(key: Key, kind: int, onset_s: float, end_s: float | None) -> Injection:
@@ -117,3 +121,66 @@ def _refused_s(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[float]:
         return []
     refused = (fields["command"] == _COMMAND) & (fields["result"] != _ACCEPTED)
     return [float(time_s) for time_s in clocks["vehicle_command_ack"][refused][:_MOST_MESSAGES]]
+
+
+_RFLYMAD = "rfly_ctrl_lxl"
+_NOT_COMMANDED = 0
+_RFLYMAD_HEALTHY = (
+    _NOT_COMMANDED,
+    123549,
+    123540,
+)  # ids that are no fault: nothing commanded yet, "without", a waiting time
+_RFLYMAD_UNITS = {
+    123450: "motor",
+    123451: "propeller",
+    123452: "accelerometer",
+    123453: GYRO,
+    123454: "barometer",
+    123455: "magnetometer",
+    123456: "GPS",
+    123457: "payload",
+    123458: "payload",
+    123459: "payload",
+    123541: "battery",
+    123542: "battery",
+    123543: "battery",
+    123544: "wind",
+    123545: "wind",
+    123546: "wind",
+    123547: "wind",
+    123548: "wind",
+}
+_RFLYMAD_SENSORS = range(123452, 123457)
+_RFLYMAD_MODES = {3.0: "noise", 4.0: "scale factor"}  # of sensors; motors have others
+_MOST_CHANGES = 1000  # that are looked at: nobody injects more in a flight
+_MOST_CONTROLS = 16
+
+
+def _of_rflymad(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Injection]:
+    """Return the faults that a log of RflyMAD says were injected; nothing of other logs."""
+    fields = topics.get(_RFLYMAD, {})
+    if not {"id", "mode"} <= set(fields):
+        return []
+    ids, times_s = fields["id"].astype(np.int64), clocks[_RFLYMAD]
+    begins = np.flatnonzero(np.diff(ids, prepend=_NOT_COMMANDED))[:_MOST_CHANGES].tolist()
+    ends_s = [*(float(times_s[row]) for row in begins[1:]), None][: len(begins)]
+    return [
+        _rflymad_injection(int(ids[row]), fields, row, float(times_s[row]), end_s)
+        for row, end_s in zip(begins, ends_s, strict=True)
+        if ids[row] not in _RFLYMAD_HEALTHY
+    ]
+
+
+def _rflymad_injection(
+    kind: int, fields: Mapping[str, NDArray[Any]], row: int, onset_s: float, end_s: float | None
+) -> Injection:
+    """Return a fault by the first message that commands it; its parameters in the log's words, for none has a unit."""
+    mode = float(fields["mode"][row])
+    controls = [fields.get(f"controls[{place}]") for place in range(_MOST_CONTROLS)]
+    values = [float(column[row]) for column in controls if column is not None]
+    while values and values[-1] == 0.0:
+        values.pop()
+    sensor = _RFLYMAD_UNITS.get(kind, f"unit {kind}")
+    said = _RFLYMAD_MODES.get(mode, f"mode {mode:g}") if kind in _RFLYMAD_SENSORS else f"mode {mode:g}"
+    text = f"{sensor} {said}: {', '.join(f'{value:g}' for value in values)}"
+    return injected(sensor, None, said, (onset_s, end_s), text)

@@ -1,8 +1,9 @@
-"""ALFA: a folder of a sequence's topics as tables, with the failures of engine and control surfaces.
+"""Published data sets whose logs are folders: ALFA's sequences of topics, and KITTI's drives.
 
-Keipour, Mousaei and Scherer 2021 (ALFA: a dataset for UAV fault and anomaly detection). A file is a topic:
+ALFA (Keipour, Mousaei and Scherer 2021, a dataset for UAV fault and anomaly detection): a file is a topic,
 ``SEQUENCE-mavros-imu-data.csv``, whose columns are those of the ROS message; ``SEQUENCE-failure_status-engines.csv``
-and others say when something had failed.
+and others say when engine or surfaces had failed. KITTI's oxts: a file a sample, thirty numbers by their places, and
+the times of all in another file.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
+from gtmbench.intake.formats.clock_texts import clock_texts
 from gtmbench.intake.formats.csv import read_csv
-from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values
+from gtmbench.intake.formats.dialects import dialects
+from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, check_values, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
-from gtmbench.intake.formats.ros import NOTE, topic_series
+from gtmbench.intake.formats.rosbag import NOTE, topic_series
 from gtmbench.intake.injections import Injection, injected, spells
 from gtmbench.values.clock import FloatArray
 
@@ -134,4 +137,42 @@ def is_alfa(path: Path) -> bool:
     return len(_sequence(path)[1]) > 1
 
 
-FORMAT = Format(name=_KIND, magic=(), suffixes=(), read=read_alfa, is_folder=is_alfa)
+_KITTI = "KITTI's oxts"
+_FIRST = "0000000000.txt"
+
+
+def read_kitti(path: Path) -> RawLog:
+    """Read a drive's samples."""
+    root = _drive(path)
+    assert root is not None  # it was asked for
+    with reading(path, _KITTI):
+        names = sorted((root / "data").glob("*.txt"))
+        rows = [name.read_text(encoding="ascii").split() for name in names]
+        check_values(sum(map(len, rows)), "its samples")
+        values = np.array(rows, dtype=np.float64)
+        told = clock_texts((root / "timestamps.txt").read_text(encoding="ascii").splitlines())
+        if told is None or values.ndim != 2 or len(told.seconds) != len(values):
+            raise InputError(f"{len(values)} samples and {0 if told is None else len(told.seconds)} times don't match")
+    series = tuple(
+        RawSeries(name=str(place), load=partial(np.asarray, column)) for place, column in enumerate(values.T, 1)
+    )
+    raw = RawLog(
+        kind=_KITTI, series=series, clocks={"": np.asarray(told.seconds)}, notes=(told.note,), is_nameless=True
+    )
+    known = [dialect for dialect in dialects() if dialect.name == _KITTI and dialect.found_in(raw)]
+    return known[0].told_of(raw) if known else raw
+
+
+def _drive(path: Path) -> Path | None:
+    """Return the folder with the samples and their times; None where there is none."""
+    return next((root for root in (path, path / "oxts") if (root / "data" / _FIRST).is_file()), None)
+
+
+def is_kitti(path: Path) -> bool:
+    """Tell whether a folder is a drive's oxts, or holds one."""
+    root = _drive(path)
+    return root is not None and (root / "timestamps.txt").is_file()
+
+
+KITTI = Format(name=_KITTI, magic=(), suffixes=(), read=read_kitti, is_folder=is_kitti)
+ALFA = Format(name=_KIND, magic=(), suffixes=(), read=read_alfa, is_folder=is_alfa)
