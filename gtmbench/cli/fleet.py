@@ -28,7 +28,7 @@ def is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
         return True
     if isinstance(first, str):  # of an object the name tells
         return not Path(first).suffix or is_pattern(first)
-    from gtmbench.intake.one_flight import is_log_folder
+    from gtmbench.intake.read import is_log_folder
 
     try:
         return (first.is_dir() and not is_log_folder(first)) or (not first.exists() and is_pattern(str(first)))

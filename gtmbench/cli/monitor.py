@@ -310,7 +310,7 @@ def _keep_mapping(watched: WatchedLog) -> None:
     """Write how the columns were read, where ``--map`` names a file that isn't there."""
     for path in map_files(click.get_current_context().params["mapping"]):
         if not path.exists():
-            from gtmbench.intake.map_file import write_map_file
+            from gtmbench.intake.flight_log import write_map_file
 
             write_map_file(watched.log.sources, path)
 

@@ -159,7 +159,7 @@ def _kept_mapping(path: Path) -> list[str]:
     """
     if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
-    from gtmbench.intake.map_file import read_map_file
+    from gtmbench.intake.flight_log import read_map_file
 
     return read_map_file(path)
 

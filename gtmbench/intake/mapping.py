@@ -15,8 +15,7 @@ from gtmbench.errors import InputError
 from gtmbench.intake.flight_log import Source
 from gtmbench.intake.formats.dialects import documented
 from gtmbench.intake.formats.raw import IntArray, Meaning, RawLog, RawSeries
-from gtmbench.intake.frames import in_frame
-from gtmbench.intake.gravity import forces_by_gravity
+from gtmbench.intake.frames import forces_by_gravity, in_frame
 from gtmbench.intake.names import NameGuess, guess, is_table_header, known_as, stated_unit, unit_option
 from gtmbench.intake.physics import NOTHING, Found, found
 from gtmbench.intake.stamps import Clock

@@ -11,14 +11,13 @@ import numpy as np
 
 from gtmbench.checks import names, number, one_line
 from gtmbench.errors import InputError
-from gtmbench.intake.annotations import annotated_failures
 from gtmbench.intake.events import Event, of_flight
 from gtmbench.intake.flight_log import FlightLog, Source, summed_up
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.formats.raw import RawLog
 from gtmbench.intake.fresh import tracks_of
 from gtmbench.intake.imus import imus_of
-from gtmbench.intake.injections import Injection, in_time
+from gtmbench.intake.injections import Injection, annotated_failures, in_time
 from gtmbench.intake.mapping import AS_IT_IS, ChosenColumn, choose, choose_of, not_taken, split_mapping
 from gtmbench.intake.plausibility import remarks_on
 from gtmbench.intake.read import ReadLog, read_log

@@ -2,7 +2,8 @@
 
 Magnetometers, GPS velocity, accelerometers, airspeed and pressure altitude, as sensors read them: where an autopilot
 also logs what its estimator made of them (`vehicle_global_position`, ``POS``), that isn't taken. Readings are kept as
-they are, also those that repeat themselves because the sensor is stuck.
+they are, also those that repeat themselves because the sensor is stuck. A GPS loses its fix at once where its receiver
+restarts or is cut off: a hidden sky takes satellite after satellite, and not five or more between two messages.
 """
 
 from __future__ import annotations
@@ -20,7 +21,6 @@ from numpy.typing import NDArray
 from gtmbench.errors import InputError
 from gtmbench.intake.formats.dialects import lines_of
 from gtmbench.intake.formats.raw import RawLog, RawSeries
-from gtmbench.intake.lost_fixes import LostFix, lost_fixes
 from gtmbench.intake.magnetometers import field_rows, magnetometer_columns
 from gtmbench.intake.mapping import NONE, ChosenColumn, choose_of, mapped_column, split_mapping
 from gtmbench.intake.read import ReadLog
@@ -30,7 +30,39 @@ from gtmbench.intake.units import unit
 from gtmbench.values.channels import ACCELEROMETERS, GPS_VELOCITY, MAGNETOMETER, limit_of
 from gtmbench.values.pieces import beside
 from gtmbench.values.ranges import OutOfRange, out_of_range
-from gtmbench.values.record import BoolArray, FloatArray, Record
+from gtmbench.values.record import BoolArray, FloatArray, Record, runs
+
+_ENOUGH = 5  # satellites: fewer may be hidden between two messages
+
+
+class LostFix(NamedTuple):
+    """A fix that was lost at once: since the last message with one, until the next with one, or the last message."""
+
+    start_s: float
+    end_s: float
+    satellites: int
+
+
+def lost_fixes(time_s: FloatArray, has_fix: BoolArray, satellites: FloatArray) -> tuple[LostFix, ...]:
+    """Return when a GPS lost all of its satellites between two messages.
+
+    >>> time_s = np.arange(8.0)
+    >>> at_once = np.array([9, 9, 9, 0, 0, 0, 9, 9])
+    >>> lost_fixes(time_s, at_once > 4, at_once)
+    (LostFix(start_s=2.0, end_s=6.0, satellites=9),)
+    >>> one_by_one = np.array([9, 7, 5, 3, 2, 0, 0, 0])
+    >>> lost_fixes(time_s, one_by_one > 4, one_by_one)
+    ()
+    """
+    known = np.isfinite(time_s)
+    time_s, has_fix, satellites = time_s[known], has_fix[known], satellites[known]
+    starts, stops = runs(np.asarray(~has_fix))
+    return tuple(
+        LostFix(float(time_s[start - 1]), float(time_s[min(stop, len(time_s) - 1)]), int(satellites[start - 1]))
+        for start, stop in zip(starts.tolist(), stops.tolist(), strict=True)
+        if start > 0 and satellites[start - 1] >= _ENOUGH and satellites[start] == 0
+    )
+
 
 _FIX_3D = 3  # PX4's fix_type and ArduPilot's Status alike
 _FEWEST = 20  # readings

@@ -23,9 +23,8 @@ from gtmbench.intake.flight_log import Remark, Unread, remark
 from gtmbench.intake.formats.limits import check_values
 from gtmbench.intake.lattice import find_lattice
 from gtmbench.intake.resampling import HALF, HOLE, PAUSE, oversampling, resampled
-from gtmbench.intake.spans import end_of, met, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track
+from gtmbench.intake.tracks import FEWEST, SHORTEST_S, Track, end_of, met, overlaps, union, without
 from gtmbench.intake.unread import GapReasons, Living, unread_of
 from gtmbench.values.channels import ATTITUDE, GYROS
 from gtmbench.values.clock import FloatArray, same_period

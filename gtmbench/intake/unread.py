@@ -11,9 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from gtmbench.intake.flight_log import Unread
-from gtmbench.intake.spans import holds, overlaps, union, without
 from gtmbench.intake.stamps import FAR_S
-from gtmbench.intake.tracks import Track
+from gtmbench.intake.tracks import Track, holds, overlaps, union, without
 from gtmbench.values.channels import ACCELEROMETERS, ATTITUDE, GYROS
 from gtmbench.values.record import Span
 

@@ -16,7 +16,7 @@ from gtmbench.detectors.protocol import Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import silent
 from gtmbench.link.closing import why_not
-from gtmbench.link.saving import SavedLink
+from gtmbench.link.packets import SavedLink
 from gtmbench.link.telemetry import Message
 from gtmbench.study.log.asked import asked
 from gtmbench.study.log.healthy import chosen

@@ -18,19 +18,15 @@ from gtmbench.detectors.protocol import Detector, Monitor, is_ready
 from gtmbench.errors import InputError
 from gtmbench.jobs.progress import Progress, silent
 from gtmbench.link.closing import ClosingWord, closed, verdict_so_far, why_not
-from gtmbench.link.events import LiveEvent, LiveKind
+from gtmbench.link.events import LiveEvent, LiveKind, Saying
 from gtmbench.link.learning import Lesson
-from gtmbench.link.opening import source_of
-from gtmbench.link.packets import dialect
-from gtmbench.link.saving import SavedLink
-from gtmbench.link.saying import Saying
+from gtmbench.link.packets import SavedLink, dialect
 from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.showing import DrawnFiles, Pictures
-from gtmbench.link.source import Delivery, LinkSource
+from gtmbench.link.source import Delivery, LinkSource, source_of
 from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry
-from gtmbench.link.warming import warm
-from gtmbench.link.watcher import wants_of
+from gtmbench.link.watcher import wants_of, warm
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line
 from gtmbench.study.log.origin import FROM_LOG, check_attitude

@@ -1,4 +1,4 @@
-"""MAVLink packets in whatever bytes arrive: found by their markers, decoded and checked by pymavlink.
+"""MAVLink packets in whatever bytes arrive: found by their markers, decoded and checked by pymavlink; kept as a log.
 
 Bytes that aren't a packet, half of one, or one whose checksum or signature is wrong are passed over and counted. No
 more than one packet's bytes ever wait for the rest of it, whatever arrives.
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import errno
 import hashlib
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import ModuleType, TracebackType
+from typing import Any, Self
 
 from gtmbench.errors import InputError
 from gtmbench.imports import load_extra
@@ -157,3 +158,55 @@ def in_tlog(content: bytes) -> Iterator[tuple[float, bytes]]:
             continue
         yield int.from_bytes(content[begin - 8 : begin], "big") / 1e6, content[begin : header.end]
         place = header.end
+
+
+_FLUSHED_S = 1.0
+
+
+class SavedLink:
+    """A log of what arrives that is being written; what can't be written any more is told once, and the watch goes on.
+
+    `is_table`: whether lines arrive, header first, and not packets.
+    """
+
+    def __init__(self, path: Path, *, is_table: bool = False) -> None:
+        self.path = path
+        self._file = path.open("wb")
+        self._written: Callable[[float, bytes], bytes] = _line if is_table else _packet
+        self._flushed_s = 0.0
+        self.failure = ""
+
+    def put(self, arrived_s: float, part: bytes) -> None:
+        """Write a packet, or a line."""
+        if self.failure:
+            return
+        try:
+            self._file.write(self._written(arrived_s, part))
+            if time.monotonic() - self._flushed_s > _FLUSHED_S:  # what has arrived outlives a crash
+                self._flushed_s = time.monotonic()
+                self._file.flush()
+        except OSError as error:
+            self.failure = f"{self.path}: {error.strerror}; what arrives isn't saved any more, only watched"
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            self._file.close()
+        except OSError as error:
+            self.failure = self.failure or f"{self.path}: {error.strerror}"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, _type: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _packet(arrived_s: float, packet: bytes) -> bytes:
+    return round(arrived_s * 1e6).to_bytes(8, "big") + packet
+
+
+def _line(_arrived_s: float, line: bytes) -> bytes:
+    return line + b"\n"

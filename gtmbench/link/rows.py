@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gtmbench.intake.lattice import typical_period
-from gtmbench.intake.laying import Laying, Rows
-from gtmbench.intake.live import EvenStamps
+from gtmbench.intake.live import EvenStamps, Laying, Rows
 from gtmbench.intake.mapping import Turns
 from gtmbench.intake.resampling import HALF, nominal, oversampling
 from gtmbench.link.order import InOrder

@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from gtmbench.detectors.alarm import Alarm
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import Monitor
-from gtmbench.link.closing import FLYING, verdict_so_far
+from gtmbench.link.closing import FLYING, Recent, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind
-from gtmbench.link.order import LONGEST_S
-from gtmbench.link.recent import Recent
-from gtmbench.link.senders import SenderClock
+from gtmbench.link.order import LONGEST_S, SenderClock
 from gtmbench.link.story import Story
 from gtmbench.link.table import TableRows
 from gtmbench.link.telemetry import Message, Telemetry

@@ -8,9 +8,9 @@ from typing import Any
 
 from gtmbench.checks import listed
 from gtmbench.intake.formats.tlog import SINCE_1970_S, SYSTEM_TIME, boot_s
+from gtmbench.link.order import Numbering
 from gtmbench.link.packets import HEARTBEAT, Packet, Packets
 from gtmbench.link.readings import MOTION, LinkSample, channels_of, chosen, is_finite, sample_of, stamp_s
-from gtmbench.link.senders import Numbering
 
 _NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
 _HELD_S = 0.5  # of messages that count since 1970, until all are taken to do so

@@ -231,15 +231,15 @@ def _injections_of(name: str, changes: Changes) -> Iterator[Injection]:
     of_axis, noise = _OF_AXIS.fullmatch(name), _NOISE.fullmatch(name)
     usual = changes[0][1] if name == _DRIFT else 0.0
     for onset_s, end_s, value in spells(changes, usual) if of_axis or noise or name == _DRIFT else ():
-        kind, number, channels, size, unit = "drift", None, GYROS, value * _PER_MINUTE, "deg/s per s"
+        kind, number, size, unit = "drift", None, value * _PER_MINUTE, "deg/s per s"
         if noise:
             kind, number, size, unit = "noise", int(noise[1] or 1), value, "deg/s, times throttle"
+        elif of_axis and of_axis[2] == "BIAS":
+            kind, number, size, unit = "bias", int(of_axis[1] or 1), degrees(value), "deg/s"
         elif of_axis:
-            kind, size, unit = "scale factor", value / 100.0, ""
-            if of_axis[2] == "BIAS":
-                kind, size, unit = "bias", degrees(value), "deg/s"
-            number, channels = int(of_axis[1] or 1), (GYROS["XYZ".index(of_axis[3])],)
+            kind, number, size, unit = "scale factor", int(of_axis[1] or 1), value / 100.0, ""
         injection = injected(GYRO, number, kind, (onset_s, end_s), f"{name} = {value:g}")
+        channels = (GYROS["XYZ".index(of_axis[3])],) if of_axis else GYROS
         yield replace(injection, channels=channels, size=size, unit=unit)
     if name == _STOPPED:
         yield from _stopped(changes)

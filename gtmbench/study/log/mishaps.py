@@ -14,7 +14,7 @@ import numpy as np
 
 from gtmbench.intake.events import Event, EventKind, of_kind
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import overlaps, union, without
+from gtmbench.intake.tracks import overlaps, union, without
 from gtmbench.study.log.records import flying_part, lively_seconds, within
 from gtmbench.study.log.seconds import SECOND_S, of_seconds
 from gtmbench.values.channels import ACCELEROMETERS
