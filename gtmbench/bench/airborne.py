@@ -62,10 +62,7 @@ class Airborne:
     bounds: list[Bound]  # the envelope, of what can be told while flying
 
     def record(self, read: FloatArray, commands: FloatArray, actual: FloatArray | None = None) -> Record:
-        """Return the truth, of the properties read before each step and after the last, and of the commands.
-
-        `actual` is where the servos were driven, if that may differ from the commands: channels of their own, `ACTUAL`.
-        """
+        """Return the truth, of the properties read before each step and after the last, and of the commands."""
         values = read * np.array([channel.scale for channel in FLOWN])
         names = [channel.name for channel in FLOWN]
         for name in ("north", "east"):  # read as speeds: their trapezoidal sum is the way flown
@@ -169,10 +166,7 @@ def take_off(
     tas_kt: float | None = None,
     known: Trim | None = None,
 ) -> Airborne:
-    """Trim an aircraft and make everything ready that `fly` says of its arguments.
-
-    `known` is the trim that was found for the same arguments before: it saves the search.
-    """
+    """Trim an aircraft and make everything ready that `fly` says of its arguments."""
     duration_s = number("duration_s", duration_s, SAMPLE_PERIOD_S, LONGEST_S)
     seed = whole("seed", seed)
     craft = load_aircraft(aircraft)

@@ -70,11 +70,7 @@ class Breaking:
 
 
 class Breakers:
-    """Faults at work one after the other. One that begins in flight sees what came last, as if it had been there.
-
-    `faults`: those that change other channels than `acts_on` belong to somebody else, and rest. `acts_on`: the channels
-    that may break: the first of a sample's. `beside`: the channels that are only read, behind them.
-    """
+    """Faults at work one after the other. One that begins in flight sees what came last, as if it had been there."""
 
     def __init__(self, faults: Sequence[Fault], acts_on: Sequence[str], beside: Sequence[str] = ()) -> None:
         self._acts_on, self._channels = acts_on, (*acts_on, *beside)

@@ -151,10 +151,7 @@ def stand(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> None:
 
 
 def writers(fdm: jsbsim.FGFDMExec, aircraft: Aircraft) -> list[tuple[int, float, Callable[[float], object]]]:
-    """Return how commands reach an engine: for every property the command's column, a factor, and what writes it.
-
-    A command goes to all motors: ``fcs/throttle-cmd-norm`` and ``fcs/throttle-cmd-norm[1]`` and on.
-    """
+    """Return how commands reach an engine: for every property the command's column, a factor, and what writes it."""
     properties = fdm.get_property_manager()
     found: list[tuple[int, float, Callable[[float], object]]] = []
     for column, name in enumerate(COMMANDS):

@@ -38,11 +38,7 @@ _MOST_FOUND = 64
 def trimmed_engine(
     aircraft: Aircraft, *, altitude_ft: float | None = None, tas_kt: float | None = None
 ) -> tuple[jsbsim.FGFDMExec, Trim]:
-    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim.
-
-    Raises TrimError naming the acceleration that couldn't be brought to zero, and a condition in other units where that
-    was meant.
-    """
+    """Return an engine that stands in trim, and the trim: by `searched_engine`, else by JSBSim's own trim."""
     altitude_ft = aircraft.altitude_ft if altitude_ft is None else altitude_ft
     tas_kt = aircraft.tas_kt if tas_kt is None else tas_kt
     try:

@@ -106,10 +106,7 @@ def _commands(airborne: Airborne) -> FloatArray:
 
 
 def _fly(airborne: Airborne, commands: FloatArray) -> FloatArray:
-    """Step through the commands; return the properties of the channels before each step and after the last.
-
-    A flight that leaves the envelope ends within a second of that.
-    """
+    """Step through the commands; return the properties of the channels before each step and after the last."""
     columns, factors, _ = zip(*airborne.write, strict=True)
     bounds = airborne.bounds
     stepping = Stepping(airborne)

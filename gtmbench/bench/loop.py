@@ -199,10 +199,7 @@ def fly_in_loop(
 
 
 def _own(controller: object, simulation: Simulation) -> tuple[Command, Callable[[LoopEvent], object] | None]:
-    """Return a controller of the user's own as a function of the readings, which says what it does wrong.
-
-    Beside it, what is told of events; None if it doesn't listen.
-    """
+    """Return a controller of the user's own as a function of the readings, which says what it does wrong."""
     try:
         command = take_over(controller, simulation.trim)
     except ControllerError as error:
@@ -232,10 +229,7 @@ def _watched(
     events: list[LoopEvent],
     heard: Callable[[LoopEvent], object] | None,
 ) -> Command:
-    """Return what commands, and shows each sample and what was commanded there to a watch of surfaces.
-
-    It tells of those that the watch names, a sample later, when that was flown.
-    """
+    """Return what commands, and shows each sample and what was commanded there to a watch of surfaces."""
     before: tuple[float, list[float]] | None = None
 
     def watched(readings: Readings) -> Sequence[float]:

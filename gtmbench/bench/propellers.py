@@ -66,10 +66,7 @@ def wrong_speeds(fdm: jsbsim.FGFDMExec) -> list[str]:
 
 
 def spin_up(fdm: jsbsim.FGFDMExec) -> float:
-    """Turn all propellers until their speeds are steady; the aircraft is held meanwhile.
-
-    Return their stiffness -f'(w) in 1/s: JSBSim's own step must be shorter than 2 over it.
-    """
+    """Turn all propellers until they are steady, the aircraft held; return their stiffness -f'(w) in 1/s."""
     names = propellers(fdm)
     if not names:
         return 0.0

@@ -95,8 +95,6 @@ def measure(
 def noise_blocks(noise: str | None, seed: int, samples: int, block: int) -> Iterator[FloatArray]:
     """Give the noise of every sensor in blocks of samples, shape (block, sensors), as `measure` draws it.
 
-    `noise`: None: sensors without noise.
-
     >>> [noise.shape for noise in noise_blocks("t2", 1, samples=5, block=3)]
     [(3, 13), (2, 13)]
     """

@@ -26,10 +26,7 @@ _Sample = tuple[float, Sequence[float], Sequence[float]]
 
 
 class Surfaces:
-    """The surfaces and engines of one flight.
-
-    `faults`: those of surfaces act; each has its place in the sequence as its index.
-    """
+    """The surfaces and engines of one flight."""
 
     def __init__(self, faults: Sequence[Fault], limits: Mapping[str, Span]) -> None:
         self._breakers = Breakers(faults, COMMANDS, beside=_MOTION)
@@ -40,11 +37,7 @@ class Surfaces:
         self._actual = array("d")  # from that row on
 
     def driven(self, time_s: float, commanded: Sequence[float], now: Sequence[float]) -> Sequence[float]:
-        """Return where the servos are driven at a sample.
-
-        `commanded`: in the order of `COMMANDS`. `now`: the properties of `FLOWN` at that sample: the flow is what a
-        floating surface follows.
-        """
+        """Return where the servos are driven at a sample."""
         self._row += 1
         if self._broken_row is None:
             self._seen.append((time_s, commanded, now))
@@ -73,10 +66,7 @@ class Surfaces:
         self._breakers.end(index)
 
     def actual(self, commanded: FloatArray) -> FloatArray | None:
-        """Return where the servos were driven, a row a sample of what was commanded; None if nothing ever broke.
-
-        The last sample's command has flown nothing yet: its row repeats the one before.
-        """
+        """Return where the servos were driven, a row a sample of what was commanded; None if nothing ever broke."""
         if self._broken_row is None:
             return None
         actual, first = commanded.copy(), self._broken_row

@@ -95,11 +95,7 @@ def survey(
 
 
 def _trim_at_one_of(conditions: list[tuple[float, float]], folder: Path, facts: Facts) -> Trim | None:
-    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search.
-
-    Engines whose thrust settles give less of it for more throttle where a propeller's blades are at their stop: there
-    a search can only begin at high power.
-    """
+    """Return the first trim that is found, at last of the likeliest condition by JSBSim's own search."""
     until_s = time.process_time() + _LONGEST_S
     craft = aircraft_of(folder, facts)
     begun = [craft, replace(craft, guess=craft.guess | {"throttle": _HIGH})] if craft.settle else [craft]

@@ -148,10 +148,7 @@ def lateness_s(chain: SensorChain) -> float:
 
 
 def delay_margin_s(craft: Aircraft, autopilot: Autopilot, chain: SensorChain | None) -> float:
-    """Return by how much later gyros and angles may come, in steps of 5 ms up to 0.1 s, until a flight is lost.
-
-    It is lost where it departs, or where the RMS of a rate is twice that without: an oscillation.
-    """
+    """Return by how much later gyros and angles may come, in steps of 5 ms up to 0.1 s, until a flight is lost."""
     own = SensorChain() if chain is None else chain
     alone = _flown(craft, own, autopilot, _MARGIN_S, seed=3)
     if alone is None or alone.departed_s is not None:

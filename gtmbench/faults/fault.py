@@ -316,8 +316,6 @@ class Following(Fault):
 def periods(elapsed_s: Value, period_s: float, sample_period_s: float) -> Value:
     """Return how many whole periods have passed; one is over up to a thousandth of a sample before its end.
 
-    With the sample period as period, samples are numbered from the onset on, however their times are rounded.
-
     >>> periods(0.29999, 0.1, 0.1), periods(0.2, 0.1, 0.1)
     (3.0, 2.0)
     """

@@ -25,10 +25,7 @@ def size_one(cls: type[Fault]) -> dict[str, float]:
 
 
 def tried(cls: type[Fault], parameters: dict[str, float], late_s: float = 0.0) -> FloatArray:
-    """Return what a fault that has been there for a while adds to a signal that swings; shape (200,).
-
-    Raises InputError if that is no number, or the class needs more than these parameters.
-    """
+    """Return what a fault that has been there for a while adds to a signal that swings; shape (200,)."""
     figures: dict[str, Any] = parameters
     lacking = [each.name for each in cls.parameters() if each.is_required and each.name not in parameters]
     if lacking:

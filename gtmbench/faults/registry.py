@@ -126,10 +126,7 @@ def fault_kinds() -> tuple[str, ...]:
 
 
 def find_fault(kind: Any) -> type[Fault]:
-    """Return the class of a kind; that of an installed package is imported now.
-
-    Raises InputError if there is no such kind, or what the package announces is no kind of fault.
-    """
+    """Return the class of a kind; that of an installed package is imported now."""
     loaded = loaded_faults()
     if isinstance(kind, str) and kind in loaded:
         return loaded[kind]
@@ -143,10 +140,7 @@ def find_fault(kind: Any) -> type[Fault]:
 
 
 def import_package(source: str) -> tuple[str, ...]:
-    """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these.
-
-    What ``--import`` does. A module that registers none is fine.
-    """
+    """Import a module, ``FILE.py`` or ``package.module``, for the kinds of faults that it registers; return these."""
     name = load_module(source).__name__
     return tuple(kind for kind, cls in _registered.items() if f"{cls.__module__}.".startswith(f"{name}."))
 

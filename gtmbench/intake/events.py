@@ -131,8 +131,6 @@ def onsets(time_s: FloatArray, raised: BoolArray) -> list[int]:
 def touchdowns(contacts: Sequence[tuple[float, bool]], landings: Sequence[tuple[float, bool]]) -> list[float]:
     """Return when an aircraft touched down: a landing is told when it is over, contact with the ground as it begins.
 
-    `contacts`, `landings`: changes, in time.
-
     >>> touchdowns([(3.0, True), (4.0, False), (8.0, True)], [(1.0, False), (9.0, True)])
     [8.0]
     """

@@ -46,10 +46,7 @@ class _Rotation:
 
 
 def in_frame(raw: RawLog, known: Known) -> dict[str, tuple[RawSeries, Meaning]]:
-    """Return the channels that have to be read otherwise than they are named, and how.
-
-    `raw`: its clocks known. `known`: channels that are settled: a column and what it is.
-    """
+    """Return the channels that have to be read otherwise than they are named, and how."""
     if not {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return {}
     if any(len({known[name][0].clock for name in channels}) > 1 for channels in (GYROS, ATTITUDE)):

@@ -36,10 +36,7 @@ def only_deg_s(gyros: Sequence[RawSeries]) -> str:
 
 
 def hardly_moves_in_deg_s(gyros: Sequence[RawSeries]) -> str:
-    """Return what shows that gyros which tell of one motion with an attitude read in rad/s; "" where nothing does.
-
-    In deg/s so calm a log shows no such motion.
-    """
+    """Return what shows that gyros which tell of one motion with an attitude read in rad/s; "" where nothing does."""
     most = _fastest(gyros)
     return f"readings up to {most:.3g}, which in deg/s are too calm to fit an attitude" if most < _CALM_DEG_S else ""
 

@@ -110,13 +110,7 @@ _LAYERS = 3  # folders between a log and the file, at most
 
 
 def annotated_failures(path: Path) -> list[Injection]:
-    """Return what is said of a log in the mapping.json of its data set; nothing where there is none.
-
-    Anomalies that weren't injected: of what happened by itself, so `kind` is "anomaly", and `sensor` the class in the
-    data set's words.
-
-    `path`: of the log. Raises an InputError if the file speaks of this log in another layout.
-    """
+    """Return what is said of a log in the mapping.json of its data set; nothing where there is none."""
     folders = path.resolve().parents[: _LAYERS + 1]
     for folder in folders:
         if folder.name == _LOGS and is_file(folder.parent / _FILE):

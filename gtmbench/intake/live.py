@@ -145,8 +145,6 @@ _SELDOM = 0.45  # of a monitor's rate: what comes more seldom isn't watched by i
 class LiveClock:
     """An even clock on which rows are laid as they come in.
 
-    How often they come is known from the first two, where they are a period apart, or else from the first thirty.
-
     >>> clock = LiveClock(["p"], 0.1)
     >>> clock.push(np.array([5.0, 5.1]), np.array([[1.0], [2.0]]))
     (Record(2 samples, 5..5.1 s, every 0.1 s: p),)
@@ -164,12 +162,7 @@ class LiveClock:
         self._start_s = 0.0
 
     def push(self, time_s: FloatArray, values: FloatArray) -> tuple[Record, ...]:
-        """Return what some rows complete: a record, more where there are gaps; often none.
-
-        A record continues the one before where it begins a sample after it; else there is a gap.
-
-        Raises an InputError where a row is late, or rows come too seldom; nothing is changed then.
-        """
+        """Return what some rows complete: a record, more where there are gaps; often none."""
         known = np.abs(time_s) < LATEST_S
         time_s = np.concatenate([self._held[0], time_s[known]])
         values = np.concatenate([self._held[1], values[known]])
@@ -268,10 +261,7 @@ class LiveClock:
 
 
 class EvenStamps:
-    """Stamps that stand on an even clock but for rounding, or a little jitter, as `find_lattice` takes them.
-
-    Once they don't, they are as they are from then on.
-    """
+    """Stamps that stand on an even clock but for rounding, or a little jitter, as `find_lattice` takes them."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -328,12 +318,7 @@ def live_chunks(
     witnesses: Sequence[str] = (),
     mapping: Sequence[str] = (),
 ) -> Iterator[Record]:
-    """Give a table's rows as a live source would send them, on a clock that is known: a piece at a time, none kept.
-
-    `path`: Parquet: of other formats no part can be read alone. `sample_period_s`: of the monitor. `needs`,
-    `witnesses`, `mapping`: as `open_log` takes them. Raises an InputError where it can't be read so, saying why; that
-    may turn up late.
-    """
+    """Give a table's rows as a live source would send them, on a clock that is known: a piece at a time, none kept."""
     path, columns = Path(path), split_mapping(mapping)
     raw = read_raw(path)
     with naming(path):

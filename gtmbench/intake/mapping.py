@@ -152,10 +152,7 @@ def split_mapping(mapping: Sequence[str]) -> dict[str, str]:
 
 
 def choose(raw: RawLog, mapped: Mapping[str, str], needs: Sequence[str] | None) -> list[ChosenColumn]:
-    """Return the channels of a log: the needed ones, or all.
-
-    Raises an InputError where a mapped or a needed one can't be found, with what is there and what looks like it.
-    """
+    """Return the channels of a log: the needed ones, or all."""
     chosen = _mapped_or_recognised(raw, mapped)
     own = {
         series.name: ChosenColumn(channel=series.name, series=series, how=AS_IT_IS) for series in _unknown(raw, chosen)
@@ -253,10 +250,7 @@ _SHOWN: WeakKeyDictionary[RawSeries, dict[object, dict[str, ChosenColumn]]] = We
 
 
 def _by_motion(raw: RawLog, settled: Mapping[str, ChosenColumn]) -> dict[str, ChosenColumn]:
-    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked.
-
-    A column that is named as this package names it says which way it points.
-    """
+    """Return the channels whose axes or units motion shows beside those that are settled; once, however often asked."""
     known = {
         name: (choice.series, choice.meaning)
         for name, choice in settled.items()

@@ -102,9 +102,6 @@ class SensorReadings:
     def beside(self, record: Record) -> Record:
         """Return a record with the sensor's channels behind its own, NaN in rows without a reading.
 
-        Of a sensor that is faster than the record each row is the mean of its readings, so that vibration doesn't pass
-        for motion.
-
         >>> time_s = np.arange(10) * 0.1
         >>> readings = SensorReadings(
         ...     name="BARO",
@@ -278,10 +275,7 @@ _EQUATOR_M, _SQUARED_ECCENTRICITY = 6_378_137.0, 0.00669438  # of the earth (WGS
 
 
 def _places(own: Mapping[str, RawSeries], fix: BoolArray) -> FloatArray | None:
-    """Return how far north and east of its first place a GPS is, in m, NaN without a fix; None where it isn't logged.
-
-    By the earth's radii of curvature at that place.
-    """
+    """Return how far north and east of its first place a GPS is, in m, NaN without a fix; None if it isn't logged."""
     names = next((names for names in _PLACES if own.keys() >= {*names}), None)
     if names is None or not fix.any():
         return None

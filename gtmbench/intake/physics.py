@@ -95,11 +95,7 @@ class _Fit:
 
 
 def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_unit: str = "") -> Found:
-    """Return what open gyros and angles of a log must be.
-
-    `raw`: its clocks known. `known`: channels that are settled: a column and what it is. `angle_unit`: ``rad`` or
-    ``deg``, of what states none; "" where nobody says.
-    """
+    """Return what open gyros and angles of a log must be."""
     if {*GYROS, *ATTITUDE} <= set(known) or not raw.clocks:
         return NOTHING
     named = [triple for triple in triples(raw.series) if triple.clock in raw.clocks]
@@ -142,10 +138,7 @@ def found(raw: RawLog, known: Mapping[str, tuple[RawSeries, Meaning]], angle_uni
 
 
 def tells_of_one_motion(raw: RawLog) -> bool:
-    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together as they are said to.
-
-    `raw`: its clocks known.
-    """
+    """Tell whether gyros and attitude of a log, whose columns are said to be known, turn together so."""
     told = {each.meaning.channel: (each, each.meaning) for each in reversed(raw.series) if each.meaning is not None}
     if not {*GYROS, *ATTITUDE} <= set(told):
         return False
@@ -156,10 +149,7 @@ def tells_of_one_motion(raw: RawLog) -> bool:
 def rates_beside_attitude(
     raw: RawLog, gyros: Sequence[RawSeries], angles: Sequence[RawSeries], factors: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few.
-
-    `raw`: its clocks known. `factors`: what brings the angles to deg.
-    """
+    """Return what gyros read over the intervals of an attitude, and what turns it does in deg/s; None of too few."""
     told = (Triple(kind=kind, series=tuple(own)) for kind, own in (("rate", gyros), ("angle", angles)))
     motion = _motion(raw, *told)
     if motion is None:

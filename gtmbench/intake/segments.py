@@ -323,12 +323,7 @@ def _laid(
 
 
 def laid_beside(track: Track, record: Record, *, breaks_s: Sequence[float], filtered: bool) -> FloatArray:
-    """Return a track's values on a record's clock, shape (samples, channels), NaN where there are none.
-
-    Low-pass filtered where the record is `filtered`, or where the track comes faster.
-
-    Raises an InputError where the track is too short.
-    """
+    """Return a track's values on a record's clock, shape (samples, channels), NaN where there are none."""
     _check_long(track)
     period_s = record.sample_period_s
     parts = _between_pauses(track, period_s, breaks_s)

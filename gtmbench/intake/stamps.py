@@ -206,8 +206,6 @@ def _shifts(
 def own_rows(time_s: FloatArray, is_filled: BoolArray) -> IntArray | None:
     """Return the rows of a column that has samples of its own, None where it shares its table's.
 
-    It's filled in every few rows only, or its rows come far more evenly than the table's: an outer join's.
-
     >>> own_rows(np.array([0.0, 0.1, 1.0, 1.1, 2.0, 2.1]), np.array([True, False] * 3))
     array([0, 2, 4])
     """

@@ -46,12 +46,7 @@ _FINE = {  # how a column of what is beyond whole seconds ends, and how many of 
 
 
 def with_time(raw: RawLog, mapped: str | None) -> RawLog:
-    """Return a log whose clocks are known: a container's own, or from the columns that tell the time.
-
-    Whole seconds and the nanoseconds or microseconds beyond them, of one name, are one time.
-
-    Raises an InputError where no column tells the time, or several do.
-    """
+    """Return a log whose clocks are known: a container's own, or from the columns that tell the time."""
     if raw.clocks and mapped is None:
         return raw
     tables = dict.fromkeys(series.clock for series in raw.series)
@@ -147,10 +142,7 @@ def _table_by_table(raw: RawLog, tables: Sequence[str]) -> RawLog:
 
 
 def _on_one_clock(told: Mapping[str, _Told]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return the stamps of several tables in seconds, and a note on when they begin.
-
-    Each table's dates count from its own first one: the tables keep the time that lies between those.
-    """
+    """Return the stamps of several tables in seconds, and a note on when they begin."""
     units, first_s = {each.per_second for each in told.values()}, min(each.origin_s for each in told.values())
     if len(units) == 1 and not any(each.origin_s for each in told.values()):
         return in_seconds({table: each.stamps for table, each in told.items()}, units.pop())

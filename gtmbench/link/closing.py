@@ -47,10 +47,7 @@ class ClosingWord:
 
 
 def verdict_so_far(sensors: Sequence[str], span_s: Span, alarms: Sequence[Alarm], why: str = FLYING) -> LogVerdict:
-    """Return a verdict that knows the alarms alone: nobody is clear.
-
-    `alarms`: the first of each fault.
-    """
+    """Return a verdict that knows the alarms alone: nobody is clear."""
     claims: dict[str, list[SensorSpan]] = {sensor: [] for sensor in sensors}
     for alarm in alarms:
         for sensor, span in of_alarm(alarm, span_s[1], sensors, ""):

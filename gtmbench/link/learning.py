@@ -29,10 +29,7 @@ _MOST = 2_000_000  # packets or lines
 
 
 class Lesson:
-    """The span of a link that a monitor is learnt from.
-
-    `learn_s`: how long it has to be, in the sender's time. `is_table`: whether lines arrive, and not packets.
-    """
+    """The span of a link that a monitor is learnt from."""
 
     def __init__(
         self,

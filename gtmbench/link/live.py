@@ -460,10 +460,7 @@ def live(
 
 
 def ready(monitor: Monitor | Detector | None) -> Monitor | None:
-    """Return what watches a link as it is, or refuse it.
-
-    Raises InputError if it isn't calibrated, or has no sample period or no channels of its own.
-    """
+    """Return what watches a link as it is, or refuse it."""
     if monitor is None:
         return None
     if not is_ready(monitor):

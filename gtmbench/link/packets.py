@@ -67,8 +67,6 @@ def key_of(path: Path) -> bytes:
 class Packets:
     """The packets of one sender's bytes.
 
-    `key`: of 32 bytes: then packets that aren't signed by it are refused.
-
     >>> mavlink = dialect()
     >>> sender = mavlink.MAVLink(None, srcSystem=1)
     >>> packet = mavlink.MAVLink_attitude_message(5000, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0).pack(sender)
@@ -164,10 +162,7 @@ _FLUSHED_S = 1.0
 
 
 class SavedLink:
-    """A log of what arrives that is being written; what can't be written any more is told once, and the watch goes on.
-
-    `is_table`: whether lines arrive, header first, and not packets.
-    """
+    """A log of what arrives; what can't be written any more is told once, and the watch goes on."""
 
     def __init__(self, path: Path, *, is_table: bool = False) -> None:
         self.path = path

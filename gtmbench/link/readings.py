@@ -94,8 +94,6 @@ def sample_of(topic: str, time_s: float, channels: Sequence[str], message: Any) 
 def chosen(rates_hz: dict[str, float], needs: Iterable[str], autopilot: int | None, least_hz: float) -> dict[str, str]:
     """Return the message that each needed channel is read from, of those that come; none for one that none tells.
 
-    Gyros are those of the sensor itself where these come fast enough, and never of two messages.
-
     >>> chosen({"ATTITUDE": 100.0, "HIGHRES_IMU": 4.0}, ["p", "phi"], None, 45.0)
     {'p': 'ATTITUDE', 'phi': 'ATTITUDE'}
     """

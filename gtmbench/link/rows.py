@@ -124,8 +124,6 @@ class _Lane:
 class LinkRows:
     """The rows of one stretch of a link, on an even clock.
 
-    `start_s`, `period_s`: the first row's time by the sender's clock, and the monitor's period.
-
     >>> rows = LinkRows([Route(topic="", channels=("p",), period_s=0.1)], 5.0, 0.1)
     >>> [rows.push([LinkSample(topic="", time_s=at, values=(at,))]) for at in (5.0, 5.1)]
     [Record(1 samples, 5..5 s, every 0.1 s: p), Record(1 samples, 5.1..5.1 s, every 0.1 s: p)]

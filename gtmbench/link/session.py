@@ -86,10 +86,7 @@ class LinkCounts:
 
 
 class Session:
-    """A monitor on a link.
-
-    `is_own`: whether somebody says that the attitude is of its own. Else it is taken for an estimator's, as most are.
-    """
+    """A monitor on a link."""
 
     def __init__(
         self,

@@ -163,10 +163,7 @@ _WAITING_S = 10.0  # for a connection
 
 
 class UdpSource(LinkSource):
-    """A UDP port: who sends there is answered there.
-
-    `only`: the address that is believed; "" for any.
-    """
+    """A UDP port: who sends there is answered there."""
 
     is_whole = True
 

@@ -25,8 +25,6 @@ _NONE = np.zeros(0)
 class TableRows:
     """The rows of a table's lines.
 
-    `wants`: others, which are read where they are there.
-
     >>> table = TableRows(["p"])
     >>> end = bytes([10])
     >>> [message.time_s for message in table.read(b"time_s,p_deg_s" + end + b"0.0,1.5" + end + b"0.1,")], table.broken
@@ -53,10 +51,7 @@ class TableRows:
         """The lines of the last bytes."""
 
     def read(self, data: bytes, _peer: object = None, *, is_whole: bool = False) -> list[Message]:
-        """Return the rows that some bytes complete; with the last of them where they are whole.
-
-        Raises InputError if the header doesn't name the channels that are needed.
-        """
+        """Return the rows that some bytes complete; with the last of them where they are whole."""
         *lines, self._rest = (self._rest + data + (b"\n" if is_whole else b"")).split(b"\n")
         if self._skips and lines:
             self._skips = False

@@ -26,10 +26,7 @@ class Message:
 
 
 class Telemetry:
-    """The messages of the system that is watched: the only one that flies, or the one whose number is given.
-
-    `key`: then messages that aren't signed by it are refused.
-    """
+    """The messages of the system that is watched: the only one that flies, or the one whose number is given."""
 
     unit = "message"
 

@@ -62,10 +62,7 @@ def wants_of(monitor: Monitor) -> tuple[str, ...]:
 
 
 class Watcher:
-    """A monitor on one sender's samples, while its clock runs on.
-
-    `learner`: what is known of the installation, from before a silence.
-    """
+    """A monitor on one sender's samples, while its clock runs on."""
 
     def __init__(
         self,

@@ -223,8 +223,6 @@ ESTIMATORS: Mapping[str, AttitudeEstimator] = {
 def estimator_of(attitude: object) -> AttitudeEstimator | None:
     """Return the estimator of a name of `ESTIMATORS`, or the one that is given; None of "own".
 
-    InputError if it is neither.
-
     >>> estimator_of("filter 5 s").time_constant_s, estimator_of("own")
     (5.0, None)
     """

@@ -33,10 +33,7 @@ def check_record(given: object) -> None:
 
 
 def frozen(values: ArrayLike, *, order: Literal["K", "F"] = "K") -> FloatArray:
-    """Return a read-only copy as float64; with order F, its columns lie together in memory.
-
-    What is that already, and nobody can write to, is its own copy.
-    """
+    """Return a read-only copy as float64; with order F, its columns lie together in memory."""
     if order == "F" and isinstance(values, np.ndarray) and _is_frozen(values):
         return values
     return sealed(np.array(values, dtype=np.float64, order=order))

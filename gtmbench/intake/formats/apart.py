@@ -31,11 +31,7 @@ _PACKAGES = Path(__file__).resolve().parents[3]
 
 
 def read_apart(reader: str, package: str, path: Path, kind: str) -> tuple[dict[str, Any], Arrays]:
-    """Return the facts and arrays that the function ``arrays(path)`` of a module beside this one reads of a file.
-
-    Raises an InputError where the package isn't installed, the file is broken, or reading it takes more memory or time
-    than it may.
-    """
+    """Return the facts and arrays that the function ``arrays(path)`` of a module beside this one reads of a file."""
     if (package in sys.modules and sys.modules[package] is None) or importlib.util.find_spec(package) is None:
         raise InputError(f"{path} is a {kind}: reading it needs the package {package}; pip install 'gtmbench[logs]'")
     with reading(path, kind):

@@ -117,10 +117,7 @@ def _columns(name: str, array: NDArray[Any], labels: Sequence[str]) -> Iterator[
 
 
 def _clocks(rows: int, paths: Sequence[str], columns: Mapping[str, list[tuple[str, NDArray[Any]]]]) -> dict[str, str]:
-    """Return which table each array of so many rows is of: of several times each has its own, the nearest in the tree.
-
-    Rows alone tell where none or one of the arrays is a time.
-    """
+    """Return which table each array of so many rows is of: of several times each has the nearest in the tree."""
     times = [path for path in paths if any(_TIME.fullmatch(name) for name, _ in columns[path])]
     if len(times) < 2:
         return dict.fromkeys(paths, str(rows))

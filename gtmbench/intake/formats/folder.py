@@ -164,10 +164,7 @@ def _name(table: Path) -> str:
 
 
 def is_folder_of_tables(path: Path) -> bool:
-    """Tell whether a folder's tables are by their names one flight's: an autopilot's, or called by sensors, each once.
-
-    Of tables that are called by sensors, their contents tell more: `gtmbench.intake.read`.
-    """
+    """Tell whether tables are by their names one flight's: an autopilot's, or called by sensors, each once."""
     tables = tables_in(path)[: MOST_TABLES + 1]
     if not 2 <= len(tables) <= MOST_TABLES:
         return False

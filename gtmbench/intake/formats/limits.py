@@ -40,10 +40,7 @@ def check_unpacked(count: float, path: Path) -> None:
 
 
 def bytes_of(log: Path) -> int:
-    """Return how large a log is that is really read: a file, or all that lies in a folder, which has to be files.
-
-    Raises an InputError where it is too large, or something in it is a pipe or a device: reading that has no end.
-    """
+    """Return how large a log is that is really read: a file, or all that lies in a folder, which has to be files."""
     total = 0
     for path in [log, *(log.rglob("*") if log.is_dir() else ())]:
         about = path.stat()

@@ -250,10 +250,7 @@ def _series(name: str, topic: _Topic) -> list[RawSeries]:
 
 
 def _decoded_imu(data: bytes) -> dict[str, float]:
-    """Return the numbers of a message, covariances left out.
-
-    ValueError, struct.error where it isn't one.
-    """
+    """Return the numbers of a message, covariances left out."""
     if len(data) < 4 or data[0] != 0 or data[1] > 1:
         raise ValueError("no plain CDR")
     order = "<" if data[1] else ">"

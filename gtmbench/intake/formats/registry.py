@@ -84,10 +84,7 @@ def _is_there(path: Path) -> bool:
 
 
 def read_raw(path: Path, part: str = "") -> RawLog:
-    """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files.
-
-    Raises an InputError where it isn't a file, is too large, isn't of a known format, or is broken.
-    """
+    """Return what a log's file holds, or a part of it: a branch, a sheet, a system, one of a zip's files."""
     form = _form(path)
     if part and not form.has_parts:
         raise InputError(f"{path}:{part}: a log that is {form.name} has no parts; leave ':{part}' out")
@@ -149,10 +146,7 @@ def _is_another_log(file: Path) -> bool:
 
 
 def rewrite_raw(path: Path, out: Path, cells: Sequence[Cells]) -> None:
-    """Write a log's file anew with other values in some cells; everything else stays as it is.
-
-    Raises an InputError where the format isn't written, or a column can't hold a value.
-    """
+    """Write a log's file anew with other values in some cells; everything else stays as it is."""
     form = _form(path)
     if form.rewrite is None:
         written = " and ".join(each.name for each in (CSV, *FORMATS) if each.rewrite)

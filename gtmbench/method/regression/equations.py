@@ -47,10 +47,7 @@ class Equations:
 
 
 def about_means(pieces: Sequence[Equations], lags: int) -> tuple[list[Equations], FloatArray, float]:
-    """Return equations freed of their weighted means over all pieces, and these means, of phi and of y.
-
-    What is estimated of them is estimated with a constant: y's mean less phi's times theta.
-    """
+    """Return equations freed of their weighted means over all pieces, and these means, of phi and of y."""
     total = sum(float(piece.weights.sum()) for piece in pieces)
     phi, y = np.zeros((lags, pieces[0].u.shape[1])), 0.0
     for piece in pieces:

@@ -70,10 +70,7 @@ def written_out(block: FloatArray, lagged: int, lags: int, causal_order: int) ->
 def _from_correlations(
     parts: Sequence[Run], lagged: int, targets: int, lags: int, causal_order: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the Gram matrix and the sums of runs of 2 L equations and more, each of one weight.
-
-    The recursion is linear, so it runs once for all of them.
-    """
+    """Return the Gram matrix and the sums of runs of 2 L equations and more, each of one weight."""
     size, width = lags * lagged, lags * lagged + max(targets, 1)  # the recursion needs a column behind z
     row, power = np.zeros((lagged + targets, lagged, lags)), np.zeros((targets, targets))
     first_sums = np.zeros(lagged + targets)

@@ -14,10 +14,7 @@ _KAISER = 5.0  # beta of the window
 
 
 def slow(values: FloatArray) -> FloatArray:
-    """Return columns without gaps freed of what lies above a tenth of the sample rate.
-
-    Zero phase, `HALF` samples to either side; odd reflection at the ends. Above, derivatives are mostly noise.
-    """
+    """Return columns without gaps freed of what lies above a tenth of the sample rate."""
     if len(values) <= HALF:
         return values
     return smoothed(np.concatenate([reflected(values[: HALF + 1][::-1])[::-1], values, reflected(values)]))
@@ -25,8 +22,6 @@ def slow(values: FloatArray) -> FloatArray:
 
 def held(values: FloatArray) -> FloatArray:
     """Return columns with missing samples as the last before them; those before the first as it, and 0 without any.
-
-    For what must not look at samples that come after a gap.
 
     >>> held(np.array([[np.nan], [1.0], [np.nan], [3.0]])).T
     array([[1., 1., 1., 3.]])

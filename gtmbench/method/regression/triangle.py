@@ -212,10 +212,7 @@ def absorb(root: FloatArray, block: FloatArray) -> FloatArray:
 
 
 def without(columns: FloatArray, count: int, floor: float) -> FloatArray:
-    """Return what is left of the other columns once the run of the first `count` is projected out of them.
-
-    Directions no longer than `floor` are rounding: they run nothing.
-    """
+    """Return what is left of the other columns once the run of the first `count` is projected out of them."""
     import scipy.linalg
 
     basis, kept, _ = scipy.linalg.qr(columns[:, :count], mode="economic", pivoting=True)
