@@ -9,8 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gtmbench.faults.distortions import random_walk
-from gtmbench.faults.draws import Distribution, drawn
+from gtmbench.faults.distortions import Distribution, drawn, random_walk
 from gtmbench.faults.fault import Distorted, Fault, Formula, State, check_unit, periods
 from gtmbench.faults.parameter import flag, other_channel, random_seed, setting, severity
 from gtmbench.faults.shape import Shape, Typical, WholeLog
