@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from gtmbench.checks import keys, naming, number, table_of, whole
 from gtmbench.errors import InputError
 from gtmbench.values.attitude import filtered
 from gtmbench.values.channels import ATTITUDE, GPS_VELOCITY, M_PER_FT, MAGNETOMETER
-from gtmbench.values.record import BoolArray, FloatArray, Record, check_record
+from gtmbench.values.record import BoolArray, FloatArray, Record, check_record, with_columns
 
 _STRONGEST = 100.0  # times the field: no magnetometer in an aircraft reads more
 
@@ -286,16 +286,10 @@ def is_read(truth: Record, rate_hz: float, sensor: str) -> BoolArray:
 
 def _put_beside(readings: Record, channels: Sequence[str], values: FloatArray, rows: BoolArray) -> Record:
     """Return readings with a sensor's channels, whose values are there in some rows."""
-    read = np.where(rows[:, np.newaxis], values, np.nan)
-    return Record(
-        np.column_stack([readings.values, read]),
-        channels=[*readings.channels, *channels],
-        sample_period_s=readings.sample_period_s,
-        start_s=readings.start_s,
-        there=np.column_stack([readings.there, np.isfinite(read)]),
-    )
+    return with_columns(readings, channels, [np.where(rows[:, np.newaxis], values, np.nan)])
 
 
+Sensor = TypeVar("Sensor", Gps, Magnetometer)
 _LEFT_OUT = ("field_per_ampere_ut",)  # no file states a current
 _MOST_HZ = 1.0 / SAMPLE_PERIOD_S
 
@@ -347,11 +341,7 @@ def gps_of(key: str, value: Any) -> Gps:
     >>> gps_of("gps", {"rate_hz": 10.0}).rate_hz
     10.0
     """
-    table = _table(Gps, key, value)
-    with naming(key):
-        gps = Gps(**table)
-        number("rate_hz", gps.rate_hz, 0.0, _MOST_HZ, above=True)
-    return gps
+    return _sensor(Gps, key, value)
 
 
 def magnetometer_of(key: str, value: Any) -> Magnetometer:
@@ -360,15 +350,15 @@ def magnetometer_of(key: str, value: Any) -> Magnetometer:
     >>> magnetometer_of("magnetometer", {"hard_iron_ut": [1.0, 0.0, -2.0]}).hard_iron_ut
     (1.0, 0.0, -2.0)
     """
-    table = _table(Magnetometer, key, value)
-    with naming(key):
-        magnetometer = Magnetometer(**table)
-        number("rate_hz", magnetometer.rate_hz, 0.0, _MOST_HZ, above=True)
-    return magnetometer
+    return _sensor(Magnetometer, key, value)
 
 
-def _table(of: type, key: str, value: Any) -> dict[str, Any]:
-    """Return a table's keys as the class has them, its lists as tuples."""
+def _sensor(of: type[Sensor], key: str, value: Any) -> Sensor:
+    """Return the sensor of a table whose keys are as the class has them; lists are tuples."""
     known = [item.name for item in fields(of) if item.name not in _LEFT_OUT]
     table = keys(table_of(key, value), known, section=key)
-    return {name: tuple(each) if isinstance(each, list) else each for name, each in table.items()}
+    given: dict[str, Any] = {name: tuple(each) if isinstance(each, list) else each for name, each in table.items()}
+    with naming(key):
+        sensor = of(**given)
+        number("rate_hz", sensor.rate_hz, 0.0, _MOST_HZ, above=True)
+    return sensor

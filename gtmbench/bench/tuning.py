@@ -190,7 +190,7 @@ def similar_autopilot(linear: LinearModel) -> Autopilot:
     for name in ("elevator", "aileron"):
         if not abs(effect[name]) > _NO_EFFECT:
             raise TrimError(f"no gains: the {name} moves nothing at this trim")
-    pitch, yaw = (_frequency(state, pair) for pair in ((w, q), (v, r)))
+    pitch, yaw = (math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)])))) for pair in ((w, q), (v, r)))  # rad/s
     roll, speed = abs(state[p, p]), math.sqrt(2.0) * G_FT_S2 / linear.speed_ft_s
     climb_ft_s_deg = math.radians(linear.speed_ft_s)  # what 1 deg of path is
     gains = {
@@ -234,11 +234,6 @@ def _roll_effect(linear: LinearModel) -> float:
 
 def _rounded(gain: float) -> float:
     return float(f"{gain:.3g}")
-
-
-def _frequency(state: np.ndarray, pair: tuple[int, int]) -> float:
-    """Return the natural frequency of two states by themselves, in rad/s."""
-    return math.sqrt(abs(float(np.linalg.det(state[np.ix_(pair, pair)]))))
 
 
 def _best(craft: Aircraft, found: Autopilot, axis: str, chain: SensorChain | None = None) -> Autopilot:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,17 +63,13 @@ def imus_of(raw: RawLog) -> tuple[Imu, ...]:
     found = [
         Imu(name=topic, number=_number(topic, matched[1]), columns=columns, unit=stated, rate_hz=_rate_hz(raw, topic))
         for topic in raw.clocks
-        for layout, fields in _LAYOUTS
-        if (matched := layout.fullmatch(topic)) and set(columns := _columns(topic, fields)) <= set(units)
+        for layout, (x, y, z) in _LAYOUTS
+        if (matched := layout.fullmatch(topic))
+        and set(columns := (f"{topic}.{x}", f"{topic}.{y}", f"{topic}.{z}")) <= set(units)
         for stated in [_unit(units[columns[0]])]
     ]
     often = [imu for imu in found if imu.rate_hz >= _SLOWEST_HZ]
     return tuple(sorted(often, key=lambda imu: (imu.number, imu.name))[:_MOST])
-
-
-def _columns(topic: str, fields: Sequence[str]) -> tuple[str, str, str]:
-    first, second, third = (f"{topic}.{field}" for field in fields)
-    return first, second, third
 
 
 def _number(topic: str, digits: str | None) -> int:

@@ -329,7 +329,8 @@ def live_chunks(
             raise InputError(f"a column that is stamped late (@) isn't read row by row; {_WHOLE}")
         clock: LiveClock | None = None
         turns, origin = Turns(), None
-        for batch in _batches(raw, [time, *(choice.series.name for choice in chosen)]):
+        assert raw.batches is not None  # the time wouldn't be known
+        for batch in raw.batches(list(dict.fromkeys([time, *(choice.series.name for choice in chosen)]))):
             stamps = batch[time]
             with np.errstate(all="ignore"):  # broken logs hold signalling NaNs and numbers that overflow
                 values = np.column_stack([_brought(choice, batch, turns) for choice in chosen])
@@ -354,11 +355,6 @@ def _time(raw: RawLog, mapped: str | None) -> tuple[str, float]:
     if beyond_seconds(raw, series) is not None or series.unit:  # dates are stated in seconds
         raise InputError(f"column '{series.name}' holds dates, or whole seconds only; {_WHOLE}")
     return series.name, per_second
-
-
-def _batches(raw: RawLog, names: Sequence[str]) -> Iterator[Mapping[str, NDArray[Any]]]:
-    assert raw.batches is not None  # the time wouldn't be known
-    return raw.batches(list(dict.fromkeys(names)))
 
 
 def _brought(choice: ChosenColumn, batch: Mapping[str, NDArray[Any]], turns: Turns) -> FloatArray:

@@ -183,7 +183,8 @@ def _why_apart(one: _Table, other: _Table) -> str:
     both = one.channels & other.channels
     if both:
         return f"{one.name} and {other.name} both hold {_listed(both)}"
-    if one.kind and one.kind == other.kind and _is_part(one.columns, other.columns):
+    is_part = one.columns and other.columns and (one.columns <= other.columns or other.columns <= one.columns)
+    if one.kind and one.kind == other.kind and is_part:
         return f"{one.name} and {other.name} are both called {one.kind} and have the same columns"
     if not (one.channels and other.channels and one.span_s and other.span_s):
         return ""
@@ -197,10 +198,6 @@ def _why_apart(one: _Table, other: _Table) -> str:
         if table.span_s
     ]
     return f"{' and '.join(told)}: their clocks don't agree, or they were recorded one after the other"
-
-
-def _is_part(one: frozenset[str], other: frozenset[str]) -> bool:
-    return bool(one and other) and (one <= other or other <= one)
 
 
 def _listed(channels: frozenset[str]) -> str:

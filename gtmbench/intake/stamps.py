@@ -75,6 +75,15 @@ def cleaned(clocks: Mapping[str, FloatArray]) -> tuple[dict[str, Clock], tuple[f
     return ordered, tuple(breaks_s), remarks
 
 
+def cleaned_alone(time_s: FloatArray) -> Clock | None:
+    """Return one clock in order; None where it is in none, or was set back: what follows is dated later than logged."""
+    try:
+        clocks, breaks_s, _ = cleaned({"": time_s})
+    except InputError:
+        return None
+    return None if breaks_s else clocks[""]
+
+
 def _is_in_order(time_s: FloatArray) -> bool:
     """Tell whether stamps are all there and never step back or far: then there is nothing to clean."""
     if len(time_s) < 2 or not time_s[-1] - time_s[0] > SHORTEST_STEP_S * len(time_s):

@@ -143,10 +143,9 @@ class Recent:
             self._rows.popleft()
         past = list(self._rows)
         if all(any(np.isfinite(each[name]).any() for each in past) for name in _NEEDS):
-            self._asked = self._works.submit(self._judged, past)
-
-    def _judged(self, past: Sequence[Record]) -> tuple[Alarm, ...]:
-        return judged(flight_of_records(past, is_driven=self._is_driven, is_assumed=self._is_assumed)).alarms
+            self._asked = self._works.submit(
+                lambda: judged(flight_of_records(past, is_driven=self._is_driven, is_assumed=self._is_assumed)).alarms
+            )
 
     def _new(self, alarm: Alarm, now_s: float) -> Alarm | None:
         """Return an alarm as it is known now; None where it names nobody, or tells of what was told before."""

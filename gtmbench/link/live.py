@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -258,8 +258,7 @@ class Live:
         self._heard_s = time.time() if self._source.is_live else 0.0
         for delivery in self._source.deliveries():
             now_s = time.time() if delivery is None else delivery.arrived_s
-            events = self._tick(now_s) if delivery is None else self._take(delivery)
-            for event in events:
+            for event in self._quiet(now_s) if delivery is None else self._read(delivery):
                 if self._saying is not None:
                     self._saying.say(event)
                 yield event
@@ -280,16 +279,11 @@ class Live:
         if self._source.is_live:
             self._at_once = warm(monitor)
 
-    def _tick(self, now_s: float) -> Iterator[LiveEvent]:
-        if self._session is not None:
-            yield from self._session.tick(now_s)
-
-    def _take(self, delivery: Delivery) -> Iterator[LiveEvent]:
-        self._arrived_s = delivery.arrived_s
-        yield from self._read(delivery)
+    def _quiet(self, now_s: float) -> Iterable[LiveEvent]:
+        return () if self._session is None else self._session.tick(now_s)
 
     def _read(self, delivery: Delivery, *, is_last: bool = False) -> Iterator[LiveEvent]:
-        reader = self._reader
+        self._arrived_s, reader = delivery.arrived_s, self._reader
         messages = reader.read(delivery.data, delivery.peer, is_whole=self._source.is_whole or is_last)
         if messages or (reader.taken and not self._source.is_table):
             self._heard_s = delivery.arrived_s
@@ -327,7 +321,9 @@ class Live:
         lesson, reader = self._learn, self._reader
         assert lesson is not None  # there is no monitor yet
         if reader.is_open:
-            yield from self._once(reader.is_open)
+            if reader.is_open != self._said:
+                self._said = reader.is_open
+                yield self._event(LiveKind.CANNOT_TELL, self._said)
             return
         lesson.system = getattr(reader, "system", None)
         if not lesson.take(arrived_s, reader.taken, messages):
@@ -347,11 +343,6 @@ class Live:
             if missing:
                 raise InputError(f"the table's first lines hold no {', '.join(missing)}, and the monitor reads them")
         self._learn, self._session = None, self._session_of(monitor)
-
-    def _once(self, text: str) -> Iterator[LiveEvent]:
-        if text != self._said:
-            self._said = text
-            yield self._event(LiveKind.CANNOT_TELL, text)
 
     def _event(self, kind: LiveKind, text: str) -> LiveEvent:
         time_s = self._learn.time_s if self._learn is not None else None

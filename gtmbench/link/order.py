@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import bisect
 from collections import deque
+from operator import attrgetter
 
 from gtmbench.link.readings import LinkSample
 
@@ -45,7 +46,7 @@ class InOrder:
             is_double = any(abs(sample.time_s - given_s) <= near_s for given_s in self._given)
             self.doubled, self.late = self.doubled + is_double, self.late + (not is_double)
             return []
-        place = bisect.bisect_left(self._waiting, sample.time_s, key=_time_s)
+        place = bisect.bisect_left(self._waiting, sample.time_s, key=attrgetter("time_s"))
         beside = self._waiting[max(place - 1, 0) : place + 1]
         if any(abs(sample.time_s - other.time_s) <= near_s for other in beside):
             self.doubled += 1
@@ -71,10 +72,6 @@ class InOrder:
             self.last_s = first.time_s
             self._given.append(first.time_s)
         return due
-
-
-def _time_s(sample: LinkSample) -> float:
-    return sample.time_s
 
 
 BACK_S, ON_S = 2.0, 10.0

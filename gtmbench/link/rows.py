@@ -56,7 +56,6 @@ class _Lane:
         self._turns = Turns()
         self._stamps = EvenStamps(period_s) if same_period(self._typical_s, period_s) else None
         self._laying: Laying | None = None
-        self._first = self._skip = 0  # the rows' number at which the laying begins; rows of it that were given before
         self.count = HALF if filtered else 0
         self._values: list[FloatArray] = []
         self._there: list[BoolArray] = []
@@ -133,7 +132,6 @@ class LinkRows:
         filtered = any(oversampling(nominal(route.period_s, period_s), period_s) > 1 for route in routes)
         self._start_s, self._period_s = start_s, period_s
         self._lanes = {route.topic: _Lane(route, start_s, period_s, filtered=filtered) for route in routes}
-        self._widths = [len(route.channels) for route in routes]
         self.channels = tuple(name for route in routes for name in route.channels)
         self._silent: set[int] = set()
         self._given = HALF if filtered else 0

@@ -243,16 +243,11 @@ class Watcher:
                 told += self._stream.push(part)
                 self.heard += len(part)
                 if any(self._stream.armed.values()):
-                    self.watched += len(part) - self._missing(part)
+                    lacking = int(np.isnan(part.matrix(self._needs)).any(axis=1).sum()) if self.left_out else 0
+                    self.watched += len(part) - lacking
             if self._recent is not None and (new := self._recent.push(piece)):
                 told += beyond([alarm for alarm in self._stream.alarms if alarm.is_first], new)
         return tuple(told)
-
-    def _missing(self, part: Record) -> int:
-        """Return how many rows of a part lack a sample that the monitor needs."""
-        if not self.left_out:
-            return 0
-        return int(np.isnan(part.matrix(self._needs)).any(axis=1).sum())
 
     def _seconds(self, piece: Record) -> list[Record]:
         """Return a piece second by second: until something is armed, nothing of it counts as watched."""

@@ -53,7 +53,9 @@ def log_of_arrays(
     if len(set(clocks.values())) == 1:
         clocks = dict.fromkeys(clocks, "")
     series = [
-        RawSeries(name=name, load=partial(np.asarray, values), clock=clocks[path], unit=_unit(values))
+        RawSeries(
+            name=name, load=partial(np.asarray, values), clock=clocks[path], unit="s" * (values.dtype.kind == "M")
+        )
         for path, made in columns.items()
         for name, values in made
     ]
@@ -126,10 +128,6 @@ def _clocks(rows: int, paths: Sequence[str], columns: Mapping[str, list[tuple[st
         return max(times, key=lambda time: (len(os.path.commonpath(["/" + time, "/" + path])), -len(time)))
 
     return {path: nearest(path) for path in paths}
-
-
-def _unit(values: NDArray[Any]) -> str:
-    return "s" if values.dtype.kind == "M" else ""
 
 
 _ARCHIVE = "NumPy archive"

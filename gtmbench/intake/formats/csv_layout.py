@@ -110,7 +110,9 @@ def _check_beginning(lines: Sequence[str]) -> None:
 def _header(lines: Sequence[str]) -> tuple[int, str]:
     """Return which line is the header, or the first row without one, and what separates cells."""
     told = _SEP.fullmatch(lines[0]) if lines else None
-    place = _first(lines, 1 if told else 0)
+    start = 1 if told else 0
+    said = (number for number in range(start, len(lines)) if lines[number].strip() and not _is_comment(lines[number]))
+    place = next(said, len(lines))
     if place and (place == len(lines) or _NUMBER.match(lines[place])) and _is_comment(lines[place - 1]):
         place -= 1  # the header itself is written as a comment
     if place == len(lines):
@@ -125,12 +127,6 @@ def more_cells(names: Sequence[str], separator: str) -> str:
     """Say that rows have more cells than columns have names."""
     commas = " If decimals have commas, cells need semicolons between them." if separator == "," else ""
     return f"rows have more cells than the {len(names)} that its first line names; is that the header?{commas}"
-
-
-def _first(lines: Sequence[str], start: int) -> int:
-    """Return the first line that says anything and is no comment."""
-    said = (number for number in range(start, len(lines)) if lines[number].strip() and not _is_comment(lines[number]))
-    return next(said, len(lines))
 
 
 def _separator(lines: Sequence[str], place: int) -> str:

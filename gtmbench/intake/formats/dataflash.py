@@ -31,7 +31,7 @@ from gtmbench.intake.formats.dataflash_events import (
 )
 from gtmbench.intake.formats.dialects import ARDUPILOT
 from gtmbench.intake.formats.limits import MOST_MESSAGES, library, quiet, reading
-from gtmbench.intake.formats.raw import Format, Meaning, RawLog, RawSeries, documented_first, in_seconds
+from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, documented_first, in_seconds
 from gtmbench.intake.units import unit
 from gtmbench.values.clock import FloatArray
 
@@ -270,9 +270,10 @@ def _topics(table: _Table) -> dict[str, dict[str, RawSeries]]:
                 load=_part(partial(table.column, name), rows),
                 clock=topic,
                 unit=(stated := layout.get_unit(name)),
-                meaning=_meaning(topic, name, stated),
+                meaning=meaning and (replace(meaning, unit=stated) if unit(stated) else meaning),
             )
             for name in numbers
+            for meaning in [ARDUPILOT.get((topic, name))]
         }
         for topic, rows in instances.items()
     }
@@ -280,11 +281,6 @@ def _topics(table: _Table) -> dict[str, dict[str, RawSeries]]:
 
 def _part(load: Callable[[], NDArray[Any]], rows: NDArray[Any] | slice) -> Callable[[], NDArray[Any]]:
     return lambda: load()[rows]
-
-
-def _meaning(topic: str, name: str, stated: str) -> Meaning | None:
-    documented = ARDUPILOT.get((topic, name))
-    return documented and (replace(documented, unit=stated) if unit(stated) else documented)
 
 
 def _word(text: bytes) -> str:

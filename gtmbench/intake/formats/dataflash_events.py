@@ -65,7 +65,7 @@ class MessageTable:
 
 def dataflash_events(told: Told) -> list[Event]:
     """Return what some messages tell; what a log begins with is no complaint."""
-    events = [event for find in (_codes, _errors, _texts, _changes_of_estimator, _plane) for event in find(told)]
+    events = [event for find in (_codes, _errors, _resets, _plane) for event in find(told)]
     return [*events, *_sensors(told), *_estimators(told), *_complaining_texts(told)]
 
 
@@ -105,8 +105,10 @@ def _errors(told: Told) -> Iterator[Event]:
             yield Event(kind=EventKind.FAILURE, time_s=time_s, text=text, about=about)
 
 
-def _texts(told: Told) -> Iterator[Event]:
+def _resets(told: Told) -> Iterator[Event]:
     in_use = _in_use(told)
+    for time_s, number in in_use[1:]:
+        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over", about="estimator")
     for time_s, text in messages_of(told):
         of_imu = _OF_IMU.search(text)
         number = next((number for since_s, number in reversed(in_use) if since_s <= time_s), in_use[0][1])
@@ -118,11 +120,6 @@ def messages_of(told: Told) -> Iterator[tuple[float, str]]:
     """Give the texts that the autopilot logged, with their times."""
     for time_s, message in rows_of(told, "MSG", "Message", texts=["Message"]):
         yield time_s, message.split(b"\0")[0].decode("latin-1")
-
-
-def _changes_of_estimator(told: Told) -> Iterator[Event]:
-    for time_s, number in _in_use(told)[1:]:
-        yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number:g} took over", about="estimator")
 
 
 def _in_use(told: Told) -> list[tuple[float, float]]:
@@ -143,16 +140,8 @@ def _plane(told: Told) -> Iterator[Event]:
 _MOST_INSTANCES = 5
 _HEALTH_OF_IMU = {"gyro": ("GH", ("EG", "ErrG")), "accelerometer": ("AH", ("EA", "ErrA"))}
 # squared ratios of innovations to their limits: rejected above 1
-_RATIOS = {
-    "SV": "velocity",
-    "SP": "position",
-    "SH": "height",
-    "SM": "magnetometer",
-    "SMX": "magnetometer",
-    "SMY": "magnetometer",
-    "SMZ": "magnetometer",
-    "SVT": "airspeed",
-}
+_RATIOS = {"SV": "velocity", "SP": "position", "SH": "height"}
+_RATIOS |= dict.fromkeys(("SM", "SMX", "SMY", "SMZ"), "magnetometer") | {"SVT": "airspeed"}
 _COMPLAINTS = re.compile(
     r"(?P<gyro>gyros? (?:inconsistent|not healthy|unhealthy))|(?P<accelerometer>accels? (?:inconsistent|not healthy))"
     r"|(?P<estimator>EKF\d? (?:variance|failsafe))",
@@ -176,7 +165,7 @@ def _sensors(told: Told) -> Iterator[Event]:
             sick = _raised(told, called, health, lambda values: values == 0.0)
             yield from complaints(sick, f"{about} {number} isn't healthy ({called}.{health})", about, number)
             for field in counts:
-                more = _raised(told, called, field, _grows)
+                more = _raised(told, called, field, lambda values: np.diff(values, prepend=values[:1]) > 0.0)
                 yield from complaints(more, f"{about} {number} counts errors ({called}.{field})", about, number)
 
 
@@ -188,10 +177,6 @@ def _estimators(told: Told) -> Iterator[Event]:
             yield from complaints(rejected, text, "estimator")
         faults = _raised(told, called, "FS", lambda values: values != 0.0)
         yield from complaints(faults, f"estimator {instance} has a fault ({called}.FS)", "estimator")
-
-
-def _grows(counts: FloatArray) -> BoolArray:
-    return np.diff(counts, prepend=counts[:1]) > 0.0
 
 
 def _raised(told: Told, kind: str, name: str, when: Callable[[FloatArray], BoolArray]) -> list[float]:

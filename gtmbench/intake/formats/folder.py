@@ -62,7 +62,10 @@ def read_folder(path: Path) -> RawLog:
             left_out.append(table.name)
             continue
         for topic, own in _by_instance(topics[table], {each.name: each for each in read.series}):
-            columns = {name: _column(topic, each) for name, each in own.items()}
+            columns = {
+                name: replace(each, name=f"{topic}.{each.name}", clock=topic, meaning=ALL.get((topic, each.name)))
+                for name, each in own.items()
+            }
             series += columns.values()
             parts = [columns[name] for name in _QUATERNION if name in columns]
             if len(parts) == len(_QUATERNION) and topic in {name for name, _ in PX4}:
@@ -107,15 +110,13 @@ def _by_instance(topic: str, own: dict[str, RawSeries]) -> Iterator[tuple[str, d
     for each in which.tolist():
         rows = np.flatnonzero(number == each)
         name = f"{topic}#{int(each)}" if each else topic
-        yield name, {column: replace(series, load=partial(_rows_of, series, rows)) for column, series in own.items()}
-
-
-def _rows_of(series: RawSeries, rows: NDArray[np.int64]) -> NDArray[Any]:
-    return series.load()[rows]
-
-
-def _column(topic: str, column: RawSeries) -> RawSeries:
-    return replace(column, name=f"{topic}.{column.name}", clock=topic, meaning=ALL.get((topic, column.name)))
+        yield (
+            name,
+            {
+                column: replace(series, load=partial(lambda of, at: of.load()[at], series, rows))
+                for column, series in own.items()
+            },
+        )
 
 
 def _with_px4_time(column: RawSeries) -> RawSeries:

@@ -88,7 +88,10 @@ def read_mcap(path: Path) -> RawLog:
         raise InputError(f"{path}: nothing to read; {why}; read are json and ROS 2's messages (cdr)")
     stamps, said = _stamps(topics)
     clocks, since = in_seconds(stamps, 1e9)
-    series = [column for name, topic in topics.items() for column in _series(name, topic)]
+    series: list[RawSeries] = []
+    for name, topic in topics.items():
+        loads = {field: partial(topic.column, field) for field in topic.columns}
+        series += topic_series(name, loads, is_imu=topic.imu)
     if any(topic.imu for topic in topics.values()):
         notes.append(NOTE)
     return RawLog(kind="MCAP", series=tuple(series), clocks=clocks, notes=(*notes, *said, *since))
@@ -243,10 +246,6 @@ def _stamps(topics: Mapping[str, _Topic]) -> tuple[dict[str, NDArray[np.int64]],
     return {name: np.array(topic.stamps, dtype=np.int64) for name, topic in topics.items()}, (
         "stamps: when messages were logged",
     )
-
-
-def _series(name: str, topic: _Topic) -> list[RawSeries]:
-    return topic_series(name, {field: partial(topic.column, field) for field in topic.columns}, is_imu=topic.imu)
 
 
 def _decoded_imu(data: bytes) -> dict[str, float]:

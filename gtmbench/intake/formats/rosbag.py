@@ -77,7 +77,10 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
     stamps = {topic: columns[_STAMP if topic in measured else ""] for topic, columns in topics.items()}
     clocks, since = in_seconds(stamps, 1e9)
     imu, notes = _imu(types, topics)
-    series = [column for topic, columns in topics.items() for column in _series(topic, columns, is_imu=topic in imu)]
+    series: list[RawSeries] = []
+    for topic, columns in topics.items():
+        loads = {field: partial(np.asarray, values) for field, values in columns.items() if field not in ("", _STAMP)}
+        series += topic_series(topic, loads, is_imu=topic in imu)
     recorded = [topic for topic in topics if topic not in measured]
     own = "stamps: the messages' timestamp" if is_px4 else "stamps: header.stamp"
     notes += [*([own] if measured else []), *since]
@@ -88,11 +91,6 @@ def read_rosbag(path: Path, part: str = "") -> RawLog:
     return RawLog(
         kind=facts["kind"], series=tuple(series), clocks=clocks, notes=tuple(notes), attitude_from_gyros=is_px4
     )
-
-
-def _series(topic: str, columns: dict[str, np.ndarray], *, is_imu: bool) -> list[RawSeries]:
-    loads = {field: partial(np.asarray, values) for field, values in columns.items() if field not in ("", _STAMP)}
-    return topic_series(topic, loads, is_imu=is_imu)
 
 
 def _imu(types: dict[str, str], topics: dict[str, dict[str, np.ndarray]]) -> tuple[list[str], list[str]]:

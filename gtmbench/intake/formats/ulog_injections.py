@@ -19,24 +19,9 @@ from gtmbench.intake.injections import GYRO, Injection, injected, spells
 from gtmbench.values.clock import FloatArray
 
 _COMMAND = 420  # MAV_CMD_INJECT_FAILURE: param1 the unit, param2 the type, param3 the instance from 1, or 0 for all
-_UNITS = {
-    0: GYRO,
-    1: "accelerometer",
-    2: "magnetometer",
-    3: "barometer",
-    4: "GPS",
-    5: "optical flow",
-    6: "visual odometry",
-    7: "distance sensor",
-    8: "airspeed",
-    100: "battery",
-    101: "motor",
-    102: "servo",
-    103: "avoidance",
-    104: "RC signal",
-    105: "MAVLink signal",
-    106: "ESC",
-}
+_SENSORS = (GYRO, "accelerometer", "magnetometer", "barometer", "GPS", "optical flow", "visual odometry")
+_OTHERS = ("battery", "motor", "servo", "avoidance", "RC signal", "MAVLink signal", "ESC")
+_UNITS = dict(enumerate((*_SENSORS, "distance sensor", "airspeed"))) | dict(enumerate(_OTHERS, 100))
 _TYPES = ("ok", "off", "stuck", "garbage", "wrong", "slow", "delayed", "intermittent")
 _OK = 0
 _ACCEPTED = 0  # VehicleCommandAck.msg
@@ -130,26 +115,9 @@ _RFLYMAD_HEALTHY = (
     123549,
     123540,
 )  # ids that are no fault: nothing commanded yet, "without", a waiting time
-_RFLYMAD_UNITS = {
-    123450: "motor",
-    123451: "propeller",
-    123452: "accelerometer",
-    123453: GYRO,
-    123454: "barometer",
-    123455: "magnetometer",
-    123456: "GPS",
-    123457: "payload",
-    123458: "payload",
-    123459: "payload",
-    123541: "battery",
-    123542: "battery",
-    123543: "battery",
-    123544: "wind",
-    123545: "wind",
-    123546: "wind",
-    123547: "wind",
-    123548: "wind",
-}
+_RFLYMAD_UNITS = {123450: "motor", 123451: "propeller", 123452: "accelerometer", 123453: GYRO, 123454: "barometer"}
+_RFLYMAD_UNITS |= {123455: "magnetometer", 123456: "GPS"} | dict.fromkeys(range(123457, 123460), "payload")
+_RFLYMAD_UNITS |= dict.fromkeys(range(123541, 123544), "battery") | dict.fromkeys(range(123544, 123549), "wind")
 _RFLYMAD_SENSORS = range(123452, 123457)
 _RFLYMAD_MODES = {3.0: "noise", 4.0: "scale factor"}  # of sensors; motors have others
 _MOST_CHANGES = 1000  # that are looked at: nobody injects more in a flight
