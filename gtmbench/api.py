@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from gtmbench.bench.controller import Controller
     from gtmbench.bench.excitation import Excitation
     from gtmbench.bench.flight import fly, trim
-    from gtmbench.bench.imperfections import Imperfections, imperfect
     from gtmbench.bench.known_aircraft import load_aircraft
     from gtmbench.bench.loop import Accommodation, fly_in_loop
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
     from gtmbench.bench.other_sensors import Gps, Magnetometer, with_gps, with_magnetometer
     from gtmbench.bench.sensing import Readings
     from gtmbench.bench.sensor_chain import SensorChain, SensorPath
-    from gtmbench.bench.sensors import measure
+    from gtmbench.bench.sensors import Imperfections, imperfect, measure
     from gtmbench.bench.simulation import Simulation
     from gtmbench.bench.trim import Trim
     from gtmbench.bench.tuning import Tuned, find_autopilot

@@ -21,7 +21,7 @@ from gtmbench.jobs.progress import Progress, progress_bar
 from gtmbench.report.tables.envelope import envelope
 
 if TYPE_CHECKING:
-    from gtmbench.bench.imperfections import Imperfections
+    from gtmbench.bench.sensors import Imperfections
     from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.method.attitude_origin import Origin
     from gtmbench.values.record import Record
@@ -197,7 +197,7 @@ def _check_kind(of_flights: Mapping[str, object], of_logs: Mapping[str, object],
 
 
 def _imperfections(tolerate: str | None) -> Imperfections:
-    from gtmbench.bench.imperfections import parse_imperfections
+    from gtmbench.bench.sensors import parse_imperfections
     from gtmbench.study.healthy_records import CalibrationFlights
 
     return CalibrationFlights().imperfections if tolerate is None else parse_imperfections(tolerate)

@@ -17,7 +17,7 @@ from itertools import islice, permutations, product
 import numpy as np
 
 from gtmbench.intake.formats.raw import Meaning, RawLog, RawSeries
-from gtmbench.intake.gyro_range import hardly_moves_in_deg_s, only_deg_s
+from gtmbench.intake.imus import hardly_moves_in_deg_s, only_deg_s
 from gtmbench.intake.names import Triple, guess, triples, unnamed_rates
 from gtmbench.intake.units import unit
 from gtmbench.values.channels import ATTITUDE, GYROS

@@ -12,8 +12,7 @@ from enum import StrEnum
 
 from gtmbench.checks import printable
 from gtmbench.detectors.alarm import Alarm
-from gtmbench.link.packets import dialect
-from gtmbench.link.readings import MOTION
+from gtmbench.link.packets import MOTION, dialect
 
 
 class LiveKind(StrEnum):

@@ -24,8 +24,7 @@ from gtmbench.link.packets import SavedLink, dialect
 from gtmbench.link.session import LinkCounts, Session
 from gtmbench.link.showing import DrawnFiles, Pictures
 from gtmbench.link.source import Delivery, LinkSource, source_of
-from gtmbench.link.table import TableRows
-from gtmbench.link.telemetry import Message, Telemetry
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watcher import wants_of, warm
 from gtmbench.report.words.monitor import title_text
 from gtmbench.report.words.verdict import first_line

@@ -10,7 +10,7 @@ import bisect
 from collections import deque
 from operator import attrgetter
 
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.packets import LinkSample
 
 BOUND_S = 0.1
 """How long a missing sample is waited for, in the sender's time."""

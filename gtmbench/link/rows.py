@@ -1,6 +1,6 @@
 """Rows on a monitor's clock, made of messages that come each at a rate of its own.
 
-Every message is a lane: its samples are put in order, and laid on the clock as a log's are (`intake.laying`). A row is
+Every message is a lane: its samples are put in order, and laid on the clock as a log's are (`intake.live`). A row is
 given when all lanes know it. What a link loses is no sensor's fault: a row for which a whole message is missing is
 left out for all sensors alike, so no monitor takes it for a sensor that dropped out.
 """
@@ -18,7 +18,7 @@ from gtmbench.intake.live import EvenStamps, Laying, Rows
 from gtmbench.intake.mapping import Turns
 from gtmbench.intake.resampling import HALF, nominal, oversampling
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.packets import LinkSample
 from gtmbench.values.clock import FloatArray, same_period
 from gtmbench.values.record import BoolArray, Record
 

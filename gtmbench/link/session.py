@@ -17,8 +17,7 @@ from gtmbench.link.closing import FLYING, Recent, verdict_so_far
 from gtmbench.link.events import LiveEvent, LiveKind
 from gtmbench.link.order import LONGEST_S, SenderClock
 from gtmbench.link.story import Story
-from gtmbench.link.table import TableRows
-from gtmbench.link.telemetry import Message, Telemetry
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.link.watcher import Watcher
 from gtmbench.report.words.monitor import title_text
 from gtmbench.study.log.self_check.outcome import rests_on_motion

@@ -26,7 +26,7 @@ from gtmbench.errors import GtmbenchError, InputError
 from gtmbench.intake.live import is_too_seldom
 from gtmbench.link.closing import Recent
 from gtmbench.link.order import InOrder
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
 from gtmbench.link.telemetry import Message
 from gtmbench.study.log.said import beyond

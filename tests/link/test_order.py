@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gtmbench as gb
 from gtmbench.link.order import BOUND_S, InOrder, Numbering, SenderClock
-from gtmbench.link.readings import LinkSample
+from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
 
 PERIOD_S = 0.01

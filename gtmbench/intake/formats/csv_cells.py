@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.csv_layout import SPACES, CsvLayout, layout_of
+from gtmbench.intake.formats.csv import SPACES, CsvLayout, layout_of
 from gtmbench.intake.formats.limits import reading
 from gtmbench.intake.formats.raw import Cells
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gtmbench.errors import InputError
 from gtmbench.intake.events import Event
-from gtmbench.intake.formats.csv import read_csv
-from gtmbench.intake.formats.csv_layout import layout_of
+from gtmbench.intake.formats.csv import layout_of, read_csv
 from gtmbench.intake.formats.dialects import ALL, PX4, angles_of
 from gtmbench.intake.formats.limits import LARGEST_FILE_BYTES, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, Meaning, RawLog, RawSeries, documented_first

@@ -17,9 +17,7 @@ from gtmbench.intake.formats import (
     dataflash,
     excel,
     folder,
-    matlab,
     mcap,
-    message_rows,
     parquet,
     rosbag,
     tlog,
@@ -38,11 +36,11 @@ FORMATS = (
     dataflash.FORMAT,
     mcap.FORMAT,
     tlog.FORMAT,
-    message_rows.PLANNER,
-    message_rows.PAPARAZZI,
+    tlog.PLANNER,
+    tlog.PAPARAZZI,
     rosbag.FORMAT,
-    matlab.FORMAT,
-    arrays.FORMAT,
+    arrays.MATLAB,
+    arrays.NUMPY,
     excel.FORMAT,
     data_sets.ALFA,
     data_sets.KITTI,
@@ -193,7 +191,7 @@ def _format(path: Path) -> Format:
             return form
     suffix = path.suffix.lower()
     if suffix == ".mat" or (head.startswith(_ZIP) and suffix in excel.FORMAT.suffixes):  # these may begin as they like
-        return matlab.FORMAT if suffix == ".mat" else excel.FORMAT
+        return arrays.MATLAB if suffix == ".mat" else excel.FORMAT
     if why := why_unreadable(head, path):
         raise InputError(f"{path} {why}; {_READ}")
     if any(suffix in form.suffixes for form in FORMATS):

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from gtmbench.checks import listed
 from gtmbench.errors import InputError
-from gtmbench.intake.formats.apart import Arrays, read_apart
 from gtmbench.intake.formats.dialects import lines_of, meant
-from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, reading
+from gtmbench.intake.formats.limits import MOST_MESSAGES, MOST_UNPACKED_BYTES, Arrays, read_apart, reading
 from gtmbench.intake.formats.raw import Format, RawLog, RawSeries, in_seconds
 
 IMU_SCHEMAS = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")

@@ -15,8 +15,7 @@ from gtmbench.intake.events import Event
 from gtmbench.intake.formats.dialects import PX4
 from gtmbench.intake.formats.limits import MOST_COLUMNS, MOST_MESSAGES, check_values, library, quiet, reading
 from gtmbench.intake.formats.raw import ANGLES, Format, RawLog, RawSeries, documented_first, euler_deg, in_seconds
-from gtmbench.intake.formats.ulog_events import ulog_complaints, ulog_events
-from gtmbench.intake.formats.ulog_injections import ulog_injections
+from gtmbench.intake.formats.ulog_events import ulog_complaints, ulog_events, ulog_injections
 from gtmbench.values.clock import FloatArray
 
 
