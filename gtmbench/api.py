@@ -7,11 +7,10 @@ if TYPE_CHECKING:
     from gtmbench.bench.aircraft import Aircraft
     from gtmbench.bench.attitude_filter import filtered_attitude
     from gtmbench.bench.autopilot import Autopilot
-    from gtmbench.bench.controller import Controller
     from gtmbench.bench.excitation import Excitation
     from gtmbench.bench.flight import fly, trim
     from gtmbench.bench.known_aircraft import load_aircraft
-    from gtmbench.bench.loop import Accommodation, fly_in_loop
+    from gtmbench.bench.loop import Accommodation, Controller, fly_in_loop
     from gtmbench.bench.loop_flight import ControllerError, LoopEvent, LoopFlight
     from gtmbench.bench.modes import LinearModel, Mode, linearised, modes
     from gtmbench.bench.other_sensors import Gps, Magnetometer, with_gps, with_magnetometer

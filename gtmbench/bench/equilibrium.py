@@ -14,8 +14,7 @@ import jsbsim
 import numpy as np
 
 from gtmbench.bench.aircraft import UNKNOWNS, Aircraft, aircraft_of, facts_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating
-from gtmbench.bench.propellers import thrusts_lbs, wrong_speeds
+from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import number
 from gtmbench.errors import GtmbenchError, TrimError

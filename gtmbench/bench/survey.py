@@ -15,11 +15,22 @@ from typing import Any
 import numpy as np
 
 from gtmbench.bench.aircraft import MOST_STEPS, SAMPLE_PERIOD_S, Aircraft, aircraft_of
-from gtmbench.bench.engine import ACCELERATIONS, engine, set_condition, silenced, simulating, stand, writers
+from gtmbench.bench.engine import (
+    ACCELERATIONS,
+    engine,
+    set_condition,
+    settle,
+    silenced,
+    simulating,
+    spin_up,
+    stand,
+    thrusts_lbs,
+    writers,
+    wrong_speeds,
+)
 from gtmbench.bench.equilibrium import searched_engine, trimmed_engine
 from gtmbench.bench.excitation import multisine
 from gtmbench.bench.model_file import check_model, description
-from gtmbench.bench.propellers import settle, spin_up, thrusts_lbs, wrong_speeds
 from gtmbench.bench.trim import Trim
 from gtmbench.checks import printable
 from gtmbench.errors import GtmbenchError

@@ -9,10 +9,9 @@ from typing import ClassVar
 
 from gtmbench.bench.attitude_filter import estimated_attitude
 from gtmbench.bench.breaking import is_of_surface
-from gtmbench.bench.controller import found_controller
 from gtmbench.bench.flight import fly, trim
 from gtmbench.bench.known_aircraft import load_aircraft
-from gtmbench.bench.loop import fly_in_loop
+from gtmbench.bench.loop import fly_in_loop, found_controller
 from gtmbench.bench.loop_flight import DEPARTURE, OUT_OF_LOOP, LoopEvent, LoopFlight
 from gtmbench.bench.other_sensors import OtherSensors
 from gtmbench.bench.sensor_chain import SensorChain

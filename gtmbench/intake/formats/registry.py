@@ -13,7 +13,6 @@ from gtmbench.errors import InputError
 from gtmbench.files.disk import is_file, is_folder, no_such
 from gtmbench.intake.formats import (
     arrays,
-    data_sets,
     dataflash,
     excel,
     folder,
@@ -42,8 +41,8 @@ FORMATS = (
     arrays.MATLAB,
     arrays.NUMPY,
     excel.FORMAT,
-    data_sets.ALFA,
-    data_sets.KITTI,
+    folder.ALFA,
+    folder.KITTI,
     folder.FORMAT,
 )
 CSV = Format(name="CSV", magic=(), suffixes=(), read=read_csv, rewrite=rewrite_csv)  # whatever begins as none of them
@@ -127,7 +126,7 @@ def is_log_folder(path: Path) -> bool:
 def _folder_format(path: Path) -> Format | None:
     """Return the format of which a folder is one log; None where it isn't one, or a log lies beside its tables."""
     form = next((form for form in FORMATS if form.is_folder and form.is_folder(path)), None)
-    if form in (data_sets.ALFA, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
+    if form in (folder.ALFA, folder.FORMAT) and any(map(_is_another_log, path.iterdir())):
         return None
     return form
 

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from gtmbench.bench.controller import found_controller
+from gtmbench.bench.loop import found_controller
 from gtmbench.errors import InputError
 from gtmbench.faults.registry import loaded_faults
 from gtmbench.files.shipped import code_facts
