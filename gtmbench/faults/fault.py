@@ -31,6 +31,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 State = Any  # what a kind carries from one stretch into the next: its own business
 Distorted = tuple[FloatArray, State]  # broken samples, and that
+OneBroken = tuple[float, State]  # a broken sample, and that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +170,7 @@ class Fault:
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Return one broken sample and the state for the next: `distort` in plain floats, ten times as fast.
 
         By default it is `distort` of a stretch of one sample.
@@ -276,7 +277,7 @@ class Formula(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Apply the formula to numbers."""
         return float(self.formula(now, elapsed_s, sample_period_s)), None
 
@@ -304,7 +305,7 @@ class Following(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Follow the signal by one step."""
         y = now[0]
         if y != y:

@@ -8,7 +8,6 @@ from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from gtmbench.checks import number, whole
@@ -145,9 +144,7 @@ class Live:
         """Return itself."""
         return self
 
-    def __exit__(
-        self, _type: type[BaseException] | None, error: BaseException | None, _trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, _type: object, error: BaseException | None, _trace: object) -> None:
         """Close it; what an error ended isn't judged."""
         if error is not None:
             self._closing = self._unjudged("the watch ended by an error")

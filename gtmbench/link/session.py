@@ -68,20 +68,9 @@ class LinkCounts:
     out_of_range: int = 0
 
     def __str__(self) -> str:
-        parts = [
-            f"{count} {name}"
-            for name, count in (
-                ("lost", self.lost),
-                ("doubled", self.doubled),
-                ("too late", self.late),
-                ("broken", self.broken),
-                ("not signed", self.refused),
-                ("dropped", self.dropped),
-                ("out of range", self.out_of_range),
-            )
-            if count
-        ]
-        return ", ".join([f"{self.read} messages read", *parts])
+        words = {"read": "messages read", "late": "too late", "refused": "not signed", "out_of_range": "out of range"}
+        told = [f"{count} {words.get(name, name)}" for name, count in vars(self).items() if count or name == "read"]
+        return ", ".join(told)
 
 
 class Session:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import compress
-from typing import Protocol
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from gtmbench.link.closing import Recent
 from gtmbench.link.order import InOrder
 from gtmbench.link.packets import LinkSample
 from gtmbench.link.rows import LinkRows, Route, measured_period
-from gtmbench.link.telemetry import Message
+from gtmbench.link.telemetry import Message, TableRows, Telemetry
 from gtmbench.study.log.said import beyond
 from gtmbench.study.log.self_check.outcome import rests_on_motion, wrong_wiring
 from gtmbench.values.channels import ATTITUDE, GYROS, limit_of
@@ -37,21 +36,6 @@ from gtmbench.values.record import Record, joined
 _PROBED_S = 1.5  # in which rates are measured
 _PATIENCE_S = 2.5  # until a message that is needed has to be there
 _MOST = 50_000  # messages until then
-
-
-class SampleReader(Protocol):
-    """What makes samples of messages: `Telemetry`, or `Table`."""
-
-    unit: str
-
-    def routes(self, rates_hz: dict[str, float], needs: Sequence[str], least_hz: float) -> dict[str, str]:
-        """Return the message that each channel is read from."""
-
-    def sample(self, message: Message, channels: Sequence[str]) -> LinkSample | None:
-        """Return what a message reads of some channels."""
-
-    def told(self) -> str:
-        """Say what could be read."""
 
 
 def wants_of(monitor: Monitor) -> tuple[str, ...]:
@@ -67,7 +51,7 @@ class Watcher:
     def __init__(
         self,
         monitor: Monitor,
-        reader: SampleReader,
+        reader: Telemetry | TableRows,
         learner: Learner | None = None,
         shows: Callable[[Record], object] | None = None,
         recent: Recent | None = None,

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from gtmbench.faults.distortions import followed, rate_limited
-from gtmbench.faults.fault import Distorted, Fault, Formula, State, periods
+from gtmbench.faults.fault import Distorted, Fault, Formula, OneBroken, State, periods
 from gtmbench.faults.parameter import other_channel, severity
 from gtmbench.faults.shape import Same, Shape, Typical, is_always, is_beyond, is_last
 from gtmbench.values.clock import FloatArray, Value
@@ -96,7 +96,7 @@ class Jam(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Repeat it once more."""
         return carried, carried
 
@@ -141,7 +141,7 @@ class Hardover(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Run by one step."""
         at = followed(carried, self.limit, (self.rate_limit or 0.0) * sample_period_s)
         return at, at
@@ -178,7 +178,7 @@ class Stale(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Read, or repeat."""
         number, held = periods(elapsed_s, self.hold_s, sample_period_s), carried[1]
         if number != carried[0] and now[0] == now[0]:
@@ -235,7 +235,7 @@ class Delay(Fault):
 
     def distort_sample(
         self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> tuple[float, State]:
+    ) -> OneBroken:
         """Look back."""
         samples, share = _late(self.delay_s, sample_period_s)
         history = (*carried, now[0])

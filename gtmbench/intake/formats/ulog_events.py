@@ -22,6 +22,7 @@ from gtmbench.values.clock import FloatArray
 from gtmbench.values.record import BoolArray
 
 Topics = Mapping[str, Mapping[str, NDArray[Any]]]
+Clocks = Mapping[str, FloatArray]
 _ARMED = 2  # vehicle_status.msg: ARMING_STATE_ARMED
 # of the message definitions estimator_status_flags and estimator_event_flags, what turns the attitude or its heading
 _ALIGNED = {
@@ -43,7 +44,7 @@ TOLD_BY = (  # topics that events are read from
 )
 
 
-def ulog_events(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Event]:
+def ulog_events(topics: Topics, clocks: Clocks) -> list[Event]:
     """Return what a log tells, message by message; a flag that a log begins with is no event."""
     return [
         *_attitude_resets(topics, clocks),
@@ -54,7 +55,7 @@ def ulog_events(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Event]
     ]
 
 
-def _changes(topics: Topics, clocks: Mapping[str, FloatArray], topic: str, field: str) -> list[tuple[int, float, int]]:
+def _changes(topics: Topics, clocks: Clocks, topic: str, field: str) -> list[tuple[int, float, int]]:
     """Return (row, time, value) wherever a field takes another value."""
     values = topics.get(topic, {}).get(field)
     if values is None:
@@ -65,7 +66,7 @@ def _changes(topics: Topics, clocks: Mapping[str, FloatArray], topic: str, field
     return [(int(row), float(clocks[topic][row]), int(whole[row])) for row in rows]
 
 
-def _attitude_resets(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _attitude_resets(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     counted = _changes(topics, clocks, "vehicle_attitude", "quat_reset_counter")
     turned = topics.get("vehicle_attitude", {}).get("delta_q_reset[0]")
     for row, time_s, _ in counted:
@@ -79,7 +80,7 @@ def _attitude_resets(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterat
         yield Event(kind=EventKind.RESET, time_s=time_s, text=f"estimator {number} took over", about="estimator")
 
 
-def _alignments(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _alignments(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     for topic, fields in _ALIGNED.items():
         for field, text in fields.items():
             for _, time_s, value in _changes(topics, clocks, topic, field):
@@ -87,7 +88,7 @@ def _alignments(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Ev
                     yield Event(kind=EventKind.RESET, time_s=time_s, text=text)
 
 
-def _landings(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _landings(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     def changes_of(*fields: str) -> list[tuple[float, bool]]:
         changes = [_changes(topics, clocks, "vehicle_land_detected", field) for field in fields]
         return sorted((time_s, bool(value)) for each in changes for _, time_s, value in each)
@@ -100,7 +101,7 @@ def _landings(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Even
         yield Event(kind=EventKind.TOUCHDOWN, time_s=time_s, text="land detector")
 
 
-def _arming(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _arming(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     states = topics.get("vehicle_status", {}).get("arming_state", np.zeros(0))
     was_armed = bool(len(states)) and states[0] == _ARMED
     for _, time_s, state in _changes(topics, clocks, "vehicle_status", "arming_state"):
@@ -109,7 +110,7 @@ def _arming(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]
             yield Event(kind=EventKind.ARM if was_armed else EventKind.DISARM, time_s=time_s, text="commander")
 
 
-def _failures(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _failures(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     topic = "failure_detector_status"
     for field in topics.get(topic, {}):
         text = f"failure detector: {field.removeprefix('fd_').replace('_', ' ')}"
@@ -134,20 +135,18 @@ _RATIOS = {
 _FAILED = re.compile(r"(Gyro|Accel) #(\d+) fail")  # voted_sensors_update.cpp
 
 
-def ulog_complaints(
-    topics: Topics, clocks: Mapping[str, FloatArray], messages: Iterable[tuple[float, str]]
-) -> list[Event]:
+def ulog_complaints(topics: Topics, clocks: Clocks, messages: Iterable[tuple[float, str]]) -> list[Event]:
     """Return what a log says of sensors, by fields, and by texts of the autopilot; what it begins with is no event."""
     return [*_sensors(topics, clocks), *_estimators(topics, clocks), *_lanes(topics, clocks), *_texts(messages)]
 
 
-def _raised(clocks: Mapping[str, FloatArray], topic: str, flags: BoolArray) -> list[float]:
+def _raised(clocks: Clocks, topic: str, flags: BoolArray) -> list[float]:
     """Return when flags rise, on their topic's clock."""
     time_s = clocks[topic]
     return [float(time_s[row]) for row in onsets(time_s, flags)]
 
 
-def _sensors(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _sensors(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     topic = "sensors_status_imu"
     fields = topics.get(topic, {})
     for short, about in _SENSORS.items():
@@ -158,7 +157,7 @@ def _sensors(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event
                 yield from complaints(sick, f"{about} {slot + 1} isn't healthy ({topic})", about, slot + 1)
 
 
-def _estimators(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _estimators(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     for number in range(_INSTANCES):
         topic = f"estimator_status#{number}" if number else "estimator_status"
         fields = topics.get(topic, {})
@@ -172,7 +171,7 @@ def _estimators(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Ev
             yield from complaints(faults, f"estimator {number} has a fault (filter_fault_flags)", "estimator")
 
 
-def _lanes(topics: Topics, clocks: Mapping[str, FloatArray]) -> Iterator[Event]:
+def _lanes(topics: Topics, clocks: Clocks) -> Iterator[Event]:
     topic = "estimator_selector_status"
     fields = topics.get(topic, {})
     for short, about in _SENSORS.items():
@@ -202,9 +201,10 @@ _MOST_ENTRIES, _MOST_NUMBERS = 4, 16  # of failure_injection, of its instance_ma
 _ALL = 0xFFFF
 _MOST_MESSAGES = 1000  # that are looked at: nobody injects more in a flight
 Key = tuple[int, int]  # a unit, an instance (0 for all)
+Changes = dict[Key, list[tuple[float, float]]]  # each's times and values
 
 
-def ulog_injections(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Injection]:
+def ulog_injections(topics: Topics, clocks: Clocks) -> list[Injection]:
     """Return the failures that a log says were injected: by the topic that says what is in force, else by commands."""
     in_force = _in_force(topics, clocks)
     changes = _commanded(topics, clocks) if in_force is None else in_force
@@ -224,13 +224,13 @@ def _injection(key: Key, kind: int, onset_s: float, end_s: float | None) -> Inje
     return injected(sensor, instance or None, said, (onset_s, end_s), text)
 
 
-def _in_force(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, list[tuple[float, float]]] | None:
+def _in_force(topics: Topics, clocks: Clocks) -> Changes | None:
     """Return every failure's changes by the topic `failure_injection`; None where it isn't logged."""
     fields = topics.get("failure_injection", {})
     counts = fields.get("count")
     if counts is None:
         return None
-    changes: dict[Key, list[tuple[float, float]]] = {}
+    changes: Changes = {}
     for row, (time_s, count) in enumerate(
         zip(clocks["failure_injection"][:_MOST_MESSAGES].tolist(), counts[:_MOST_MESSAGES].tolist(), strict=True)
     ):
@@ -251,13 +251,13 @@ def _entries(fields: Mapping[str, NDArray[Any]], row: int, count: int) -> Iterat
             yield (unit, number), kind
 
 
-def _commanded(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, list[tuple[float, float]]]:
+def _commanded(topics: Topics, clocks: Clocks) -> Changes:
     """Return every failure's changes by the commands, but for those that were answered with a refusal."""
     fields = topics.get("vehicle_command", {})
     names = ("command", "param1", "param2", "param3")
     if not set(names) <= set(fields):
         return {}
-    changes: dict[Key, list[tuple[float, float]]] = {}
+    changes: Changes = {}
     refused_s = _refused_s(topics, clocks)
     asked = np.flatnonzero(fields["command"] == _COMMAND)[:_MOST_MESSAGES]
     for row in asked.tolist():
@@ -272,7 +272,7 @@ def _commanded(topics: Topics, clocks: Mapping[str, FloatArray]) -> dict[Key, li
     return changes
 
 
-def _refused_s(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[float]:
+def _refused_s(topics: Topics, clocks: Clocks) -> list[float]:
     fields = topics.get("vehicle_command_ack", {})
     if not {"command", "result"} <= set(fields):
         return []
@@ -296,7 +296,7 @@ _MOST_CHANGES = 1000  # that are looked at: nobody injects more in a flight
 _MOST_CONTROLS = 16
 
 
-def _of_rflymad(topics: Topics, clocks: Mapping[str, FloatArray]) -> list[Injection]:
+def _of_rflymad(topics: Topics, clocks: Clocks) -> list[Injection]:
     """Return the faults that a log of RflyMAD says were injected; nothing of other logs."""
     fields = topics.get(_RFLYMAD, {})
     if not {"id", "mode"} <= set(fields):
