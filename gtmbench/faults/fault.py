@@ -31,7 +31,7 @@ from gtmbench.values.record import BoolArray, FloatArray, Record
 
 State = Any  # what a kind carries from one stretch into the next: its own business
 Distorted = tuple[FloatArray, State]  # broken samples, and that
-OneBroken = tuple[float, State]  # a broken sample, and that
+Broken = tuple[float, State]  # a broken sample, and that
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,9 +168,7 @@ class Fault:
         """
         return None
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> OneBroken:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Return one broken sample and the state for the next: `distort` in plain floats, ten times as fast.
 
         By default it is `distort` of a stretch of one sample.
@@ -275,9 +273,7 @@ class Formula(Fault):
         broken[:] = self.formula(list(readings.T), elapsed_s, sample_period_s)
         return broken, None
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> OneBroken:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Apply the formula to numbers."""
         return float(self.formula(now, elapsed_s, sample_period_s)), None
 
@@ -303,9 +299,7 @@ class Following(Fault):
         """Start from the last healthy sample."""
         return float(before[0])
 
-    def distort_sample(
-        self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State
-    ) -> OneBroken:
+    def distort_sample(self, now: Sequence[float], elapsed_s: float, sample_period_s: float, carried: State) -> Broken:
         """Follow the signal by one step."""
         y = now[0]
         if y != y:

@@ -148,19 +148,17 @@ def _of_classes(annotated: list[Any]) -> Iterator[Injection]:
             yield replace(injected(name.lower(), None, "anomaly", (begin / 1e6, end / 1e6), text), channels=())
 
 
-def _joined(ranges: list[tuple[float, float, str]]) -> Iterator[tuple[float, float, tuple[str, ...]]]:
-    """Yield ranges that overlap as one, with the columns of all.
+def _joined(ranges: list[tuple[float, float, str]]) -> list[tuple[float, float, tuple[str, ...]]]:
+    """Return ranges that overlap as one, with the columns of all.
 
-    >>> list(_joined([(5.0, 9.0, "b"), (0.0, 2.0, "a"), (1.0, 3.0, "b"), (2.0, 2.5, "a")]))
+    >>> _joined([(5.0, 9.0, "b"), (0.0, 2.0, "a"), (1.0, 3.0, "b"), (2.0, 2.5, "a")])
     [(0.0, 3.0, ('a', 'b')), (5.0, 9.0, ('b',))]
     """
-    spell: tuple[float, float, tuple[str, ...]] | None = None
+    joined: list[tuple[float, float, tuple[str, ...]]] = []
     for begin, end, column in sorted(ranges):
-        if spell is not None and begin <= spell[1]:
-            spell = (spell[0], max(spell[1], end), tuple(dict.fromkeys((*spell[2], column))))
-            continue
-        if spell is not None:
-            yield spell
-        spell = (begin, end, (column,))
-    if spell is not None:
-        yield spell
+        if joined and begin <= joined[-1][1]:
+            first, last, columns = joined[-1]
+            joined[-1] = (first, max(last, end), tuple(dict.fromkeys((*columns, column))))
+        else:
+            joined.append((begin, end, (column,)))
+    return joined
