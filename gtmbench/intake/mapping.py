@@ -75,12 +75,8 @@ class ChosenColumn:
             guessed=meaning.guessed,
         )
 
-    def values(self) -> FloatArray:
-        """Return the channel in its unit, NaN where it is out of range; psi runs through 360 deg and on."""
-        return self.readings()[0]
-
     def readings(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Return the same, the rows that are out of range, and what stands there."""
+        """Return the channel in its unit, psi unwrapped, NaN where it is out of range; those rows; what is there."""
         values, turns = self.series.stored(), Turns()
         rows, outside = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
         for piece in pieces(len(values)):

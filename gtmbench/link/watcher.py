@@ -83,11 +83,6 @@ class Watcher:
         """Why these messages can't be watched by this monitor; "" where they can. A link that gets better is."""
 
     @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Every alarm so far."""
-        return self._stream.alarms
-
-    @property
     def armed(self) -> dict[str, bool]:
         """Whether each test statistic could alarm with the next row."""
         return dict(self._stream.armed)
