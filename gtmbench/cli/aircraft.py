@@ -150,8 +150,8 @@ def _write_facts(name: str, folder: Path | None, *, without_io: bool) -> None:
 
 
 def _trim(aircraft: Aircraft, altitude: float | None, tas: float | None, *, with_modes: bool) -> None:
+    from gtmbench.bench.flight import trim
     from gtmbench.bench.modes import modes
-    from gtmbench.bench.trimming import trim
 
     trimmed = trim(aircraft, altitude_ft=altitude, tas_kt=tas)
     linear = modes(aircraft, altitude_ft=altitude, tas_kt=tas) if with_modes else None

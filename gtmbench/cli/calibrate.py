@@ -21,7 +21,7 @@ from gtmbench.report.tables.envelope import envelope
 from gtmbench.report.words.units import counted
 
 if TYPE_CHECKING:
-    from gtmbench.bench.imperfections import Imperfections
+    from gtmbench.bench.sensors import Imperfections
     from gtmbench.detectors.protocol import Detector, Monitor
     from gtmbench.method.attitude_origin import Origin
     from gtmbench.values.record import Record
@@ -257,7 +257,7 @@ class _Lesson:
 
     @property
     def _imperfections(self) -> Imperfections:
-        from gtmbench.bench.imperfections import parse_imperfections
+        from gtmbench.bench.sensors import parse_imperfections
         from gtmbench.study.healthy_records import CalibrationFlights
 
         return CalibrationFlights().imperfections if self.tolerate is None else parse_imperfections(self.tolerate)

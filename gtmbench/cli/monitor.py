@@ -259,7 +259,7 @@ def _keep_mapping(watched: WatchedLog) -> None:
     """Write how the columns were read, where ``--map`` names a file that isn't there."""
     for path in map_files(click.get_current_context().params["mapping"]):
         if not path.exists():
-            from gtmbench.intake.map_file import write_map_file
+            from gtmbench.intake.flight_log import write_map_file
 
             write_map_file(watched.log.sources, path)
 
@@ -286,7 +286,7 @@ def _is_fleet(sources: Sequence[Source], out: Path | None) -> bool:
         return True
     if isinstance(first, str):  # of an object the name tells
         return not Path(first).suffix or is_pattern(first)
-    from gtmbench.intake.one_flight import is_log_folder
+    from gtmbench.intake.read import is_log_folder
 
     try:
         return (first.is_dir() and not is_log_folder(first)) or (not first.exists() and is_pattern(str(first)))

@@ -229,7 +229,7 @@ def _kept_mapping(path: Path) -> list[str]:
     """Return what a file of maps holds; nothing of one that `gtmbench monitor` is to write."""
     if not path.exists() and click.get_current_context().command.name == "monitor":
         return []
-    from gtmbench.intake.map_file import read_map_file
+    from gtmbench.intake.flight_log import read_map_file
 
     return read_map_file(path)
 

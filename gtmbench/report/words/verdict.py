@@ -16,7 +16,7 @@ from gtmbench.detectors.alarm import MISSING
 from gtmbench.detectors.basis import basis_of
 from gtmbench.detectors.protocol import is_ready
 from gtmbench.intake.flight_log import FlightLog
-from gtmbench.intake.spans import union
+from gtmbench.intake.tracks import union
 from gtmbench.log.watched_log import WatchedLog
 from gtmbench.report.log_findings import alarm_bound, failed_first, passed_alarms
 from gtmbench.report.words.judgement import source_text, whole_text
